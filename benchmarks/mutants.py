@@ -282,9 +282,7 @@ def main() -> int:
             else:
                 killed += 1
             (folder / mutant.file).write_text(exported.files[mutant.file])
-        print(
-            f"random mutants: {killed} die, {len(seen)} observable ones live, {equal} cannot be told from the original"
-        )
+        print(f"random mutants: {killed} die, {len(seen)} observable ones live, {equal} behave as the original")
         for what in seen:
             print(f"  alive: {what}")
     return 1 if alive else 0

@@ -29,7 +29,7 @@ def main() -> None:
     assert choice is not None
     for preview in map(float, sys.argv[1:] or PREVIEWS_S):
         stream = over_preview(problem, choice.picked.design, [preview])
-        reached = f"{stream[0].score.rmse_N:.3f} N" if stream else "no force"
+        reached = f"{stream[0].score.rmse:.3f} N" if stream else "no force"
         print(f"{preview:5.2f} s: stream {reached}", flush=True)
 
 

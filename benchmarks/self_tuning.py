@@ -1,6 +1,6 @@
 """The exported self-tuning C, blind, on three rigs of 40 masses whose laws, scheme and step are others.
 
-    python benchmarks/self_tuning.py [--sensor output_tension] [--gain 40] [--parameters mu_pull,mu_release] [CASE ...]
+    python benchmarks/self_tuning.py [--sensor output_tension] [--gain 40] [--parameters mu] [CASE ...]
 
 Two sines, 8 s, 1 kHz, 2 ms of delay, noise of 0.5 % of range or of travel. Errors are RMS after 2 s in % of range
 (after the change and 2 s where something changes in mid-run: those of the last second are stated too); *worst* is the
@@ -40,6 +40,7 @@ double step(tff_adaptive *self, double wanted, double measured) { return tff_ada
 unsigned status(const tff_adaptive *self) { return self->output.status; }
 double value(const tff_adaptive *self, int k) { return tff_adaptive_tuner_value(&self->tuner, k); }
 double estimate(const tff_adaptive *self, int k) { return self->tuner.f[k]; }
+int last(void) { return TFF_ADAPTIVE_TUNER_TUNED - 1; }
 double gain(const tff_adaptive *self) { return self->tuner.gain; }
 double level(const tff_adaptive *self) { return self->tuner.level; }
 """
@@ -67,6 +68,8 @@ class World:
     gear_share: float = 0.0  # dry friction of the drive, of the range
     gain: float = 1.0  # of the sensor
     delay: int = 2
+    start: float = 1.0  # true tension at the start over the one that was stated
+    stuck_s: tuple[float, float] = (np.inf, np.inf)  # time in which the sensor says the same
 
 
 def _lubricated(rig: Any, t: float) -> None:
@@ -89,8 +92,19 @@ def _step(rig: Any, t: float) -> None:
         rig.set(mu=1.2, load=1.0)
 
 
+def _loosened(rig: Any, t: float) -> None:
+    if abs(t - 3.2) < STEP_S / 2:
+        rig.set(mu=1.2, load=2 / 3)
+
+
 CASES: dict[str, World] = {
     "as told": World(),
+    "start tension +5 %": World(start=1.05),
+    "start tension -5 %": World(start=0.95),
+    "friction +20 %, start tension +5 %": World({"mu": 1.2}, start=1.05),
+    "friction +20 %, sensor stuck from the start": World({"mu": 1.2}, stuck_s=(0.0, np.inf)),
+    "friction +20 %, sensor stuck for a second": World({"mu": 1.2}, stuck_s=(4.3, 5.3)),
+    "load steps by -33 %": World({"mu": 1.2}, change=_loosened),
     "friction -20 %": World({"mu": 0.8}),
     "friction +20 %": World({"mu": 1.2}),
     "release -30 %": World({"release": 0.7}),
@@ -142,13 +156,14 @@ class Tuner:
         library.made.restype, library.status.restype = ctypes.c_void_p, ctypes.c_uint
         self._c, self._deaf, self._self = library, deaf, ctypes.c_void_p(library.made())
         library.begin(self._self, ctypes.c_double(tension_N))
+        self._last = library.last()
         self.log: list[tuple[float, ...]] = []
 
     def step(self, reference_N: float, measured: float) -> float:
         """Force at the end of the step."""
         given = float("nan") if self._deaf else measured
         force = float(self._c.step(self._self, ctypes.c_double(reference_N), ctypes.c_double(given)))
-        numbers = [getattr(self._c, n)(self._self, k) for n in ("value", "estimate") for k in (0, 1)]
+        numbers = [getattr(self._c, n)(self._self, k) for n in ("value", "estimate") for k in (0, self._last)]
         self.log.append((*numbers, self._c.gain(self._self), self._c.level(self._self)))
         return force
 
@@ -174,11 +189,16 @@ def play(library: ctypes.CDLL, scenario: Scenario, problem: Problem, world: Worl
     reference, sensor = problem.reference, scenario.adaptation.sensor
     start, scale = reference.initial_tension_N, float(np.ptp(reference.tension_N))
     hidden = dict(world.hidden) | ({"gear_N": world.gear_share * scale} if world.gear_share else {})
-    rig = INDEPENDENT.Rig(scenario.transmission, start, step_s=2e-5, **hidden)
+    rig = INDEPENDENT.Rig(scenario.transmission, start, step_s=2e-5, true_tension_N=world.start * start, **hidden)
+    held: list[float] = []
     tuner = Tuner(library, start, deaf)
 
     def measure(r: Any) -> float:
-        return world.gain * (r.tension_N if sensor is Sensor.OUTPUT_TENSION else r.position_m)
+        value = world.gain * (r.tension_N if sensor is Sensor.OUTPUT_TENSION else r.position_m)
+        if world.stuck_s[0] <= STEP_S * len(tuner.log) < world.stuck_s[1]:
+            held.append(value)
+            return held[0] - noise[len(tuner.log)]
+        return value
 
     noise = scenario.adaptation.noise * np.random.default_rng(0).normal(size=len(reference.tension_N))
     tension, status = INDEPENDENT.closed_loop(
@@ -198,11 +218,11 @@ def main() -> None:
     parser.add_argument("cases", nargs="*", default=list(CASES))
     parser.add_argument("--sensor", default=Sensor.OUTPUT_TENSION, type=Sensor)
     parser.add_argument("--rigs", default=",".join(RIGS))
-    parser.add_argument("--parameters", default="mu_pull,mu_release")
+    parser.add_argument("--parameters", default="", help="default: the scenario's")
     parser.add_argument("--gain", type=float, default=None, help="integral action [1/s]; default: the scenario's")
     options = parser.parse_args()
     for name in options.rigs.split(","):
-        parameters = tuple(Tunable(p) for p in options.parameters.split(","))
+        parameters = tuple(Tunable(p) for p in options.parameters.split(",") if p)
         scenario = scenario_of(name, options.sensor, parameters, options.gain)
         problem = Problem.of(scenario)
         library = compiled(scenario, problem)

@@ -12,6 +12,7 @@ from tendonff._version import __version__
 if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the interpreter
     from tendonff.compensator.adapt.output import AdaptationStudy
     from tendonff.compensator.adapt.run import adapt
+    from tendonff.compensator.compare.joint import JointComparison, compare_joint
     from tendonff.compensator.compare.output import Comparison
     from tendonff.compensator.compare.run import compare
     from tendonff.compensator.compensators.base import Compensator, Problem
@@ -27,6 +28,9 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.compensator.export.kinds import FmiVersion
     from tendonff.compensator.export.kinds import Kind as FmuKind
     from tendonff.compensator.files.reading import InputError
+    from tendonff.compensator.identification.joint.output import JointIdentification
+    from tendonff.compensator.identification.joint.routine import suggest_routine
+    from tendonff.compensator.identification.joint.run import identify_joint
     from tendonff.compensator.identification.measured.centreline.run import read_centreline
     from tendonff.compensator.identification.output import Identification
     from tendonff.compensator.identification.run import identify
@@ -40,6 +44,8 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.compensator.scenario.scenario import Scenario, load_scenario
     from tendonff.compensator.tables.output import Tables
     from tendonff.compensator.tables.run import make_tables as make_table
+    from tendonff.compensator.watch.output import Watch
+    from tendonff.compensator.watch.run import watch
     from tendonff.models.capstan import Branch, CapstanLaw
     from tendonff.models.capstan.two_ended import TwoEndedLaw
     from tendonff.models.chain import Chain
@@ -77,7 +83,9 @@ __all__ = [
     "Friction",
     "Identification",
     "InputError",
+    "JointComparison",
     "JointDesign",
+    "JointIdentification",
     "JointScenario",
     "Level",
     "Load",
@@ -103,16 +111,19 @@ __all__ = [
     "TrackOptions",
     "Transmission",
     "TwoEndedLaw",
+    "Watch",
     "__version__",
     "adapt",
     "as_iosystem",
     "compare",
+    "compare_joint",
     "design",
     "design_joint",
     "experiment",
     "export_c",
     "export_fmu",
     "identify",
+    "identify_joint",
     "invert",
     "invert_joint",
     "joint_problem",
@@ -126,7 +137,9 @@ __all__ = [
     "simulate_batch",
     "simulate_joint",
     "suggest",
+    "suggest_routine",
     "track",
+    "watch",
 ]
 
 _HOMES = {
@@ -146,10 +159,14 @@ _HOMES = {
     "compensator.export.fmu": ("export_fmu:build_fmu",),
     "compensator.export.kinds": ("FmiVersion", "FmuKind:Kind"),
     "compensator.files.reading": ("InputError",),
+    "compensator.identification.joint.output": ("JointIdentification",),
+    "compensator.identification.joint.routine": ("suggest_routine",),
+    "compensator.identification.joint.run": ("identify_joint",),
     "compensator.identification.measured.centreline.run": ("read_centreline",),
     "compensator.identification.output": ("Identification",),
     "compensator.identification.run": ("identify",),
     "compensator.identification.suggest": ("suggest",),
+    "compensator.compare.joint": ("JointComparison", "compare_joint"),
     "compensator.joint.design": ("design_joint",),
     "compensator.joint.output": ("JointDesign",),
     "compensator.joint.scenario": ("JointScenario", "load_joint_scenario"),
@@ -159,6 +176,8 @@ _HOMES = {
     "compensator.scenario.scenario": ("Scenario", "load_scenario"),
     "compensator.tables.output": ("Tables",),
     "compensator.tables.run": ("make_table:make_tables",),
+    "compensator.watch.output": ("Watch",),
+    "compensator.watch.run": ("watch",),
     "models.capstan": ("Branch", "CapstanLaw"),
     "models.chain": ("Chain",),
     "models.errors": ("ParameterError", "TendonffError"),

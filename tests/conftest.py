@@ -45,7 +45,8 @@ mpl.use("Agg")
 settings.register_profile(
     "tendonff", print_blob=True, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
 )
-settings.load_profile("tendonff")
+settings.register_profile("fresh", settings.get_profile("tendonff"), derandomize=False, database=None)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "tendonff"))
 
 
 @pytest.fixture(scope="session")
@@ -150,6 +151,41 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         help="compare with what commit BASE writes on this machine: numbers to 1e-12, texts to the byte",
     )
     add("--golden-full", action="store_true", help="store in full, compare exactly (what --golden-exact does in BASE)")
+    parser.addoption(
+        "--every-combination",
+        action="store_true",
+        help="run also what the marks `each_value` and `nightly` leave out of the ordinary run",
+    )
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave combinations to the nightly run: of `each_value`, all but so many that every value is met once."""
+    whole = ("every_combination", "golden_update", "golden_folder")
+    if any(config.getoption(name) for name in whole) or any("::" in argument for argument in config.args):
+        return
+    left = {item for item in items if item.get_closest_marker("nightly")}
+    functions: dict[str, list[pytest.Item]] = {}
+    for item in items:
+        if item not in left and item.get_closest_marker("each_value"):
+            functions.setdefault(item.nodeid.split("[", maxsplit=1)[0], []).append(item)
+    for combinations in functions.values():
+        left.update(set(combinations) - set(_meeting_each_value(combinations)))
+    config.hook.pytest_deselected(items=[item for item in items if item in left])
+    items[:] = [item for item in items if item not in left]
+
+
+def _meeting_each_value(combinations: Sequence[pytest.Item]) -> list[pytest.Item]:
+    """So many of the combinations that every value of every parameter is among them; always the same ones."""
+    values = {
+        item: {(name, id(value)) for name, value in item.callspec.params.items()}  # type: ignore[attr-defined]
+        for item in combinations
+    }
+    missing, chosen = set().union(*values.values()), []
+    while missing:
+        best = max(combinations, key=lambda item: len(values[item] & missing))
+        chosen.append(best)
+        missing -= values[best]
+    return chosen
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -20,7 +20,7 @@ typedef struct {
 } tendon;
 
 typedef struct {
-    double inertia, damping, spring, rest, gravity, zero, dry, dry_sigma;
+    double inertia, damping, spring, rest, gravity, zero, dry, dry_sigma, low, high, stop;
 } joint;
 
 /* Forces of the links. */
@@ -173,7 +173,9 @@ void plant(
                 w = (led[row + 1] - led[row]) / row_s;
             } else {
                 dry = j->dry > 0 ? (dry + h * j->dry_sigma * w) / (1 + h * j->dry_sigma * fabs(w) / j->dry) : 0;
-                w += h * (torque - touch - dry - j->damping * w - j->spring * (q - j->rest) - j->gravity * sin(q - j->zero)) / j->inertia;
+                const double beyond = q > j->high ? q - j->high : q < j->low ? q - j->low : 0;
+                const double held = j->spring * (q - j->rest) + j->gravity * sin(q - j->zero) + j->stop * beyond;
+                w += h * (torque - touch - dry - j->damping * w - held) / j->inertia;
                 q += h * w;
             }
             if (step == inner - 1) {

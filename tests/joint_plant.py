@@ -111,6 +111,7 @@ def respond(  # noqa: PLR0913
         [
             *(joint.inertia_kg_m2, joint.damping_N_m_s_per_rad, joint.stiffness_N_m_per_rad, joint.rest_rad),
             *(joint.gravity_N_m, joint.gravity_zero_rad, joint.coulomb_N_m, 50.0),
+            *(*joint.stops_rad, joint.stop_stiffness_N_m_per_rad),
         ]
     )
     contact = np.ascontiguousarray(np.broadcast_to(np.asarray(contact_N_m, float), (rows + 1,)))

@@ -223,13 +223,14 @@ def explorer(examples):
     import asyncio
 
     from tendonff.compensator.explore.page import make_server, page_url
+    from tendonff.compensator.explore.run import Explorer
 
     ready, done = threading.Event(), threading.Event()
     found = {}
 
     def serve():
         asyncio.set_event_loop(asyncio.new_event_loop())
-        server = make_server(load_scenario(examples / "finger.toml"), 0)
+        server = make_server(Explorer(load_scenario(examples / "finger.toml")), 0)
         server.start()
         found["url"], found["stop"] = page_url(server), lambda: server.io_loop.add_callback(server.io_loop.stop)
         found["addresses"] = {s.getsockname()[0] for s in server._http._sockets.values()}

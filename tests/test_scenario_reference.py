@@ -17,7 +17,7 @@ READ = {
     *scenario._ON_REQUEST.values(),
     *scenario._KINDS.values(),
     *joints.KINDS.values(),
-    *(cls for cls in vars(joint_reference).values() if dataclasses.is_dataclass(cls) and cls.__name__[0] != "_"),
+    *joint_reference.KINDS.values(),
 }
 
 

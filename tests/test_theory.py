@@ -317,9 +317,9 @@ def test_contact_that_is_lost_takes_its_force_along_so_that_the_bound_survives()
 @equation("8.1")
 def test_one_step_of_the_recursion_is_that_of_the_packages():
     e, w, s, f, P, R, Q = 0.03, 0.7, 1.9, 1.05, 0.02, 0.4, 1e-4
-    loose = (10.0, Q, 1.0, 0.1, 9.0)  # neither clip, nor the variance of the start, nor a bound acts
+    loose = (10.0, Q, 1.0, 1.0, 0.1, 9.0)  # neither clip, variance of the start, rate nor bound acts
     level = 3.0
-    found = update_law(1).function()(e, w, s, f, P, 0.0, 0.01, level, R, *loose)
+    found = update_law(1).function()(e, w, s, f, P, 0.0, 0.01, 0.0, 0.01, level, R, *loose)
     K = w * P * s / (w * s * s * P + R)
     assert float(found[0]) == pytest.approx(f + K * e, rel=1e-12)
     assert float(found[1]) == pytest.approx((1 + 5 * K * e) * (1 - K * s) * P + w * Q / level, rel=1e-12)

@@ -1,4 +1,4 @@
-"""The manual, the README and docstrings use the field's terms."""
+"""The manual, the README, docstrings and messages use the field's terms."""
 
 import ast
 import re
@@ -56,6 +56,20 @@ def docstrings(path: Path) -> list[tuple[int, str]]:
     return [(line, text) for line, text in texts if isinstance(text, str)]
 
 
+def messages(path: Path) -> list[tuple[int, str]]:
+    """Line and text of the strings of a file that are sentences: three words at least, values as braces."""
+    nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    parts = {part for each in nodes if isinstance(each, ast.JoinedStr) for part in each.values}
+    parts |= {each.value for each in nodes if isinstance(each, ast.Expr)}  # docstrings
+    texts = []
+    for node in nodes:
+        if isinstance(node, ast.JoinedStr):
+            texts.append((node.lineno, "".join(p.value if isinstance(p, ast.Constant) else "{}" for p in node.values)))
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and node not in parts:
+            texts.append((node.lineno, node.value))
+    return [(line, text) for line, text in texts if text.count(" ") >= 2]
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.relative_to(ROOT).as_posix())
 def test_a_page_has_no_house_words(page: Path) -> None:
     assert refused(prose(page.read_text(encoding="utf-8"))) == []
@@ -67,6 +81,15 @@ def test_docstrings_have_no_house_words() -> None:
         f"{path.relative_to(ROOT)}:{line}: {word}"
         for path in SOURCES
         for line, text in docstrings(path)
+        for word in refused(text)
+    ] == []
+
+
+def test_messages_have_no_house_words() -> None:
+    assert [
+        f"{path.relative_to(ROOT)}:{line}: {word}"
+        for path in SOURCES
+        for line, text in messages(path)
         for word in refused(text)
     ] == []
 

@@ -98,7 +98,7 @@ def variations(sensor: Sensor, *, moving: bool = False) -> tuple[Variation, ...]
         Variation(name="load changes with posture by 30 %", load=1.3, change=Change.POSTURE),
         Variation(name="dry friction of the drive 3 % of range", gear=0.03),
         Variation(name="sensor gain +3 %", gain=1.03),
-        Variation(name="measurement 3 ms later than told", delay_s=3e-3),
+        Variation(name="measurement 3 ms later than stated", delay_s=3e-3),
         *((Variation(name="joint angles 10 ms late", joints_late_s=0.01),) if moving else ()),
         Variation(name="friction steps by +20 %", mu=1.2, change=Change.MU_STEP),
         Variation(name="friction drifts by +30 % in a minute", mu=1.3, change=Change.MU_DRIFT, duration_s=DRIFT_S),

@@ -13,7 +13,7 @@ from tendonff.compensator.scenario.settings import Adaptation
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.adaptation.bounds import CertifiedInterval
-from tendonff.ocp.adaptation.code import TunedChain
+from tendonff.ocp.adaptation.code import TunedChain, nuisances_of
 from tendonff.ocp.adaptation.information import Information, information
 from tendonff.ocp.adaptation.tuner import SelfTuner, SimulatedRig
 from tendonff.ocp.adaptation.tuning import GATE, Sensor, Tunable, Tuning
@@ -85,7 +85,8 @@ def learnt(problem: Problem, tuning: Tuning) -> Information:
     rig = SimulatedRig(tuned.chain, reference.step_s, 1, start)
     run = tuner.run(rig, reference.tension_N[1:], np.zeros(len(reference.tension_N) - 1), adapt=False)
     weight = np.minimum(run.moved / tuning.full_speed, 1.0)
-    return information(tuning, reference.time_s[1:], run.slopes, np.where(weight > GATE, weight, 0.0))
+    gated = np.where(weight > GATE, weight, 0.0)
+    return information(tuning, reference.time_s[1:], run.slopes, gated, nuisances_of(tuned, tuning))
 
 
 def certified(problem: Problem) -> Certified:

@@ -24,6 +24,7 @@ from tendonff.compensator.cli.commands.path import path
 from tendonff.compensator.cli.commands.simulate import simulate
 from tendonff.compensator.cli.commands.sweep import sweep
 from tendonff.compensator.cli.commands.table import table
+from tendonff.compensator.cli.commands.watch import watch
 from tendonff.compensator.cli.progress import forget_warnings, leave, say
 from tendonff.compensator.files import interrupts
 from tendonff.models.errors import TendonffError
@@ -93,6 +94,7 @@ _GROUPS: Mapping[str, Mapping[Callable[..., object], str]] = {
     "Rig": {
         identify: "mine.toml --data log.csv",
         adapt: "mine.toml",
+        watch: "fitted.toml --data monday.csv --data tuesday.csv",
     },
     "Deploy": {
         table: "mine.toml",

@@ -6,7 +6,8 @@ import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from tendonff.compensator.compare.result import CAPSTAN_PLANT, PLANTS, ComparisonData, Entry
+from tendonff.compensator.compare.matrix import Entry, MatrixData
+from tendonff.compensator.compare.result import CAPSTAN_PLANT, ComparisonData
 from tendonff.compensator.reporting.colours import BLUE, GREEN, INK, VERMILION
 from tendonff.compensator.reporting.plots import (
     bode_figure,
@@ -20,6 +21,7 @@ from tendonff.compensator.reporting.plots import (
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.linearise import Lineariser
+from tendonff.models.path import JointMotion
 
 LEVEL_COLOURS = {"elastic": BLUE, "viscoelastic": VERMILION, "presliding": GREEN, CAPSTAN_PLANT: INK}
 LEVEL_STYLES = {"elastic": "-", "viscoelastic": "--", "presliding": "-.", CAPSTAN_PLANT: ":"}
@@ -30,32 +32,21 @@ def compare_figures(result: ComparisonData) -> dict[str, Figure]:
     with figure_style():
         return {
             "matrix": matrix_figure(result),
-            "errors": errors_figure(result),
+            "errors": errors_figure(result, None if result.ignored is None else result.ignored.motion),
             "levels": levels_figure(result),
             "bode": small_signal_figure(result),
         }
 
 
-def matrix_rows(result: ComparisonData) -> list[tuple[str, list[Entry]]]:
-    """Rows of the matrix by label, without the repetitions of what does not depend on the design level."""
-    first = next(iter(Level))
-    rows = []
-    for compensator in result.compensators:
-        for level in tuple(Level) if compensator.knows_the_level else (first,):
-            label = f"{compensator}, {level}" if compensator.knows_the_level else compensator.name
-            rows.append((label, [result.entry(compensator.name, level, plant) for plant in PLANTS]))
-    return rows
-
-
-def matrix_figure(result: ComparisonData) -> Figure:
+def matrix_figure(result: MatrixData) -> Figure:
     """Error of every design on every plant, as numbers on colours."""
-    rows = matrix_rows(result)
+    rows = result.rows
     values = np.array([[entry.rmse_percent_of_range for entry in row] for _, row in rows])
     shown = np.clip(values, 0.01, 100.0)
     figure, axes = new_figure(height_in=0.36 * len(rows) + 0.9)
     panel = axes[0, 0]
     image = panel.imshow(shown, norm=LogNorm(0.01, 100.0), cmap="cividis_r", aspect="auto")
-    panel.set_xticks(range(len(PLANTS)), PLANTS)
+    panel.set_xticks(range(len(result.plants)), result.plants)
     panel.set_yticks(range(len(rows)), [label for label, _ in rows])
     panel.set(xlabel="plant", ylabel="design", title="RMS error, % of range (± spread over step and tolerance)")
     panel.grid(False)
@@ -76,18 +67,22 @@ def cell_text(entry: Entry) -> str:
     return f"{text} ± {spread:.1g}" if spread >= max(0.005, 0.01 * value) else text
 
 
-def errors_figure(result: ComparisonData) -> Figure:
-    """Reference, and error over time of the exact inverse designed on each level, on the most detailed plant."""
-    reference, plant = result.reference, Level.PRESLIDING.value
-    rows = thinned(len(reference.time_s))
-    moved = result.ignored is not None
+def errors_figure(result: MatrixData, motion: JointMotion | None = None) -> Figure:
+    """Reference, and error over time of the exact inverse designed on each level, on the most detailed plant.
+
+    Joints that move have a panel of their own.
+    """
+    time, plant, shown = result.time_s, Level.PRESLIDING.value, result.unit
+    rows = thinned(len(time))
+    moved = motion is not None
     figure, axes = new_figure(4 if moved else 3, 1, share_x=True, height_in=7.0 if moved else 5.6)
     wanted, *under, whole, zoom = axes[:, 0]
-    if result.ignored is not None:
-        draw_joints(under[0], result.ignored.motion, reference.time_s)
-    wanted.plot(reference.time_s[rows], reference.tension_N[rows], color=INK, label="reference")
-    errors = {level: result.outputs_N["inverse", level, plant] - reference.tension_N for level in Level}
-    static = result.outputs_N["capstan", next(iter(Level)), plant] - reference.tension_N
+    if motion is not None:
+        draw_joints(under[0], motion, time)
+    wanted.plot(time[rows], shown.factor * result.wanted[rows], color=INK, label="reference")
+    errors = {level: shown.factor * (result.outputs["inverse", level, plant] - result.wanted) for level in Level}
+    static = shown.factor * (result.outputs[result.static, next(iter(Level)), plant] - result.wanted)
+    label_of_static = next(c.label for c in result.compensators if c.name == result.static)
     hidden = coinciding({level.value: error for level, error in errors.items()}, float(np.ptp(errors[Level.ELASTIC])))
     for panel in (whole, zoom):
         for level, error in errors.items():
@@ -96,14 +91,14 @@ def errors_figure(result: ComparisonData) -> Figure:
                 style.update(linewidth=3.4, linestyle="-", alpha=0.55)
             label = f"designed on {level}"
             label += f" (= {hidden[level]})" if level in hidden else ""
-            panel.plot(reference.time_s[rows], error[rows], label=label, **style)
-        panel.plot(reference.time_s[rows], static[rows], color="0.55", linewidth=0.9, label="static capstan law")
+            panel.plot(time[rows], error[rows], label=label, **style)
+        panel.plot(time[rows], static[rows], color="0.55", linewidth=0.9, label=label_of_static)
     limit = 1.15 * max(float(np.max(np.abs(error))) for error in errors.values())
     if limit > 0:
         zoom.set_ylim(-limit, limit)
-    wanted.set(ylabel="reference [N]")
-    whole.set(ylabel="error [N]", title=f"Error on the {plant} plant")
-    zoom.set(ylabel="error [N]", xlabel="time [s]", title="Enlarged")
+    wanted.set(ylabel=f"reference [{shown.shown}]")
+    whole.set(ylabel=f"error [{shown.shown}]", title=f"Error on the {plant} plant")
+    zoom.set(ylabel=f"error [{shown.shown}]", xlabel="time [s]", title="Enlarged")
     legend_below(figure, whole, columns=2)
     return figure
 

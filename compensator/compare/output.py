@@ -2,11 +2,15 @@
 
 import math
 import os
-from dataclasses import asdict, astuple, dataclass, fields
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
 
 from tendonff.compensator.compare.figures import compare_figures
+from tendonff.compensator.compare.matrix import ENOUGH_PERCENT, MatrixData
 from tendonff.compensator.compare.report import compare_report
-from tendonff.compensator.compare.result import ENOUGH_PERCENT, ComparisonData, Entry
+from tendonff.compensator.compare.result import ComparisonData
 from tendonff.compensator.files.writing import atomic_directory, csv_text, write_text
 from tendonff.compensator.reporting.page import summary_head, write_pages
 
@@ -19,16 +23,21 @@ class Comparison(ComparisonData):
         """Write `matrix.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
         figures = compare_figures(self)
         with atomic_directory(folder) as partial:
-            names, rows = [field.name for field in fields(Entry)], map(astuple, self.entries)
-            write_text(partial / "matrix.csv", csv_text(names, rows))
+            write_matrix(partial, self)
             write_pages(partial, summary(self), figures, compare_report(self, figures), pdf=pdf)
 
 
-def summary(result: ComparisonData) -> dict[str, object]:
-    """The contents of `summary.json`."""
+def write_matrix(folder: Path, result: MatrixData) -> None:
+    """Write `matrix.csv` into a folder."""
+    rows = [entry.named(result.unit) for entry in result.entries]
+    write_text(folder / "matrix.csv", csv_text(list(rows[0]), [tuple(row.values()) for row in rows]))
+
+
+def matrix_summary(result: MatrixData) -> dict[str, object]:
+    """The contents of `summary.json` that every comparison has, but for its warnings."""
     return {
         **summary_head(result.scenario),
-        "reference_range_N": result.reference.range_N,
+        f"reference_range_{result.unit.key}": float(np.ptp(result.wanted)),
         "recommendation": result.recommendation,
         "uncertainty": result.expectation.doubt.widths,
         "uncertainty_is_assumed": result.expectation.doubt.is_assumed,
@@ -38,8 +47,15 @@ def summary(result: ComparisonData) -> dict[str, object]:
             for worst in (band.worst.rmse_percent_of_range,)
         ],
         "enough_percent_of_range": ENOUGH_PERCENT,
-        "matrix": [asdict(entry) for entry in result.entries],
-        **({} if result.ignored is None else {"ignored_motion": asdict(result.ignored.ignored)}),
+        "matrix": [entry.named(result.unit) for entry in result.entries],
+    }
+
+
+def summary(result: ComparisonData) -> dict[str, object]:
+    """The contents of `summary.json`."""
+    return {
+        **matrix_summary(result),
+        **({} if result.ignored is None else {"ignored_motion": result.ignored.ignored.named()}),
         "levels": {
             name: {
                 "relaxation_percent": traits.relaxation_percent,

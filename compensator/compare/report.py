@@ -1,18 +1,36 @@
 """The report of a comparison."""
 
+from collections.abc import Mapping, Sequence
+
 from matplotlib.figure import Figure
 
-from tendonff.compensator.compare.figures import cell_text, matrix_rows
-from tendonff.compensator.compare.result import PLANTS, ComparisonData
-from tendonff.compensator.compensators.base import Compensator
-from tendonff.compensator.reporting.page import FileNote, Report, Section, Table, Text, pictures_of, provenance_of
+from tendonff.compensator.compare.figures import cell_text
+from tendonff.compensator.compare.matrix import Designed, MatrixData
+from tendonff.compensator.compare.result import ComparisonData
+from tendonff.compensator.reporting.page import (
+    Block,
+    FileNote,
+    Picture,
+    Report,
+    Section,
+    Table,
+    Text,
+    pictures_of,
+    provenance_of,
+)
 from tendonff.models.fidelity import Level
 
-_CAPTIONS = {
+CAPTIONS = {
     "matrix": "RMS error of every design on every plant, % of reference range; dark is bad. Read along a row: what a "
     "design costs on a plant that it was not made for.",
     "errors": "Below: errors of the exact inverse designed on each level, and of the static law, on the most detailed "
     "plant; bottom: enlarged.",
+}
+FILES = (
+    FileNote(name="matrix.csv", content="the matrix, one row for each design and plant"),
+    FileNote(name="summary.json", content="everything on this page for other programs"),
+)
+_CAPTIONS = CAPTIONS | {
     "levels": "Left: output over force in a slow cycle; the width of the loop is friction, its corners are the "
     "reversals. Right: stress relaxation while the actuator holds its position.",
     "bode": "From small changes of the force to small changes of the output tension, around rest. A sticking tendon "
@@ -20,11 +38,11 @@ _CAPTIONS = {
 }
 
 
-def _expected(result: ComparisonData) -> Table:
-    """Worst error of every design over what may be the real transmission."""
+def _expected(result: MatrixData) -> Table:
+    """Worst error of every design over what may be the real system."""
     first = next(iter(Level))
 
-    def worst(c: Compensator, level: Level) -> float | None:
+    def worst(c: Designed, level: Level) -> float | None:
         band = result.bands.get((c.name, level))
         return band.worst.rmse_percent_of_range if band and (c.knows_the_level or level is first) else None
 
@@ -32,6 +50,40 @@ def _expected(result: ComparisonData) -> Table:
         caption=f"Worst RMS error on the presliding level, % of reference range, for {result.expectation.doubt}",
         columns=("profile", *(f"designed on {level}" for level in Level)),
         rows=[(c.label, *(worst(c, level) for level in Level)) for c in result.compensators],
+    )
+
+
+def matrix_sections(
+    result: MatrixData, pictures: Mapping[str, Picture], more: Sequence[Block] = ()
+) -> tuple[Section, ...]:
+    """Sections of every comparison: expected errors with more below them, matrix, errors over time."""
+    rows, unit = result.rows, result.unit
+    heads = ("design", *(f"on {plant}" for plant in result.plants))
+    errors = Table(
+        caption="RMS error, % of reference range (± spread)",
+        columns=heads,
+        rows=[(label, *(cell_text(entry) for entry in row)) for label, row in rows],
+    )
+    peaks = Table(
+        caption=f"Largest error [{unit.shown}] and lag [ms]",
+        columns=heads,
+        rows=[
+            (label, *(f"{unit.factor * e.peak_error:.2f} {unit.shown}, {_milliseconds(e.lag_s)}" for e in row))
+            for label, row in rows
+        ],
+    )
+    static = ", the static capstan law included" if len(result.plants) > len(Level) else ""
+    text = Text(
+        f"A design is a profile made with one model; a plant is the model that it is simulated on{static}, here with "
+        "the scenario's own parameters. Each simulation takes a quarter of the step, so that no design profits from "
+        "sharing its plant's rounding; the spread is the largest RMS difference to simulations with half the step, "
+        "the whole step, and a profile that differs in the ninth digit. Errors that differ by less than their spreads "
+        "are equal."
+    )
+    return (
+        Section(title="What to expect on a rig", blocks=(_expected(result), *more)),
+        Section(title="Every design on every plant", blocks=(text, pictures["matrix"], errors, peaks)),
+        Section(title="Errors over time", blocks=(pictures["errors"],)),
     )
 
 
@@ -43,17 +95,6 @@ def compare_report(result: ComparisonData, figures: dict[str, Figure]) -> Report
         note = "The static law as a plant takes the wrap angles with all joints at zero."
         moving = [Text(f"{result.ignored.text} {note}")]
     pictures = pictures_of(figures, {**_CAPTIONS, "errors": _CAPTIONS["errors"] + joints})
-    rows = matrix_rows(result)
-    errors = Table(
-        caption="RMS error, % of reference range (± spread)",
-        columns=("design", *(f"on {plant}" for plant in PLANTS)),
-        rows=[(label, *(cell_text(entry) for entry in row)) for label, row in rows],
-    )
-    peaks = Table(
-        caption="Largest error [N] and lag [ms]",
-        columns=("design", *(f"on {plant}" for plant in PLANTS)),
-        rows=[(label, *(f"{e.peak_error_N:.2f} N, {_milliseconds(e.lag_s)}" for e in row)) for label, row in rows],
-    )
     differences = Table(
         caption="Traits of the levels",
         columns=("level", "dead zone [N]", "width of a reversal [N]", "loop area [%]", "relaxation in a hold [%]"),
@@ -75,24 +116,7 @@ def compare_report(result: ComparisonData, figures: dict[str, Figure]) -> Report
         summary=f"{result.recommendation} {result.headline}",
         warnings=result.warnings,
         sections=(
-            Section(title="What to expect on a rig", blocks=(_expected(result), *moving)),
-            Section(
-                title="Every design on every plant",
-                blocks=(
-                    Text(
-                        "A design is a force profile made with one model; a plant is the model that it is simulated "
-                        "on, the static capstan law included, here with the scenario's own parameters. Each simulation "
-                        "takes a quarter of the step, so that no design profits from sharing its plant's rounding; the "
-                        "spread is the largest RMS difference to simulations with half the step, the whole step, and a "
-                        "force that differs in the ninth digit. Errors that differ by less than their spreads are "
-                        "equal."
-                    ),
-                    pictures["matrix"],
-                    errors,
-                    peaks,
-                ),
-            ),
-            Section(title="Errors over time", blocks=(pictures["errors"],)),
+            *matrix_sections(result, pictures, moving),
             Section(
                 title="How the levels differ",
                 blocks=(
@@ -110,10 +134,7 @@ def compare_report(result: ComparisonData, figures: dict[str, Figure]) -> Report
             Section(title="Computing time and parameters", blocks=(costs,)),
         ),
         provenance=provenance_of(result.scenario, "compare"),
-        files=(
-            FileNote(name="matrix.csv", content="the matrix, one row for each design and plant"),
-            FileNote(name="summary.json", content="everything on this page for other programs"),
-        ),
+        files=FILES,
     )
 
 

@@ -90,7 +90,7 @@ class Problem:
         return self.model or Chain.of(self.transmission, self.level)
 
     @cached_property
-    def doubt(self) -> Doubt:
+    def doubt(self) -> Doubt[Transmission]:
         """Transmissions that may be the real one, by the uncertainty or, where none is stated, an assumed one."""
         return Doubt.of(self.transmission, self.uncertainty)
 

@@ -5,9 +5,9 @@ the worst RMS error over them, and the best profile is the one with the smallest
 """
 
 import math
-from collections.abc import Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -16,9 +16,13 @@ from tendonff.compensator.compensators.profile import FloatArray, Profile
 from tendonff.compensator.compensators.score import Score, score
 from tendonff.compensator.compensators.uncertain import Doubt, Sample
 from tendonff.compensator.scenario.sampled.sampling import Reference
+from tendonff.compensator.scenario.unit import NEWTON, Unit
 from tendonff.models.fidelity import Level
+from tendonff.models.parameters import Transmission
 
 K = TypeVar("K", bound=Hashable)
+P = TypeVar("P")
+S = TypeVar("S")
 
 FRICTIONLESS = "frictionless"
 """Name of the compensator that stands for "without friction compensation"."""
@@ -28,7 +32,7 @@ _OVERCOMPENSATION = 0.02  # swing beyond that of the reference that is worth a w
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ErrorBand:
-    """Errors of one profile over the samples of the transmission.
+    """Errors of one profile over the samples of the system, in the unit of the reference.
 
     Attributes
     ----------
@@ -39,8 +43,8 @@ class ErrorBand:
         profile.
     worst_sample : Sample
         Where that is.
-    worst_peak_N : float
-        Largest error at any time on any plant [N].
+    worst_peak : float
+        Largest error at any time on any plant.
     amplification : float
         Largest swing of the output over the swing of the reference, less 1 [-]. Positive is over-compensation: the
         output moves more than requested. That is the dangerous side: in a loop it adds energy that friction,
@@ -49,28 +53,28 @@ class ErrorBand:
         The one with that swing.
     slack_samples : int
         On so many samples some link goes slack.
-    low_N, high_N : ndarray, shape (n,)
-        Least and largest output tension over all of them [N].
+    low, high : ndarray, shape (n,)
+        Least and largest output over all of them.
     """
 
     scores: tuple[Score, ...]
     worst: Score
-    worst_sample: Sample
-    worst_peak_N: float
+    worst_sample: Sample[Any]
+    worst_peak: float
     amplification: float
-    amplified_sample: Sample
+    amplified_sample: Sample[Any]
     slack_samples: int
-    low_N: FloatArray
-    high_N: FloatArray
+    low: FloatArray
+    high: FloatArray
 
     @property
     def nominal(self) -> Score:
         """Errors with the scenario's own numbers."""
         return self.scores[0]
 
-    def rms_N(self) -> FloatArray:
-        """RMS errors on the samples, shape (samples,) [N]."""
-        return np.array([each.rmse_N for each in self.scores])
+    def rms(self) -> FloatArray:
+        """RMS errors on the samples, shape (samples,)."""
+        return np.array([each.rmse for each in self.scores])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,22 +85,22 @@ class Contribution:
     ----------
     key : str
         Its key in the scenario; several that vary together are separated by commas.
-    rmse_N : float
-        RMS error at the worse end of its interval, with all else nominal [N].
+    rmse : float
+        RMS error at the worse end of its interval, with all else nominal, in the unit of the reference.
     """
 
     key: str
-    rmse_N: float
+    rmse: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Expectation:
-    """Errors over the transmissions that may be the real one, and the profile that does best there.
+    """Errors over the systems that may be the real one, and the profile that does best there.
 
     Attributes
     ----------
     doubt : Doubt
-        What may be the real transmission.
+        What may be the real system.
     level : Level
         Of the plants.
     bands : mapping of str to ErrorBand
@@ -104,15 +108,18 @@ class Expectation:
     recommended : str
         Name of the compensator whose worst error is least in two digits, of equal ones the best with the nominal
         parameters.
-    reference : Reference
-        What the errors refer to.
+    share_of : str
+        Scale of percentages in words: "range", and of what where that is not the reference as written.
+    unit : Unit
+        Of the errors.
     """
 
-    doubt: Doubt
+    doubt: Doubt[Any]
     level: Level
     bands: Mapping[str, ErrorBand]
     recommended: str
-    reference: Reference
+    share_of: str = "range"
+    unit: Unit = NEWTON
 
     @property
     def best(self) -> ErrorBand:
@@ -127,17 +134,17 @@ class Expectation:
     @property
     def contributions(self) -> tuple[Contribution, ...]:
         """Effect of each uncertain number on the recommended profile, largest first."""
-        rms = self.best.rms_N()
+        rms = self.best.rms()
         found = [
-            Contribution(key=spread.name, rmse_N=float(np.max(rms[list(self.doubt.ends(k))])))
+            Contribution(key=spread.name, rmse=float(np.max(rms[list(self.doubt.ends(k))])))
             for k, spread in enumerate(self.doubt.spreads)
         ]
-        return tuple(sorted(found, key=lambda each: -each.rmse_N))
+        return tuple(sorted(found, key=lambda each: -each.rmse))
 
     def headline(self, label: str, next_command: str) -> str:
         """Expected error of the profile of that label, and the next command."""
         worst = self.best.worst
-        if not math.isfinite(worst.rmse_N):
+        if not math.isfinite(worst.rmse):
             return f"No profile can be simulated on every plant of {self.doubt}. Next: {next_command}"
         without = self.worst_percent.get(FRICTIONLESS)
         compared = ""
@@ -147,8 +154,9 @@ class Expectation:
             compared = f"; {two_digits(without)} % without friction compensation"
         percent = two_digits(worst.rmse_percent_of_range)
         return (
-            f"Tracking error up to {two_digits(worst.rmse_N)} N RMS ({percent} % of {self.reference.share_of}), "
-            f"peak {two_digits(self.best.worst_peak_N)} N, with the {label}, for {self.doubt} on the {self.level} "
+            f"Tracking error up to {two_digits(self.unit.factor * worst.rmse)} {self.unit.shown} RMS "
+            f"({percent} % of {self.share_of}), peak {two_digits(self.unit.factor * self.best.worst_peak)} "
+            f"{self.unit.shown}, with the {label}, for {self.doubt} on the {self.level} "
             f"level{compared}. Largest contribution: {self.contributions[0].key}. Next: {next_command}"
         )
 
@@ -182,48 +190,74 @@ def two_digits(value: float) -> str:
     return f"{rounded:.{max(0, 1 - math.floor(math.log10(rounded)))}f}"
 
 
-def expect(doubt: Doubt, level: Level, profiles: Mapping[str, Profile], reference: Reference) -> Expectation:
+def expect(
+    doubt: Doubt[Transmission], level: Level, profiles: Mapping[str, Profile], reference: Reference
+) -> Expectation:
     """Try profiles, by name of the compensator, on all transmissions that may be the real one, at a fidelity level."""
-    return expectation_of(doubt, level, error_bands(doubt, level, profiles, reference), reference)
+    return expectation_of(doubt, level, error_bands(doubt, level, profiles, reference), reference.share_of)
 
 
 def expectation_of(
-    doubt: Doubt,
+    doubt: Doubt[Any],
     level: Level,
     bands: Mapping[str, ErrorBand],
-    reference: Reference,
+    share_of: str = "range",
+    unit: Unit = NEWTON,
     recommended: str | None = None,
 ) -> Expectation:
     """The expectation of known error bands; by default the compensator with the smallest worst error is recommended."""
-    if recommended is None:
-        shown = {name: float(f"{band.worst.rmse_percent_of_range:.2g}") for name, band in bands.items()}
-        least = min(shown.values())
-        equal = [name for name in bands if shown[name] <= least]
-        recommended = min(equal, key=lambda name: bands[name].nominal.rmse_N)
-    return Expectation(doubt=doubt, level=level, bands=bands, recommended=recommended, reference=reference)
+    shown = {name: float(f"{band.worst.rmse_percent_of_range:.2g}") for name, band in bands.items()}
+    least = min(shown.values())
+    equal = [name for name in bands if shown[name] <= least]
+    best = recommended or min(equal, key=lambda name: bands[name].nominal.rmse)
+    return Expectation(doubt=doubt, level=level, bands=bands, recommended=best, share_of=share_of, unit=unit)
 
 
-def error_bands(doubt: Doubt, level: Level, profiles: Mapping[K, Profile], reference: Reference) -> dict[K, ErrorBand]:
+def error_bands(
+    doubt: Doubt[Transmission], level: Level, profiles: Mapping[K, Profile], reference: Reference
+) -> dict[K, ErrorBand]:
     """Errors of each profile over the samples; equal profiles are tried once."""
+
+    def respond(transmission: Transmission, profile: Profile) -> tuple[FloatArray, bool]:
+        response = Plant(transmission, level, FINE_SEGMENTS).respond(profile, reference)
+        return response.output_N, response.slack is not None
+
+    def given(profile: Profile) -> bytes:
+        return (profile.force_N if profile.command_m is None else profile.command_m).tobytes()
+
+    return bands_of(doubt, reference.tension_N, profiles, respond, given)
+
+
+def bands_of(
+    doubt: Doubt[S],
+    wanted: FloatArray,
+    profiles: Mapping[K, P],
+    respond: Callable[[S, P], tuple[FloatArray, bool]],
+    given: Callable[[P], bytes],
+) -> dict[K, ErrorBand]:
+    """Errors of profiles over the samples of a doubt; profiles that give the actuator the same are tried once.
+
+    `respond` simulates a system under a profile: the output, shape (n,), and whether a tendon went slack.
+    """
     seen: dict[bytes, ErrorBand] = {}
     bands = {}
     for name, profile in profiles.items():
-        key = (profile.force_N if profile.command_m is None else profile.command_m).tobytes()
+        key = given(profile)
         if key not in seen:
-            seen[key] = _band(doubt, level, profile, reference)
+            seen[key] = _band(doubt, wanted, lambda system, profile=profile: respond(system, profile))  # type: ignore[misc]
         bands[name] = seen[key]
     return bands
 
 
-def worst_corner(doubt: Doubt, error_N: FloatArray) -> list[float]:
+def worst_corner(doubt: Doubt[Any], error: FloatArray) -> list[float]:
     """The corner of all intervals where the error is largest, a place in each: −1 (low) or 1 (high).
 
     Errors, shape (samples, n), are those on the samples of the doubt. Between both ends of an interval the error is
     taken as linear and those of several intervals as additive; from three starts ends are exchanged while the mean
     square grows.
     """
-    nominal = np.nan_to_num(error_N[0])
-    low, high = (np.nan_to_num(error_N[[doubt.ends(k)[side] for k in range(len(doubt.spreads))]]) for side in (0, 1))
+    nominal = np.nan_to_num(error[0])
+    low, high = (np.nan_to_num(error[[doubt.ends(k)[side] for k in range(len(doubt.spreads))]]) for side in (0, 1))
     slope, middle = 0.5 * (high - low), nominal + (0.5 * (high + low) - nominal).sum(axis=0)
     gram, linear = slope @ slope.T, slope @ middle
 
@@ -248,34 +282,27 @@ def worst_corner(doubt: Doubt, error_N: FloatArray) -> list[float]:
     return corner
 
 
-def _band(doubt: Doubt, level: Level, profile: Profile, reference: Reference) -> ErrorBand:
-    def respond(sample: Sample) -> FloatArray:
-        response = Plant(sample.transmission, level, FINE_SEGMENTS).respond(profile, reference)
-        slack.append(response.slack is not None)
-        return response.output_N
-
-    slack: list[bool] = []
+def _band(doubt: Doubt[S], wanted: FloatArray, respond: Callable[[S], tuple[FloatArray, bool]]) -> ErrorBand:
     samples = list(doubt.samples)
-    outputs = [respond(sample) for sample in samples]
-    scores = [score(reference.tension_N, output) for output in outputs]
+    found = [respond(sample.system) for sample in samples]
     own = len(samples)
     if len(doubt.spreads) > 1:
-        corner = doubt.at(worst_corner(doubt, np.array(outputs) - reference.tension_N))
-        samples.append(corner)
-        outputs.append(respond(corner))
-        scores.append(score(reference.tension_N, outputs[-1]))
-    worst = max(range(len(scores)), key=lambda k: scores[k].rmse_N)
-    span = max(float(np.ptp(reference.tension_N)), 1e-300)
+        samples.append(doubt.at(worst_corner(doubt, np.array([output for output, _ in found]) - wanted)))
+        found.append(respond(samples[-1].system))
+    outputs, slack = zip(*found, strict=True)
+    scores = [score(wanted, output) for output in outputs]
+    worst = max(range(len(scores)), key=lambda k: scores[k].rmse)
+    span = max(float(np.ptp(wanted)), 1e-300)
     swings = [float(np.ptp(np.nan_to_num(output, nan=np.inf))) / span for output in outputs]
     widest = int(np.argmax(np.nan_to_num(swings, nan=np.inf)))
     return ErrorBand(
         scores=tuple(scores[:own]),
         worst=scores[worst],
         worst_sample=samples[worst],
-        worst_peak_N=max(each.peak_error_N for each in scores),
+        worst_peak=max(each.peak_error for each in scores),
         amplification=float(np.nan_to_num(swings[widest], nan=np.inf)) - 1,
         amplified_sample=samples[widest],
         slack_samples=sum(slack),
-        low_N=np.fmin.reduce(outputs),
-        high_N=np.fmax.reduce(outputs),
+        low=np.fmin.reduce(outputs),
+        high=np.fmax.reduce(outputs),
     )

@@ -82,10 +82,10 @@ def counted(problem: Problem) -> tuple[Chain, ...]:
     else:
         profile = Profile(force_N=problem.limited(problem.inversion.force_N))
         ends = doubt.samples[: 1 + 2 * len(doubt.spreads)]
-        outputs = [Plant(end.transmission, problem.level).respond(profile, reference).output_N for end in ends]
+        outputs = [Plant(end.system, problem.level).respond(profile, reference).output_N for end in ends]
         corner = worst_corner(doubt, np.array(outputs) - reference.tension_N)
         samples = (doubt.at(corner), doubt.at([-place for place in corner]))
-    return (problem.chain, *(Chain.of(sample.transmission, problem.level) for sample in samples))
+    return (problem.chain, *(Chain.of(sample.system, problem.level) for sample in samples))
 
 
 def _purpose(problem: Problem) -> tuple[str, ...]:

@@ -9,26 +9,27 @@ from tendonff.compensator.compensators.base import Problem, with_motion
 from tendonff.compensator.compensators.plant import Plant, Response, Slack
 from tendonff.compensator.compensators.profile import FloatArray, Profile
 from tendonff.compensator.scenario.sampled.sampling import Reference
+from tendonff.compensator.scenario.unit import NEWTON, Unit
 from tendonff.models.path import JointMotion
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
-    """Error of the delivered tension against the reference.
+    """Error of what is delivered against the reference.
 
     Attributes
     ----------
-    rmse_N : float
-        Root mean square error [N].
+    rmse : float
+        Root mean square error, in the unit of the reference (N, rad or N m).
     rmse_percent_of_range : float
         The same over the range of the reference [%].
-    peak_error_N : float
-        Largest absolute error [N].
+    peak_error : float
+        Largest absolute error, in that unit.
     """
 
-    rmse_N: float
+    rmse: float
     rmse_percent_of_range: float
-    peak_error_N: float
+    peak_error: float
 
     @property
     def percent(self) -> str:
@@ -36,22 +37,30 @@ class Score:
         value = self.rmse_percent_of_range
         return f"{value:.3g}" if value >= 1e-3 else "< 0.001"
 
+    def named(self, unit: Unit = NEWTON) -> dict[str, float]:
+        """Its numbers by name, with their unit, as files have them."""
+        return {
+            f"rmse_{unit.key}": self.rmse,
+            "rmse_percent_of_range": self.rmse_percent_of_range,
+            f"peak_error_{unit.key}": self.peak_error,
+        }
 
-def scale_N(reference_N: FloatArray) -> float:
-    """Scale of percentages of a reference: its range, or the value of a constant one [N]."""
-    span = float(np.ptp(reference_N))
-    return span if span > 0 else float(np.max(np.abs(reference_N)))
+
+def scale_of(reference: FloatArray) -> float:
+    """Scale of percentages of a reference, in its unit: its range, or the value of a constant one."""
+    span = float(np.ptp(reference))
+    return span if span > 0 else float(np.max(np.abs(reference)))
 
 
-def score(reference_N: FloatArray, output_N: FloatArray) -> Score:
-    """Compare a delivered tension with the reference, shape (n,), rows at the same times [N].
+def score(reference: FloatArray, output: FloatArray) -> Score:
+    """Compare what is delivered with the reference, shape (n,), rows at the same times, in the same unit.
 
     Errors are infinite where the output is not known everywhere, because a simulation failed.
     """
-    error = np.nan_to_num(output_N - reference_N, nan=np.inf)
+    error = np.nan_to_num(output - reference, nan=np.inf)
     rmse = float(np.sqrt(np.mean(error**2)))
     return Score(
-        rmse_N=rmse, rmse_percent_of_range=100 * rmse / scale_N(reference_N), peak_error_N=float(np.max(np.abs(error)))
+        rmse=rmse, rmse_percent_of_range=100 * rmse / scale_of(reference), peak_error=float(np.max(np.abs(error)))
     )
 
 
@@ -60,7 +69,7 @@ def is_worse(score: Score, uncompensated: Score, reference_N: FloatArray) -> boo
 
     A millionth of the range of the reference is rounding.
     """
-    return score.rmse_N > 1.01 * uncompensated.rmse_N + 1e-6 * scale_N(reference_N)
+    return score.rmse > 1.01 * uncompensated.rmse + 1e-6 * scale_of(reference_N)
 
 
 def harm_warnings(scores: Mapping[str, Score], reference_N: FloatArray) -> list[str]:

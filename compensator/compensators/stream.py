@@ -13,7 +13,7 @@ import numpy as np
 from tendonff.compensator.compensators.base import Problem, with_motion
 from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.compensators.profile import FloatArray, Profile
-from tendonff.compensator.compensators.score import Score, scale_N, score
+from tendonff.compensator.compensators.score import Score, scale_of, score
 from tendonff.compensator.compensators.table import accepted_range
 from tendonff.compensator.scenario.settings import Stream
 from tendonff.models.errors import ParameterError
@@ -313,7 +313,7 @@ def over_preview(problem: Problem, design: StreamDesign, previews_s: Sequence[fl
 def _pick(candidates: Sequence[Candidate]) -> Candidate:
     """The least error of those that are quiet enough; else the least noise."""
     quiet = [each for each in candidates if each.noise_dB <= NOISE_GOAL_DB]
-    return min(quiet, key=lambda c: c.score.rmse_N) if quiet else min(candidates, key=lambda c: c.noise_dB)
+    return min(quiet, key=lambda c: c.score.rmse) if quiet else min(candidates, key=lambda c: c.noise_dB)
 
 
 def rate_binds(problem: Problem) -> bool:
@@ -330,7 +330,7 @@ def quantised(tension_N: FloatArray, resolution_N: float) -> FloatArray:
 
 
 def _resolution_N(problem: Problem, stated_N: float) -> float:
-    return stated_N or scale_N(problem.reference.tension_N) / 2**_BITS
+    return stated_N or scale_of(problem.reference.tension_N) / 2**_BITS
 
 
 def _tried(problem: Problem, design: StreamDesign) -> tuple[Candidate, ...]:

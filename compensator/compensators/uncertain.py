@@ -1,44 +1,45 @@
-"""Transmissions admitted by the uncertainty that the scenario states."""
+"""Systems, transmissions or mechanisms of a joint, admitted by the uncertainty that the scenario states."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, Generic, TypeVar
 
 import numpy as np
 
-from tendonff.models.parameters import Transmission
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.models.parameters.uncertainty import Spread, Uncertainty
 
 ASSUMED: Final = Uncertainty(mu=0.1, samples=3)
 """Uncertainty where the scenario states none: friction known to 10 % either way."""
 
+S = TypeVar("S")
+
 _NAMED = 3  # spreads that a sentence names
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sample:
-    """Transmission admitted by the uncertainty.
+class Sample(Generic[S]):
+    """System admitted by the uncertainty.
 
     Parameters
     ----------
-    transmission : Transmission
+    system : Transmission or Mechanism
     numbers : mapping of str to float, optional
         The numbers that differ from the scenario's, by key; a factor for mu, stiffness and bristle_stiffness. Empty for
         the nominal one.
     """
 
-    transmission: Transmission
+    system: S
     numbers: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Doubt:
-    """Transmissions that may be the real one.
+class Doubt(Generic[S]):
+    """Systems that may be the real one.
 
     Parameters
     ----------
-    transmission : Transmission
+    system : Transmission or Mechanism
         The nominal one.
     uncertainty : Uncertainty
         Intervals of the numbers that are not known exactly.
@@ -48,18 +49,18 @@ class Doubt:
         The nominal one, both ends of each interval with all else nominal, then a Sobol sequence over all intervals.
     """
 
-    transmission: Transmission
+    system: S
     uncertainty: Uncertainty
     is_assumed: bool
-    samples: tuple[Sample, ...]
+    samples: tuple[Sample[S], ...]
 
     @classmethod
-    def of(cls, transmission: Transmission, uncertainty: Uncertainty) -> "Doubt":
-        """Uncertainty of the transmission; `ASSUMED` where the scenario states none."""
+    def of(cls, system: S, uncertainty: Uncertainty, assumed: Uncertainty = ASSUMED) -> "Doubt[S]":
+        """Uncertainty of a system; the assumed one where the scenario states none."""
         is_assumed = uncertainty.is_certain or uncertainty.samples == 1
-        stated = ASSUMED if is_assumed else uncertainty
-        samples = sample_transmissions(transmission, stated)
-        return cls(transmission=transmission, uncertainty=stated, is_assumed=is_assumed, samples=samples)
+        stated = assumed if is_assumed else uncertainty
+        samples = sample_systems(system, stated)
+        return cls(system=system, uncertainty=stated, is_assumed=is_assumed, samples=samples)
 
     @property
     def spreads(self) -> tuple[Spread, ...]:
@@ -70,9 +71,9 @@ class Doubt:
         """Numbers of the two samples at the ends of interval k."""
         return 1 + 2 * k, 2 + 2 * k
 
-    def at(self, places: Sequence[float]) -> Sample:
+    def at(self, places: Sequence[float]) -> Sample[S]:
         """The sample at a place in each interval, from −1 (low) to 1 (high)."""
-        return _sample(self.transmission, self.spreads, places)
+        return _sample(self.system, self.spreads, places)
 
     @property
     def widths(self) -> str:
@@ -86,17 +87,17 @@ class Doubt:
         return f"{self.widths} ({source})"
 
 
-def sample_transmissions(transmission: Transmission, uncertainty: Uncertainty) -> tuple[Sample, ...]:
-    """The nominal transmission, both ends of each interval, then points of a Sobol sequence up to `samples` in all."""
-    nominal, spreads = Sample(transmission=transmission), uncertainty.spreads
-    ends: list[Sample] = []
+def sample_systems(system: S, uncertainty: Uncertainty) -> tuple[Sample[S], ...]:
+    """The nominal system, both ends of each interval, then points of a Sobol sequence up to `samples` in all."""
+    nominal, spreads = Sample(system=system), uncertainty.spreads
+    ends: list[Sample[S]] = []
     for spread in spreads:
-        ends += [_sample(transmission, (spread,), (side,)) for side in (-1.0, 1.0)]
-    further = draw_transmissions(transmission, uncertainty, max(uncertainty.samples - 1 - len(ends), 0))
+        ends += [_sample(system, (spread,), (side,)) for side in (-1.0, 1.0)]
+    further = draw_systems(system, uncertainty, max(uncertainty.samples - 1 - len(ends), 0))
     return (nominal, *ends, *further)
 
 
-def draw_transmissions(transmission: Transmission, uncertainty: Uncertainty, count: int) -> tuple[Sample, ...]:
+def draw_systems(system: S, uncertainty: Uncertainty, count: int) -> tuple[Sample[S], ...]:
     """Points of a Sobol sequence over all intervals, shifted by the seed (Cranley, Patterson 1976)."""
     spreads = uncertainty.spreads
     if count == 0 or not spreads:
@@ -105,11 +106,11 @@ def draw_transmissions(transmission: Transmission, uncertainty: Uncertainty, cou
 
     points = qmc.Sobol(len(spreads), scramble=False).random_base2((count - 1).bit_length())[:count]
     shifted = (points + np.random.default_rng(uncertainty.seed).random(len(spreads))) % 1.0
-    return tuple(_sample(transmission, spreads, row) for row in 2 * shifted - 1)
+    return tuple(_sample(system, spreads, row) for row in 2 * shifted - 1)
 
 
-def _sample(transmission: Transmission, spreads: Sequence[Spread], places: Sequence[float]) -> Sample:
+def _sample(system: S, spreads: Sequence[Spread], places: Sequence[float]) -> Sample[S]:
     values: dict[str, float] = {}
     for spread, place in zip(spreads, places, strict=True):
-        values |= spread.values(transmission, float(place))
-    return Sample(transmission=with_numbers(transmission, values), numbers=values)
+        values |= spread.values(system, float(place))
+    return Sample(system=with_numbers(system, values), numbers=values)

@@ -14,6 +14,7 @@ from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.design.drive_use import drive_use
 from tendonff.compensator.design.result import DesignData
 from tendonff.compensator.reporting.colours import GREY, INK
+from tendonff.compensator.reporting.expected import BOUND, contributions_figure
 from tendonff.compensator.reporting.plots import (
     coinciding,
     draw_joints,
@@ -26,8 +27,6 @@ from tendonff.models.fidelity import Level
 
 _BARE = ("none", FRICTIONLESS)  # friction is not compensated: what is enlarged leaves them out
 _LOOPS = ("none", "inverse")  # whose loop of output over force is drawn
-_BOUND: dict[str, Any] = {"color": INK, "linewidth": 0.8, "linestyle": (0, (6, 3))}
-_MOST_BARS = 12
 _WIDE = 3.4  # line under another that coincides with it
 
 
@@ -36,7 +35,7 @@ def design_figures(result: DesignData) -> dict[str, Figure]:
     with figure_style():
         return {
             "expectation": expectation_figure(result),
-            "contributions": contributions_figure(result),
+            "contributions": contributions_figure(result.expectation, result.recommended.style),
             "tension": tension_figure(result),
             "force": force_figure(result),
             "drive": drive_figure(result),
@@ -53,7 +52,7 @@ def expectation_figure(result: DesignData) -> Figure:
     best, found = result.recommended, result.expectation
     none = result.on_level("none", result.level) if "none" in result.profiles else None
     for panel, base in ((tension, 0 * wanted), (error, wanted)):
-        low, high = found.best.low_N - base, found.best.high_N - base
+        low, high = found.best.low - base, found.best.high - base
         panel.fill_between(
             time[rows],
             low[rows],
@@ -67,8 +66,8 @@ def expectation_figure(result: DesignData) -> Figure:
             label = f"reference applied directly: {none.score.percent} % of range"
             panel.plot(time[rows], (none.output_N - base)[rows], color=GREY, linestyle=":", label=label)
         panel.plot(time[rows], (wanted - base)[rows], color=INK, linewidth=0.8, label="reference")
-    tension.set(ylabel="output tension [N]", ylim=_around(np.append(found.best.low_N, found.best.high_N), wanted))
-    band = np.append(found.best.low_N - wanted, found.best.high_N - wanted)
+    tension.set(ylabel="output tension [N]", ylim=_around(np.append(found.best.low, found.best.high), wanted))
+    band = np.append(found.best.low - wanted, found.best.high - wanted)
     error.set(xlabel="time [s]", ylabel="error [N]", ylim=_around(band, 0.01 * (wanted - wanted.mean())))
     legend_below(figure, tension, columns=3)
     return figure
@@ -80,21 +79,6 @@ def _around(*shown: FloatArray) -> tuple[float, float]:
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     margin = 0.08 * max(high - low, 1e-9)
     return low - margin, high + margin
-
-
-def contributions_figure(result: DesignData) -> Figure:
-    """RMS error of the recommended profile by each uncertain number alone, beside the worst case of all."""
-    found = result.expectation
-    shown = [each for each in found.contributions if np.isfinite(each.rmse_N)][:_MOST_BARS][::-1]
-    figure, axes = new_figure(1, 1, height_in=1.3 + 0.28 * len(shown))
-    panel = axes[0, 0]
-    panel.barh([each.key for each in shown], [each.rmse_N for each in shown], color=result.recommended.style.color)
-    panel.axvline(found.best.nominal.rmse_N, color=GREY, linewidth=0.8, linestyle=":", label="nominal parameters")
-    if np.isfinite(found.best.worst.rmse_N):
-        panel.axvline(found.best.worst.rmse_N, label="all together, worst case", **_BOUND)
-    panel.set(xlabel="RMS error [N]", xlim=(0, None))
-    legend_below(figure, panel, columns=2)
-    return figure
 
 
 def tension_figure(result: DesignData) -> Figure:
@@ -266,4 +250,4 @@ def _mark(panel: Axes, *limits: float) -> None:
     low, high = panel.get_ylim()
     for limit in limits:
         if low - (high - low) / 3 < limit < high + (high - low) / 3:
-            panel.axhline(limit, **_BOUND)
+            panel.axhline(limit, **BOUND)

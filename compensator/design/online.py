@@ -133,7 +133,7 @@ def online_figure(result: Online) -> Figure:
     best: dict[StreamFilter, Candidate] = {}
     ramps = result.choice.picked.design.ramp is not None  # whose errors are not those of filters alone
     shown = [c for c in result.choice.candidates if c.design.ramp] if ramps else result.choice.candidates
-    for each in sorted((*shown, *(() if ramps else result.longer)), key=lambda c: -c.score.rmse_N):
+    for each in sorted((*shown, *(() if ramps else result.longer)), key=lambda c: -c.score.rmse):
         best[each.design.filter] = each
     every = tuple(best.values())
     for is_flat, color, label in ((False, INK, "least noise"), (True, GREY, "keeps parabolas too")):

@@ -8,7 +8,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from tendonff.compensator.compensators.expectation import ErrorBand, Expectation, two_digits
+from tendonff.compensator.compensators.expectation import two_digits
 from tendonff.compensator.compensators.plant import FINE_REFINEMENT, FINE_SEGMENTS
 from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.compensators.score import Verified
@@ -17,6 +17,7 @@ from tendonff.compensator.design.figures import design_figures
 from tendonff.compensator.design.report import design_report, headline, interactive_panels
 from tendonff.compensator.design.result import DesignData
 from tendonff.compensator.files.writing import atomic_directory, write_csv
+from tendonff.compensator.reporting.expected import expectation_summary
 from tendonff.compensator.reporting.page import summary_head, write_pages
 from tendonff.compensator.scenario.sampled.joint_motion import sample_joints
 from tendonff.models.fidelity import Level
@@ -62,7 +63,7 @@ def summary(result: DesignData) -> dict[str, object]:
     def scores(verified: tuple[Verified, ...]) -> dict[str, dict[str, object]]:
         found: dict[str, dict[str, object]] = {}
         for one in verified:
-            entry: dict[str, object] = asdict(one.score)
+            entry: dict[str, object] = dict(one.score.named())
             if one.position_error_m is not None:
                 entry |= {"rmse_m": one.position_error_m[0], "peak_error_m": one.position_error_m[1]}
             found.setdefault(one.compensator, {})[one.plant.level.value] = entry
@@ -81,7 +82,7 @@ def summary(result: DesignData) -> dict[str, object]:
         },
         "drive": drive_summary(result),
         "ocp": None if result.tracking is None else _tracking_summary(result.tracking),
-        "expectation": _expectation_summary(result.expectation),
+        "expectation": expectation_summary(result.expectation, FINE_SEGMENTS),
         "foresight": {
             "unstable_share": result.stick_slip.unstable_share,
             # Beside poles of 1e5/s, what is below a millionth is rounding.
@@ -89,38 +90,8 @@ def summary(result: DesignData) -> dict[str, object]:
             "expected_error_N": error if math.isfinite(error) else None,
             "stretches": [asdict(stretch) for stretch in result.stick_slip.stretches],
         },
-        **({} if result.ignored is None else {"ignored_motion": asdict(result.ignored.ignored)}),
+        **({} if result.ignored is None else {"ignored_motion": result.ignored.ignored.named()}),
         "warnings": list(result.warnings),
-    }
-
-
-def _expectation_summary(found: Expectation) -> dict[str, object]:
-    """Errors over all that may be the real transmission; null is what could not be simulated."""
-
-    def finite(value: float) -> float | None:
-        return value if math.isfinite(value) else None
-
-    def band(errors: ErrorBand) -> dict[str, object]:
-        return {
-            "nominal_rmse_N": finite(errors.nominal.rmse_N),
-            "worst_rmse_N": finite(errors.worst.rmse_N),
-            "worst_peak_N": finite(errors.worst_peak_N),
-            "worst_values": dict(errors.worst_sample.numbers),
-            "amplification": finite(errors.amplification),
-            "slack_samples": errors.slack_samples,
-        }
-
-    return {
-        "uncertainty": [spread.words for spread in found.doubt.spreads],
-        "is_assumed": found.doubt.is_assumed,
-        "samples": len(found.doubt.samples),
-        "segments": FINE_SEGMENTS,
-        "recommended": found.recommended,
-        "rmse_N": finite(found.best.worst.rmse_N),
-        "peak_N": finite(found.best.worst_peak_N),
-        "worst_percent_of_range": {name: finite(value) for name, value in found.worst_percent.items()},
-        "contributions": [{"key": each.key, "rmse_N": finite(each.rmse_N)} for each in found.contributions],
-        "compensators": {name: band(errors) for name, errors in found.bands.items()},
     }
 
 

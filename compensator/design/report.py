@@ -10,6 +10,7 @@ from tendonff.compensator.compensators.plant import FINE_REFINEMENT, FINE_SEGMEN
 from tendonff.compensator.design.drive_use import drive_use
 from tendonff.compensator.design.result import DesignData
 from tendonff.compensator.reporting.colours import INK, Style
+from tendonff.compensator.reporting.expected import robustness_table
 from tendonff.compensator.reporting.interactive import interactive_view
 from tendonff.compensator.reporting.page import (
     Block,
@@ -116,7 +117,7 @@ def design_report(result: DesignData, figures: dict[str, Figure], view: Interact
     peaks = Table(
         caption="Largest error [N], the design's own parameters",
         columns=("profile", *(level.value for level in Level)),
-        rows=[(c.label, *(score.peak_error_N for score in result.scores(c.name)[:-1])) for c in result.compensators],
+        rows=[(c.label, *(score.peak_error for score in result.scores(c.name)[:-1])) for c in result.compensators],
         least=1e-3,
     )
     return Report(
@@ -256,31 +257,11 @@ def _solver(result: DesignData) -> tuple[Block, ...]:
 def _robust_section(result: DesignData) -> tuple[Section, ...]:
     """Effect of uncertainty on each profile, and its largest contribution."""
     found, labels = result.expectation, {c.name: c.label for c in result.compensators}
-    rows: list[tuple[Cell, ...]] = []
-    for name, band in found.bands.items():
-        worst, over = band.worst, 100 * band.amplification
-        at = ", ".join(f"{key} = {value:.3g}" for key, value in band.worst_sample.numbers.items()) or "nominal"
-        errors = (band.nominal.rmse_percent_of_range, worst.rmse_percent_of_range, worst.rmse_N, band.worst_peak_N)
-        rows.append((labels[name], *errors, over, at))
-    table = Table(
-        caption=f"Errors over {len(found.doubt.samples)} samples of the parameters on {FINE_SEGMENTS} masses; "
-        "over-compensation: largest swing of the output beyond the reference's",
-        columns=(
-            "profile",
-            "nominal [% of range]",
-            "worst [% of range]",
-            "worst RMS [N]",
-            "peak [N]",
-            "over-compensation [%]",
-            "worst at",
-        ),
-        rows=rows,
-        least=1e-3,
-    )
     note = Text(
         "Inside a feedback loop over-compensation injects energy: choose mu too low rather than too high."
         if found.doubt.is_assumed
         else f"The optimal profile minimises the {result.scenario.robust.objective.value} error. Inside a feedback "
         "loop over-compensation injects energy: choose mu too low rather than too high."
     )
+    table = robustness_table(found, labels, FINE_SEGMENTS)
     return (Section(title="Robustness to parameter uncertainty", blocks=(table, note)),)

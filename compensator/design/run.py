@@ -126,12 +126,8 @@ def _promises(designed: Sequence[Verified], proof: Sequence[Verified], *, is_com
                 f"{FINE_SEGMENTS} masses at a {FINE_REFINEMENT}th of the step: trust the second, or raise segments"
             )
     scores = {v.compensator: v.score for v in proof}
-    best = min(scores, key=lambda name: scores[name].rmse_N)
-    if (
-        is_compared
-        and "optimal" in scores
-        and scores["optimal"].rmse_N > max(1.02 * scores[best].rmse_N, 1e-3 * _SMALL)
-    ):
+    best = min(scores, key=lambda name: scores[name].rmse)
+    if is_compared and "optimal" in scores and scores["optimal"].rmse > max(1.02 * scores[best].rmse, 1e-3 * _SMALL):
         optimal, other = scores["optimal"], scores[best]
         if optimal.rmse_percent_of_range > _SMALL:
             found.append(

@@ -26,22 +26,15 @@ from bokeh.plotting import figure
 from bokeh.server.server import Server
 from jinja2 import Template
 
-from tendonff.compensator.explore.run import FAST, SLOW, Curve, Exploration, ExploreParameters, Explorer
+from tendonff.compensator.explore.subject import Curve, Exploration, Knob, Subject
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.reporting.interactive import DASHES
-from tendonff.compensator.scenario.scenario import Scenario, scenario_to_toml
 from tendonff.models.errors import TendonffError
 
 ADDRESS = "127.0.0.1"  # the only address that the page is served on
 
 _STALE = 0.25  # opacity of what was computed for other values
-_EMPTY: dict[str, Any] = {"time": [], "force": [], "output": [], "error": []}
-_PANELS = {
-    "loop": ("Tendon hysteresis", "force", "output", "force [N]", "output tension [N]"),
-    "force": ("Force profile", "time", "force", "time [s]", "force [N]"),
-    "output": ("Output tension (black: reference)", "time", "output", "time [s]", "tension [N]"),
-    "error": ("Error", "time", "error", "time [s]", "error [N]"),
-}
+_EMPTY: dict[str, Any] = {"time": [], "given": [], "output": [], "error": []}
 _TEMPLATE = """{% extends base %}
 {% block preamble %}<meta name="viewport" content="width=device-width, initial-scale=1">
 <style>body { margin: 8px; font-family: system-ui, sans-serif; }</style>{% endblock %}"""
@@ -54,35 +47,22 @@ link.download = name; link.click(); URL.revokeObjectURL(link.href);"""
 class ExplorerPage:
     """Page of a visitor."""
 
-    def __init__(self, scenario: Scenario) -> None:
-        self._scenario, self._explorer = scenario, Explorer(scenario)
-        start = self._explorer.start
+    def __init__(self, subject: Subject) -> None:
+        self._subject = subject
         self._document: Document | None = None
         self._waiting = False
+        self._curves = (*subject.fast, *subject.slow)
         self._sliders = {
-            "mu": _slider("friction coefficient mu [-]", start.mu, 0.0, max(0.5, 2 * start.mu), 0.005, "0.000"),
-            "total_angle_deg": _slider(
-                "wrap angle [deg]", start.total_angle_deg, 0.0, max(360.0, 1.5 * start.total_angle_deg), 5.0, "0"
-            ),
-        }
-        self._logarithmic = {
-            "bristle_stiffness_N_per_m": _log_slider("bristle stiffness [N/m]", start.bristle_stiffness_N_per_m, 1.5),
-            "relaxation_time_s": _log_slider("relaxation time [s]", start.relaxation_time_s, 1.5),
-            "force_rate_max_N_per_s": _log_slider("rate limit of the force [N/s]", start.force_rate_max_N_per_s, 3.0),
-            "load_stiffness_N_per_m": _log_slider("load stiffness [N/m]", start.load_stiffness_N_per_m, 1.0),
-            "load_mass_kg": _log_slider("load mass [kg]", start.load_mass_kg, 1.0),
-        }
-        self._poses = {
-            name: _slider(f"pose: {name} turned by [deg]", 0.0, -45.0, 45.0, 1.0, "0") for name in start.pose_deg
+            knob.key: _log_slider(knob) if knob.is_logarithmic else _slider(knob) for knob in subject.knobs
         }
         self._knows = Checkbox(label="Redesign for these values (unticked: keep the scenario's design)", active=False)
-        self._slow = {curve.name: Checkbox(label=f"Show: {curve.label}", active=False) for curve in SLOW}
+        self._slow = {curve.name: Checkbox(label=f"Show: {curve.label}", active=False) for curve in subject.slow}
         self._worst = Checkbox(label="State the worst case over [robust]", active=False)
         self._scores = Div(text="", sizing_mode="stretch_width")
-        self._sources = {curve.name: ColumnDataSource(data=_EMPTY) for curve in (*FAST, *SLOW)}
-        self._wanted = ColumnDataSource(data={"time": [], "tension": []})
+        self._sources = {curve.name: ColumnDataSource(data=_EMPTY) for curve in self._curves}
+        self._wanted = ColumnDataSource(data={"time": [], "wanted": []})
         self._toml = ColumnDataSource(data={"text": [""]})
-        self._drawn: dict[str, list[GlyphRenderer[Any]]] = {curve.name: [] for curve in (*FAST, *SLOW)}
+        self._drawn: dict[str, list[GlyphRenderer[Any]]] = {curve.name: [] for curve in self._curves}
         self._percent: dict[str, str] = {}
         self._panels = self._figures()
         self.update()
@@ -91,7 +71,7 @@ class ExplorerPage:
     def add_to(self, document: Document) -> None:
         """Put the page into a document of the server."""
         self._document = document
-        sliders = [*self._sliders.values(), *self._logarithmic.values(), *self._poses.values()]
+        sliders = list(self._sliders.values())
         for slider in sliders:
             slider.on_change("value", self._changed)
         for box in (self._knows, self._worst, *self._slow.values()):
@@ -100,10 +80,12 @@ class ExplorerPage:
         fit.on_click(self.fit_scales)
         save = Button(label="Save these values as TOML")
         save.js_on_click(
-            CustomJS(args={"source": self._toml, "name": f"explored_{self._scenario.source.name}"}, code=_DOWNLOAD)
+            CustomJS(args={"source": self._toml, "name": f"explored_{self._subject.file}"}, code=_DOWNLOAD)
         )
-        heading = Div(text=f"<h1 style='font-size:1.2rem;margin:0'>{escape(self._scenario.name)}</h1>")
-        boxes = (self._knows, self._worst, *self._slow.values(), fit, save)
+        heading = Div(text=f"<h1 style='font-size:1.2rem;margin:0'>{escape(self._subject.name)}</h1>")
+        boxes = [self._knows, self._worst, *self._slow.values(), fit]
+        if self._toml.data["text"][0]:
+            boxes.append(save)
         wide = {"flex": "1 1 300px", "min-width": "280px", "max-width": "420px"}
         controls = column(heading, *sliders, *boxes, self._scores, styles=wide, sizing_mode="stretch_width")
         panels = row(
@@ -111,7 +93,7 @@ class ExplorerPage:
         )
         document.add_root(row(controls, panels, sizing_mode="stretch_width", styles={"flex-wrap": "wrap"}))
         document.template = Template(_TEMPLATE)
-        document.title = f"tendonff: {self._scenario.name}"
+        document.title = f"tendonff: {self._subject.name}"
 
     def _changed(self, _attribute: str, _old: object, _new: object) -> None:
         """Ask for an update; while one waits, further movements of a slider join it."""
@@ -120,18 +102,19 @@ class ExplorerPage:
         self._waiting = True
         self._document.add_next_tick_callback(self.update)
 
-    def parameters(self) -> ExploreParameters:
-        """Where the sliders stand."""
-        values = {name: float(slider.value) for name, slider in self._sliders.items()}
-        values |= {name: 10.0 ** float(slider.value) for name, slider in self._logarithmic.items()}
-        return ExploreParameters(**values, pose_deg={name: float(s.value) for name, s in self._poses.items()})
+    def values(self) -> dict[str, float]:
+        """Where the sliders stand, by key."""
+        return {
+            knob.key: 10.0 ** float(slider.value) if knob.is_logarithmic else float(slider.value)
+            for knob, slider in zip(self._subject.knobs, self._sliders.values(), strict=True)
+        }
 
     def update(self) -> None:
         """Compute with the present slider values and show the result, or a message where that fails."""
         self._waiting = False
-        parameters, knows = self.parameters(), bool(self._knows.active)
+        values, knows = self.values(), bool(self._knows.active)
         try:
-            shown = self._explorer.at(parameters, design_knows=knows)
+            shown = self._subject.explore(values, design_knows=knows, curves=self._subject.fast)
         except TendonffError as error:
             for name in self._drawn:
                 self._fade(name, stale=True)
@@ -141,12 +124,10 @@ class ExplorerPage:
             )
             return
         self._show(shown, {})
-        reference = shown.reference
-        rows = slice(None, None, max(1, len(reference.time_s) // len(next(iter(shown.courses.values())).time_s)))
-        self._wanted.data = {"time": reference.time_s[rows], "tension": reference.tension_N[rows]}
-        self._toml.data = {"text": [scenario_to_toml(parameters.apply(self._scenario))]}
-        wanted = [curve for curve in SLOW if self._slow[curve.name].active]
-        for curve in SLOW:
+        self._wanted.data = {"time": shown.time_s, "wanted": shown.wanted}
+        self._toml.data = {"text": [self._subject.toml(values)]}
+        wanted = [curve for curve in self._subject.slow if self._slow[curve.name].active]
+        for curve in self._subject.slow:
             self._fade(curve.name, stale=True)
             if curve not in wanted:
                 self._sources[curve.name].data = _EMPTY
@@ -155,17 +136,17 @@ class ExplorerPage:
         if self._document is None:
             self._add_slow(shown, wanted)
         else:  # in the next round, so that the fast ones are seen meanwhile
-            self._document.add_next_tick_callback(lambda: self._add_slow(shown, wanted, parameters))
+            self._document.add_next_tick_callback(lambda: self._add_slow(shown, wanted, values))
 
-    def _add_slow(self, fast: Exploration, wanted: list[Curve], asked: ExploreParameters | None = None) -> None:
+    def _add_slow(self, fast: Exploration, wanted: list[Curve], asked: dict[str, float] | None = None) -> None:
         """Compute what takes a second, unless the sliders have moved on."""
-        parameters = self.parameters()
-        if asked is not None and (asked != parameters or self._waiting):
+        values = self.values()
+        if asked is not None and (asked != values or self._waiting):
             return
         knows = bool(self._knows.active)
-        self._show(self._explorer.at(parameters, design_knows=knows, curves=wanted), fast.courses)
+        self._show(self._subject.explore(values, design_knows=knows, curves=wanted), fast.courses)
         if self._worst.active:
-            stated = self._explorer.worst_case(parameters, design_knows=knows)
+            stated = self._subject.worst_case(values, design_knows=knows)
             self._scores.text += f"<p role='status'>{escape(stated)}</p>"
 
     def _show(self, shown: Exploration, before: Mapping[str, Any]) -> None:
@@ -173,16 +154,16 @@ class ExplorerPage:
         for name, course in shown.courses.items():
             self._sources[name].data = {
                 "time": course.time_s,
-                "force": course.force_N,
-                "output": course.output_N,
-                "error": course.error_N,
+                "given": course.given,
+                "output": course.output,
+                "error": course.error,
             }
             self._fade(name, stale=False)
         courses = {**before, **shown.courses}
         lines = "".join(
             f"<tr><td style='color:{curve.style.color}'>&#9632;</td><td>{escape(curve.label)}</td>"
             f"<td style='text-align:right'>{escape(courses[curve.name].score.percent)} %</td></tr>"
-            for curve in (*FAST, *SLOW)
+            for curve in self._curves
             if curve.name in courses
         )
         notes = "".join(f"<p>{escape(note)}</p>" for note in shown.notes)
@@ -196,11 +177,11 @@ class ExplorerPage:
     def fit_scales(self) -> None:
         """Set scales that hold all curves; they are fixed until the next call, so that changes can be seen."""
         for key, panel in self._panels.items():
-            _, x, y, *_ = _PANELS[key]
+            x, y = self._subject.panels[key].x, self._subject.panels[key].y
             for axis, name in ((panel.x_range, x), (panel.y_range, y)):
                 parts = [np.asarray(source.data[name], float) for source in self._sources.values()]
                 if name == "output":
-                    parts.append(np.asarray(self._wanted.data["tension"], float))
+                    parts.append(np.asarray(self._wanted.data["wanted"], float))
                 values = np.concatenate(parts)
                 low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 1.0)
                 margin = 0.0 if name == "time" else 0.05 * max(high - low, 1e-6)
@@ -210,9 +191,10 @@ class ExplorerPage:
         """Loop, profile, output and error; the three over time share their axis, all share the legend."""
         panels: dict[str, figure] = {}
         time = Range1d()
-        for key, (title, x, y, x_label, y_label) in _PANELS.items():
+        for key, each in self._subject.panels.items():
+            x, y, x_label, y_label = each.x, each.y, each.x_label, each.y_label
             panel = panels[key] = figure(
-                title=title,
+                title=each.title,
                 x_axis_label=x_label,
                 y_axis_label=y_label,
                 x_range=time if x == "time" else Range1d(),
@@ -224,7 +206,7 @@ class ExplorerPage:
                 frame_align=False,  # the legend takes its place from one panel alone
                 styles={"flex": "1 1 330px", "min-width": "290px"},
             )
-            for curve in (*FAST, *SLOW):
+            for curve in self._curves:
                 line = panel.line(
                     x,
                     y,
@@ -234,40 +216,55 @@ class ExplorerPage:
                     line_width=1.8,
                 )
                 tips = [("", curve.label), (x_label, f"@{x}{{0.000}}"), (y_label, f"@{y}{{0.000}}")]
-                panel.add_tools(HoverTool(renderers=[line], tooltips=tips, visible=curve is FAST[0]))
+                panel.add_tools(HoverTool(renderers=[line], tooltips=tips, visible=curve is self._curves[0]))
                 for first in self._drawn[curve.name][:1]:  # the legend hides a compensator in every panel
                     first.js_link("visible", line, "visible")
                 self._drawn[curve.name].append(line)
-        panels["output"].line("time", "tension", source=self._wanted, color="black", line_width=1)
-        entries = [LegendItem(label=c.label, renderers=[self._drawn[c.name][0]]) for c in (*FAST, *SLOW)]
+        panels["output"].line("time", "wanted", source=self._wanted, color="black", line_width=1)
+        entries = [LegendItem(label=c.label, renderers=[self._drawn[c.name][0]]) for c in self._curves]
         panels["loop"].add_layout(
             Legend(items=entries, click_policy="hide", ncols=2, label_text_font_size="9pt"), "below"
         )
         return panels
 
 
-def _slider(title: str, value: float, start: float, end: float, step: float, shown: str) -> Slider:
-    return Slider(title=title, value=value, start=start, end=end, step=step, format=shown, sizing_mode="stretch_width")
+def _slider(knob: Knob) -> Slider:
+    return Slider(
+        title=knob.title,
+        value=knob.value,
+        start=knob.start,
+        end=knob.end,
+        step=knob.step,
+        format=knob.shown,
+        sizing_mode="stretch_width",
+    )
 
 
-def _log_slider(title: str, value: float, decades: float) -> Slider:
-    """Slider of the decimal logarithm, so many decades either way; it shows the value itself."""
-    centre = log10(value)
+def _log_slider(knob: Knob) -> Slider:
+    """Slider of the decimal logarithm; it shows the value itself."""
+    centre = log10(knob.value)
     shown = CustomJSTickFormatter(code="return String(Number((10 ** tick).toPrecision(3)))")
-    start, end = centre - decades, centre + decades
-    return Slider(title=title, value=centre, start=start, end=end, step=0.01, format=shown, sizing_mode="stretch_width")
+    return Slider(
+        title=knob.title,
+        value=centre,
+        start=centre + knob.start,
+        end=centre + knob.end,
+        step=knob.step,
+        format=shown,
+        sizing_mode="stretch_width",
+    )
 
 
-def make_server(scenario: Scenario, port: int) -> Server:
+def make_server(subject: Subject, port: int) -> Server:
     """Server of the page, on this machine only, at a port (0: any that is free); not started yet.
 
     InputError if the port is taken, TendonffError if the scenario itself cannot be computed.
     """
-    explorer = Explorer(scenario)
-    explorer.at(explorer.start)  # errors of the scenario are reported here, not in the browser
+    start = {knob.key: knob.value for knob in subject.knobs}
+    subject.explore(start, design_knows=True, curves=subject.fast)  # its errors are reported here, not in the browser
 
     def page(document: Document) -> None:
-        ExplorerPage(scenario).add_to(document)
+        ExplorerPage(subject).add_to(document)
 
     try:
         # Without a list of its own Bokeh accepts pages from localhost at its port, and from nowhere else.

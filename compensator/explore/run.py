@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -12,14 +13,15 @@ from tendonff.compensator.compensators.expectation import expect
 from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
 from tendonff.compensator.compensators.registry import COMPENSATORS
-from tendonff.compensator.compensators.score import Score, score, verify
+from tendonff.compensator.compensators.score import score, verify
 from tendonff.compensator.compensators.uncertain import Doubt
+from tendonff.compensator.explore.subject import MOST_POINTS, Course, Curve, Exploration, Knob, Panel, Subject
 from tendonff.compensator.files.progress import Parts, silent
 from tendonff.compensator.reporting.colours import PURPLE, Style
 from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, Joint, SineJoint, WaypointJoint
 from tendonff.compensator.scenario.sampled.joint_motion import moved
-from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
-from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.scenario.sampled.sampling import sample_reference
+from tendonff.compensator.scenario.scenario import Scenario, scenario_to_toml
 from tendonff.compensator.scenario.settings import Adaptation
 from tendonff.models.chain import Chain
 from tendonff.models.errors import TendonffError
@@ -123,58 +125,114 @@ def _in_proportion(value: float, old: float, new: float) -> float:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Course:
-    """Curves of a compensator over time, thinned for the screen."""
+class TensionCurve(Curve):
+    """Curve of a compensator, or of the self-tuning one."""
 
-    # time_s, force_N, output_N, error_N: shape (n,)
-    time_s: FloatArray
-    force_N: FloatArray
-    output_N: FloatArray
-    error_N: FloatArray
-    score: Score  # of all rows
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Exploration:
-    """Scenario with a few parameters changed."""
-
-    reference: Reference
-    courses: Mapping[str, Course]  # by name of the compensator
-    notes: tuple[str, ...]  # what the reader should know, such as a slack tendon
-
-
-_MOST_POINTS = 1500
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Curve:
-    """Curves that the page can show: of a compensator, or of the self-tuning one."""
-
-    name: str
-    label: str
-    style: Style
     compensator: Compensator | None  # None tunes itself to a measurement
 
 
-_ALL = tuple(Curve(name=c.name, label=c.label, style=c.style, compensator=c) for c in COMPENSATORS)
+_POSE = "pose of "
+_ALL = tuple(TensionCurve(name=c.name, label=c.label, style=c.style, compensator=c) for c in COMPENSATORS)
 FAST = tuple(curve for curve, c in zip(_ALL, COMPENSATORS, strict=True) if c.is_fast)
 """Fast enough to follow a slider."""
 SLOW = (
     *(curve for curve in _ALL if curve not in FAST),
-    Curve(name="self_tuning", label="self-tuning inverse", style=Style(color=PURPLE, linestyle="-"), compensator=None),
+    TensionCurve(
+        name="self_tuning", label="self-tuning inverse", style=Style(color=PURPLE, linestyle="-"), compensator=None
+    ),
 )
 """These take a second or more, and come when they are asked for."""
 
 
-class Explorer:
-    """A scenario to be explored."""
+class Explorer(Subject):
+    """A scenario of a tension to be explored."""
+
+    panels = MappingProxyType(
+        {
+            "loop": Panel(
+                title="Tendon hysteresis", x="given", y="output", x_label="force [N]", y_label="output tension [N]"
+            ),
+            "force": Panel(title="Force profile", x="time", y="given", x_label="time [s]", y_label="force [N]"),
+            "output": Panel(
+                title="Output tension (black: reference)",
+                x="time",
+                y="output",
+                x_label="time [s]",
+                y_label="tension [N]",
+            ),
+            "error": Panel(title="Error", x="time", y="error", x_label="time [s]", y_label="error [N]"),
+        }
+    )
+    fast, slow = FAST, SLOW
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
-        self.start = ExploreParameters.of(scenario)
+        self.start = start = ExploreParameters.of(scenario)
+        self.name, self.file = scenario.name, scenario.source.name
+        angle, mu = start.total_angle_deg, start.mu
+        self.knobs = (
+            Knob(
+                key="mu",
+                title="friction coefficient mu [-]",
+                value=mu,
+                start=0.0,
+                end=max(0.5, 2 * mu),
+                step=0.005,
+            ),
+            Knob(
+                key="total_angle_deg",
+                title="wrap angle [deg]",
+                value=angle,
+                start=0.0,
+                end=max(360.0, 1.5 * angle),
+                step=5.0,
+                shown="0",
+            ),
+            *(
+                Knob.decades(key, title, getattr(start, key), decades)
+                for key, title, decades in (
+                    ("bristle_stiffness_N_per_m", "bristle stiffness [N/m]", 1.5),
+                    ("relaxation_time_s", "relaxation time [s]", 1.5),
+                    ("force_rate_max_N_per_s", "rate limit of the force [N/s]", 3.0),
+                    ("load_stiffness_N_per_m", "load stiffness [N/m]", 1.0),
+                    ("load_mass_kg", "load mass [kg]", 1.0),
+                )
+            ),
+            *(
+                Knob(
+                    key=f"{_POSE}{joint}",
+                    title=f"pose: {joint} turned by [deg]",
+                    value=0.0,
+                    start=-45.0,
+                    end=45.0,
+                    step=1.0,
+                    shown="0",
+                )
+                for joint in start.pose_deg
+            ),
+        )
+
+    def explore(self, values: Mapping[str, float], *, design_knows: bool, curves: Sequence[Curve]) -> Exploration:
+        """Design and simulate; see `Subject.explore`."""
+        mine = [curve for curve in curves if isinstance(curve, TensionCurve)]
+        return self.at(self._parameters(values), design_knows=design_knows, curves=mine)
+
+    def worst_case(self, values: Mapping[str, float], *, design_knows: bool) -> str:
+        """Expected error; see `Subject.worst_case`."""
+        return self.worst_case_at(self._parameters(values), design_knows=design_knows)
+
+    def toml(self, values: Mapping[str, float]) -> str:
+        """The changed scenario; see `Subject.toml`."""
+        return scenario_to_toml(self._parameters(values).apply(self._scenario))
+
+    @staticmethod
+    def _parameters(values: Mapping[str, float]) -> ExploreParameters:
+        poses = {key.removeprefix(_POSE): value for key, value in values.items() if key.startswith(_POSE)}
+        others = {key: value for key, value in values.items() if not key.startswith(_POSE)}
+        return ExploreParameters(**others, pose_deg=poses)
 
     def at(
-        self, parameters: ExploreParameters, *, design_knows: bool = True, curves: Sequence[Curve] = FAST
+        self, parameters: ExploreParameters, *, design_knows: bool = True, curves: Sequence[TensionCurve] = FAST
     ) -> Exploration:
         """Design and simulate with changed parameters.
 
@@ -191,9 +249,13 @@ class Explorer:
                 if curve in FAST:
                     raise
                 notes.append(f"{curve.label}: {error}")
-        return Exploration(reference=problem.reference, courses=courses, notes=tuple(notes))
+        reference = problem.reference
+        rows = slice(None, None, max(1, len(reference.time_s) // MOST_POINTS))
+        return Exploration(
+            time_s=reference.time_s[rows], wanted=reference.tension_N[rows], courses=courses, notes=tuple(notes)
+        )
 
-    def worst_case(self, parameters: ExploreParameters, *, design_knows: bool = True) -> str:
+    def worst_case_at(self, parameters: ExploreParameters, *, design_knows: bool = True) -> str:
         """Expected error of the fast curves over the scenario's uncertainty about the changed transmission."""
         problem, plant = self._posed(parameters, design_knows=design_knows)
         doubt = Doubt.of(plant, self._scenario.robust)
@@ -218,7 +280,7 @@ class Explorer:
 
 
 def _course(
-    problem: Problem, plant: Transmission, curve: Curve, settings: Adaptation | None, notes: list[str]
+    problem: Problem, plant: Transmission, curve: TensionCurve, settings: Adaptation | None, notes: list[str]
 ) -> Course:
     """Curve on the plant; warnings go to `notes`."""
     reference = problem.reference
@@ -248,11 +310,11 @@ def _tuned(problem: Problem, plant: Transmission, settings: Adaptation) -> tuple
 
 def _thinned(problem: Problem, force_N: FloatArray, output_N: FloatArray) -> Course:
     reference = problem.reference
-    rows = slice(None, None, max(1, len(reference.time_s) // _MOST_POINTS))
+    rows = slice(None, None, max(1, len(reference.time_s) // MOST_POINTS))
     return Course(
         time_s=reference.time_s[rows],
-        force_N=force_N[rows],
-        output_N=output_N[rows],
-        error_N=(output_N - reference.tension_N)[rows],
+        given=force_N[rows],
+        output=output_N[rows],
+        error=(output_N - reference.tension_N)[rows],
         score=score(reference.tension_N, output_N),
     )

@@ -8,7 +8,7 @@ import numpy as np
 from tendonff.compensator.adapt.setup import Certified, certified, tuned_chain, tuning_of
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.profile import FloatArray
-from tendonff.compensator.compensators.score import scale_N
+from tendonff.compensator.compensators.score import scale_of
 from tendonff.compensator.export.golden import Course
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.scenario.settings import Adaptation
@@ -47,7 +47,7 @@ def adaptive_code(problem: Problem, settings: Adaptation, precision: Precision, 
     """Values for the templates of tuner and interval."""
     tuning = tuning_of(problem, settings)
     tuned = tuned_chain(problem, tuning)
-    code = tuner_code(tuned, problem.reference.step_s, f"{prefix}_adaptive", precision, settings.delay_samples)
+    code = tuner_code(tuned, tuning, f"{prefix}_adaptive", precision)
     load = problem.transmission.load
     tunes_load = Tunable.LOAD_STIFFNESS in settings.parameters
     return {
@@ -96,7 +96,7 @@ def other_mu(problem: Problem, settings: Adaptation) -> float | None:
 def adaptive_tolerance_N(course: Course, precision: Precision) -> float:
     """Largest difference of the tuner's force from the model that passes [N]."""
     if precision is Precision.FLOAT:
-        return _FLOAT_SHARE * scale_N(course.reference_N)
+        return _FLOAT_SHARE * scale_of(course.reference_N)
     return _DOUBLE_SHARE * max(course.scale_N, 1.0)
 
 

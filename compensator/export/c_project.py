@@ -39,14 +39,29 @@ from tendonff.ocp.step.joints import Joints
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exported:
-    """Content of an export, before it is written."""
+    """Content of an export, before it is written.
 
-    files: dict[str, str]  # text by file name
-    built: BuiltTable | None  # None on a path that joints move: no table holds it
-    profile_N: FloatArray  # shape (n,); the profile that is played back [N]
-    judged: tuple[Judged, ...]  # what each module is worth on the scenario's reference, no compensation first
-    warnings: tuple[str, ...]  # what the user should know
-    # what the tuner can identify along the reference, and what it cannot; empty without one
+    Attributes
+    ----------
+    files : dict of str to str
+        Text by file name.
+    built : BuiltTable or None
+        None on a path that joints move: no table holds it.
+    profile_N : ndarray
+        Shape (n,); the exported profile [N].
+    judged : tuple of Judged
+        Error of each module on the scenario's reference, no compensation first.
+    warnings : tuple of str
+        What the user should know.
+    notes : tuple of str
+        What the tuner can identify along the reference, and what it cannot; empty without one.
+    """
+
+    files: dict[str, str]
+    built: BuiltTable | None
+    profile_N: FloatArray
+    judged: tuple[Judged, ...]
+    warnings: tuple[str, ...]
     notes: tuple[str, ...] = ()
 
     def write(self, folder: str | os.PathLike[str]) -> None:

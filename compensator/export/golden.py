@@ -10,7 +10,7 @@ from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.plant import behind_servo
 from tendonff.compensator.compensators.profile import FloatArray
-from tendonff.compensator.compensators.score import scale_N
+from tendonff.compensator.compensators.score import scale_of
 from tendonff.compensator.compensators.stream import StreamDesign, quantised, smoothed, stream_force
 from tendonff.compensator.compensators.table import CompensationTable
 from tendonff.compensator.export.modules import exportable
@@ -267,7 +267,7 @@ def _live(problem: Problem, stream: StreamDesign, course_N: FloatArray, chain: C
     if stream.ramp is not None:
         fastest = int(np.argmax(np.abs(np.diff(problem.inversion.force_N))))
         course_N = problem.reference.tension_N[max(0, fastest - _LIVE_ROWS // 2) :][: stream.ahead + _LIVE_ROWS]
-    step = max(2 * stream.band_N, 1e-3 * scale_N(course_N))
+    step = max(2 * stream.band_N, 1e-3 * scale_of(course_N))
     rough = rounded(quantised(course_N[: stream.ahead + _LIVE_ROWS], step), precision)
     rough[0] = rounded(course_N[:1], precision)[0]
     rough[_LOST] = np.nan

@@ -1,7 +1,7 @@
 """Errors of the exported modules on the scenario's reference, against the reference applied directly."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 
 from tendonff.compensator.compensators.base import CModule, Problem, with_motion
 from tendonff.compensator.compensators.plant import Plant
@@ -19,15 +19,25 @@ UNCOMPENSATED = "none"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judged:
-    """Module on the chain of the export's level."""
+    """Module on the chain of the export's level.
 
-    module: str  # name of the module; "none" for the reference itself as force
-    score: Score | None  # against the reference; None where the plant could not be simulated under this force
-    fault: str  # why the module should not run on the rig; empty where nothing speaks against it
+    Attributes
+    ----------
+    module : str
+        Name of the module; "none" for the reference itself as force.
+    score : Score or None
+        Against the reference; None where the plant could not be simulated under this force.
+    fault : str
+        Why the module should not run on the rig; empty where nothing speaks against it.
+    """
+
+    module: str
+    score: Score | None
+    fault: str
 
     def as_dict(self) -> dict[str, object]:
         """The entry of `design.json`."""
-        return {**(asdict(self.score) if self.score is not None else {}), "fault": self.fault}
+        return {**(self.score.named() if self.score is not None else {}), "fault": self.fault}
 
 
 def judge(problem: Problem, profiles: Mapping[str, Profile]) -> tuple[Judged, ...]:
@@ -124,7 +134,7 @@ def score_lines(judged: Sequence[Judged]) -> list[str]:
     lines = [f"{'module':<10} {'RMS error, % of range':>22} {'largest error [N]':>18}"]
     for each in judged:
         score = each.score
-        figures = ("-", "-") if score is None else (score.percent, f"{score.peak_error_N:.3g}")
+        figures = ("-", "-") if score is None else (score.percent, f"{score.peak_error:.3g}")
         lines.append(f"{each.module:<10} {figures[0]:>22} {figures[1]:>18}{'  unfit' if each.fault else ''}")
     return lines
 

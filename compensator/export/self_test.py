@@ -13,7 +13,7 @@ import numpy as np
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.profile import FloatArray
-from tendonff.compensator.compensators.score import scale_N
+from tendonff.compensator.compensators.score import scale_of
 from tendonff.compensator.compensators.table import accepted_range
 from tendonff.compensator.export.golden import Course, Golden, respond, servo_of
 from tendonff.compensator.export.text.parameters import settable_numbers
@@ -157,7 +157,7 @@ def float_losses(course: Course, found_N: Mapping[str, FloatArray], problem: Pro
                 module=module,
                 rms_N=rms,
                 peak_N=float(np.abs(error).max()),
-                percent_of_range=100 * rms / scale_N(course.reference_N),
+                percent_of_range=100 * rms / scale_of(course.reference_N),
             )
         )
     return tuple(losses)

@@ -44,13 +44,27 @@ class Variable:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fmu:
-    """A unit, ready to be written."""
+    """A unit, ready to be written.
 
-    name: str  # file name
-    content: bytes  # the archive
-    has_binary: bool  # whether it holds a binary for this machine; the sources are always there
-    judged: tuple[Judged, ...]  # what it is worth on the scenario's reference, after no compensation; empty for a plant
-    warnings: tuple[str, ...]  # what the user should know
+    Attributes
+    ----------
+    name : str
+        File name.
+    content : bytes
+        The archive.
+    has_binary : bool
+        Whether it holds a binary for this machine; the sources are always there.
+    judged : tuple of Judged
+        Its error on the scenario's reference, after no compensation; empty for a plant.
+    warnings : tuple of str
+        What the user should know.
+    """
+
+    name: str
+    content: bytes
+    has_binary: bool
+    judged: tuple[Judged, ...]
+    warnings: tuple[str, ...]
 
     def write(self, folder: str | os.PathLike[str]) -> None:
         """Write the unit under its name, whole or not at all; makes the folder."""

@@ -250,8 +250,8 @@ def _without_load(rig: _Rig, fit: StaticFit) -> Estimate:
 def _why_no_constant(chosen: bool, parameter: StaticParameter) -> str:
     if chosen:
         return (
-            "only two of adhesion, input bias and output bias can be told from friction loops; this one is held at the "
-            "value given; read both cells with a slack tendon to tell"
+            "only two of adhesion, input bias and output bias can be identified from friction loops; this one is held "
+            "at the value given; read both cells with a slack tendon to identify it"
         )
     what = "adhesion" if parameter is P.ADHESION else "a bias"
     return f"{what} does not significantly reduce the validation error; add strokes at low tension"

@@ -71,7 +71,7 @@ def about_moments(outcome: Outcome) -> str:
     shown = ", ".join(f"{name} {time:.4g} s" for name, time in moments[:MOST_MOMENTS])
     more = " ..." if len(moments) > MOST_MOMENTS else ""
     return (
-        f"the output moves inside the dead band {len(moments)} times ({shown}{more}): was the far end touched or moved "
+        f"the output moves inside the deadband {len(moments)} times ({shown}{more}): was the far end touched or moved "
         "there? Leave these times out, or hold it"
     )
 

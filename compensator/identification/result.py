@@ -33,18 +33,37 @@ def is_known(standard_error: float, size: float) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate:
-    """Estimated value."""
+    """Estimated value.
 
-    name: str  # key of the scenario file, or what it is
-    value: float  # estimate; the scenario's value where it was not fitted
-    # standard_error, interval: 95 %; None where it was not fitted, or the data do not see it
+    Attributes
+    ----------
+    name : str
+        Key of the scenario file, or what it is.
+    value : float
+        Estimate; the scenario's value where it was not fitted.
+    standard_error, interval : float or None
+        95 %; None where it was not fitted or is not identifiable.
+    identifiable : bool
+        Whether the data identify it separately.
+    why : str
+        Where the value comes from, or why the data do not identify it and which experiment would.
+    scenario : float or None
+        The scenario's own value.
+    fitted : bool
+        The value is the joint estimate, which fitted.toml has.
+    note : str
+        What the value belongs to, where its name does not tell.
+    """
+
+    name: str
+    value: float
     standard_error: float | None = None
     interval: tuple[float, float] | None = None
-    identifiable: bool = False  # the data tell it by itself
-    why: str  # where the value comes from, or what keeps the data from telling and which experiment would tell
-    scenario: float | None = None  # the scenario's own value
-    fitted: bool = False  # the value is the joint estimate, which fitted.toml has
-    note: str = ""  # what the value belongs to, where its name does not tell
+    identifiable: bool = False
+    why: str
+    scenario: float | None = None
+    fitted: bool = False
+    note: str = ""
 
     @property
     def standing(self) -> str:
@@ -78,12 +97,25 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CandidateLaw:
-    """Compared law."""
+    """Compared law.
+
+    Attributes
+    ----------
+    name : str
+        Name of the law.
+    stage : str
+        "static" or "dynamic".
+    free_values : int
+        Number of values that were fitted.
+    fit_percent, validation_percent : float
+        RMS error in percent of the range of the explained channel.
+    chosen : bool
+        Whether it is the law of the fit.
+    """
 
     name: str
-    stage: str  # "static" or "dynamic"
+    stage: str
     free_values: int
-    # fit_percent, validation_percent: RMS error in percent of the range of the explained channel
     fit_percent: float
     validation_percent: float
     chosen: bool
@@ -91,29 +123,46 @@ class CandidateLaw:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileResult:
-    """Measured file."""
+    """Measured file.
 
-    role: str  # "fit" or "validate"
+    Attributes
+    ----------
+    role : str
+        "fit" or "validate".
+    error : FileError
+        Error of the chosen law on it.
+    findings : tuple of Finding
+        Data issues in it.
+    """
+
+    role: str
     error: FileError
     findings: tuple[Finding, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PieceComparison:
-    """Measurement and model of one piece, for the figures."""
+    """Measurement and model of one piece, for the figures.
 
-    # name, role: of the file
+    Attributes
+    ----------
+    name, role : str
+        Of the file.
+    time_s, input_N : Array
+        Shape (n,).
+    given, measured, model : Array
+        Shape (n,); the tension that drives the law; what it explains, measured and by the law, in N or m.
+    elongation_m, model_elongation_m : Array or None
+        Shape (n,).
+    """
+
     name: str
     role: str
-    # time_s, input_N: shape (n,)
     time_s: Array
     input_N: Array
-    # given, measured, model: shape (n,); the tension that drives the law; what it explains, measured and by the law, in
-    # N or m
     given: Array
     measured: Array
     model: Array
-    # elongation_m, model_elongation_m: shape (n,)
     elongation_m: Array | None = None
     model_elongation_m: Array | None = None
 

@@ -312,7 +312,7 @@ def _check_rest(records: Sequence[Record]) -> None:
             low, high = np.percentile(angle, [1, 99])
             if high - low > STILL_RAD:
                 raise InputError(
-                    f"{record.name}: {name} moves by {high - low:.2g} rad, the static law knows no path that moves; "
+                    f"{record.name}: {name} moves by {high - low:.2g} rad, the static law holds for a path at rest; "
                     "leave --static out, or log with the joints at rest"
                 )
 

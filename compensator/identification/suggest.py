@@ -38,13 +38,22 @@ TOLD = (*CORE, D.ADHESION, *TENDON)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Excitation:
-    """A force file with the reasons for its parts."""
+    """A force file with the reasons for its parts.
 
-    # time_s, force_N: shape (n,)
+    Attributes
+    ----------
+    time_s, force_N : Array
+        Shape (n,).
+    parts : tuple of str
+        What each part is for, with its start.
+    expected_percent : float or None
+        Error of a design that the noise of the cells would leave [% of the reference's range]; None without a
+        reference.
+    """
+
     time_s: Array
     force_N: Array
-    parts: tuple[str, ...]  # what each part is for, with its start
-    # error of a design that the noise of the cells would leave [% of the reference's range]; None without a reference
+    parts: tuple[str, ...]
     expected_percent: float | None = None
 
     @property

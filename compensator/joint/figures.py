@@ -1,19 +1,21 @@
 """Figures of a joint's design."""
 
+from dataclasses import asdict
+
 import numpy as np
 from matplotlib.figure import Figure
 
-from tendonff.compensator.joint.result import LABELS, JointDesignData
-from tendonff.compensator.reporting.colours import BLUE, GREY, INK, ORANGE
+from tendonff.compensator.joint.result import JointDesignData
+from tendonff.compensator.reporting.colours import BLUE, GREY, INK
+from tendonff.compensator.reporting.expected import contributions_figure
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure, thinned
-
-_COLOURS = {"linear": GREY, "static": ORANGE, "inverse": BLUE}
 
 
 def joint_figures(result: JointDesignData) -> dict[str, Figure]:
     """All figures of a design by file name."""
     with figure_style():
         figures = {"joint": joint_figure(result), "tension": tension_figure(result), "motor": motor_figure(result)}
+        figures["contributions"] = contributions_figure(result.expectation, result.recommended.style)
         if result.sheets:
             figures["pretension"] = pretension_figure(result)
         return figures
@@ -27,9 +29,10 @@ def joint_figure(result: JointDesignData) -> Figure:
     rows = thinned(len(time))
     scale, unit = (180 / np.pi, "deg") if result.is_angle else (1.0, "N m")
     top, bottom = axes[:, 0]
-    for name, profile in result.profiles.items():
-        top.plot(time[rows], scale * profile.reached[rows], color=_COLOURS[name], label=LABELS[name])
-        bottom.plot(time[rows], scale * profile.error[rows], color=_COLOURS[name])
+    for each in result.compensators:
+        profile, style = result.profiles[each.name], asdict(each.style)
+        top.plot(time[rows], scale * profile.reached[rows], label=each.label, **style)
+        bottom.plot(time[rows], scale * profile.error[rows], **style)
     top.plot(time[rows], scale * wanted[rows], color=INK, linewidth=0.8, linestyle="--", label="reference")
     top.set(ylabel=f"{'joint angle' if result.is_angle else 'torque of the joint'} [{unit}]")
     bottom.set(xlabel="time [s]", ylabel=f"error [{unit}]")
@@ -57,15 +60,15 @@ def motor_figure(result: JointDesignData) -> Figure:
     rows, names = thinned(len(time)), motor_names(result)
     top, bottom = axes[:, 0]
     base = result.profiles["linear"].motor_rad
-    for name in ("static", "inverse"):
-        profile = result.profiles[name]
+    for each in (c for c in result.compensators if c.name in ("static", "inverse")):
+        profile = result.profiles[each.name]
         for k, motor in enumerate(names):
-            label = LABELS[name] + (f", {motor}" if len(names) > 1 else "")
+            label = each.label + (f", {motor}" if len(names) > 1 else "")
             style = ("-", "--")[k % 2]
-            top.plot(time[rows], (profile.motor_rad - base)[rows, k], style, color=_COLOURS[name], label=label)
+            top.plot(time[rows], (profile.motor_rad - base)[rows, k], style, color=each.style.color, label=label)
     for k, motor in enumerate(names):
         torque = result.profiles["inverse"].torque_N_m[rows, k]
-        bottom.plot(time[rows], torque, ("-", "--")[k % 2], color=_COLOURS["inverse"], label=motor)
+        bottom.plot(time[rows], torque, ("-", "--")[k % 2], color=BLUE, label=motor)
     top.set(ylabel="motor angle less ratio [rad]")
     bottom.set(xlabel="time [s]", ylabel="motor torque [N m]")
     legend_below(figure, top, columns=4)

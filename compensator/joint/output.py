@@ -10,6 +10,7 @@ from tendonff.compensator.files.writing import atomic_directory, write_csv
 from tendonff.compensator.joint.figures import joint_figures, motor_names
 from tendonff.compensator.joint.report import joint_report
 from tendonff.compensator.joint.result import JointDesignData
+from tendonff.compensator.reporting.expected import expectation_summary
 from tendonff.compensator.reporting.page import summary_head, write_pages
 
 
@@ -72,15 +73,13 @@ def summary(result: JointDesignData) -> dict[str, object]:
             }
             for name, profile in result.profiles.items()
         },
-        "recommended": result.best.name,
+        "recommended": result.recommended.name,
+        "expectation": expectation_summary(result.expectation, result.masses),
         "inverse": {
             "status": result.inversion.status.value,
             "evaluations_per_step": result.inversion.evaluations / max(len(result.sampled.time_s) - 1, 1),
             "lowest_tension_N": float(np.min(result.inversion.lowest_N)),
         },
-        "contributions": [
-            {"key": c.key, "relative_half_width": c.spread, f"rmse_{unit}": c.rms} for c in result.contributions
-        ],
         "warnings": list(result.warnings),
     }
     if result.sheet is not None:

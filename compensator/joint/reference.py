@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray, InputError, read_csv
-from tendonff.compensator.scenario.reference import Shape, along_waypoints, require_waypoints
+from tendonff.compensator.scenario.reference import Shape, along_sines, along_waypoints, require_waypoints
+from tendonff.compensator.scenario.unit import NEWTON_METRE, RADIAN, Unit
 from tendonff.models.errors import ParameterError, require
 
 
@@ -27,7 +28,7 @@ class JointQuantity(StrEnum):
     TORQUE = "joint_torque"
 
 
-_UNIT = {JointQuantity.ANGLE: "rad", JointQuantity.TORQUE: "N_m"}
+_UNIT = {JointQuantity.ANGLE: RADIAN, JointQuantity.TORQUE: NEWTON_METRE}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,13 +37,18 @@ class _Wish:
     periodic: bool = False
 
     @property
+    def shown(self) -> Unit:
+        """Unit of the wanted quantity, as figures and tables have it."""
+        return _UNIT[self.quantity]
+
+    @property
     def unit(self) -> str:
         """Unit of the wanted quantity, as names of keys and columns have it."""
-        return _UNIT[self.quantity]
+        return self.shown.key
 
     def _one_of(self, stem: str) -> tuple[float, ...]:
         """The series of the wanted quantity; that of the other one is refused."""
-        other = next(unit for unit in _UNIT.values() if unit != self.unit)
+        other = next(unit.key for unit in _UNIT.values() if unit.key != self.unit)
         names = {"rad": f"{stem}_rad" if stem == "amplitudes" else "angles_rad"}
         names["N_m"] = f"{stem}_N_m" if stem == "amplitudes" else "torques_N_m"
         values: tuple[float, ...] | None = getattr(self, names[self.unit])
@@ -104,12 +110,7 @@ class JointSine(_Wish):
         """Values at instants, shape (rows,)."""
         amplitudes = self._one_of("amplitudes")
         offset = self.offset_rad if self.quantity is JointQuantity.ANGLE else self.offset_N_m
-        waves = np.zeros_like(time_s)
-        for amplitude, frequency in zip(amplitudes, self.frequencies_Hz, strict=True):
-            waves += amplitude * np.sin(2 * np.pi * frequency * time_s)
-        if self.fade_in_s > 0:
-            waves *= along_waypoints((0.0, self.fade_in_s), (0.0, 1.0), Shape.SMOOTH, time_s)
-        return offset + waves
+        return offset + along_sines(amplitudes, self.frequencies_Hz, self.fade_in_s, time_s, Shape.SMOOTH)
 
     def length_s(self, folder: Path) -> float:  # noqa: ARG002
         """Length of the reference [s]."""

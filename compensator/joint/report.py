@@ -5,13 +5,24 @@ from collections.abc import Mapping
 
 from matplotlib.figure import Figure
 
-from tendonff.compensator.joint.result import LABELS, JointDesignData
-from tendonff.compensator.reporting.page import FileNote, Provenance, Report, Section, Table, pictures_of
+from tendonff.compensator.joint.result import JointDesignData
+from tendonff.compensator.reporting.expected import robustness_table
+from tendonff.compensator.reporting.page import (
+    Block,
+    FileNote,
+    Report,
+    Section,
+    Table,
+    Text,
+    pictures_of,
+    provenance_of,
+)
 
 _CAPTIONS = {
     "joint": "Reached and wanted, and the errors, on the verifying mechanism.",
     "tension": "Tensions at the joint under the exact inverse.",
     "motor": "What the motor turns beyond the ratio alone, and the torque that it gives.",
+    "contributions": "RMS error of the recommended profile with one parameter at the worse end of its interval.",
     "pretension": "Left: lost motion over friction of the drive as the pre-tension rises. Right: the torque from which "
     "a tendon goes slack; the dotted line is the largest of the reference. The dot is this scenario.",
 }
@@ -25,19 +36,16 @@ def joint_report(result: JointDesignData, figures: Mapping[str, Figure]) -> Repo
         caption=f"Error on the verifying mechanism, {result.masses} masses a tendon and step/{result.refinement}",
         columns=("compensator", f"RMS [{unit}]", "RMS [% of range]", f"peak [{unit}]"),
         rows=[
-            (LABELS[name], scale * p.rms, result.percent(p.rms), scale * p.peak) for name, p in result.profiles.items()
+            (c.label, scale * p.rms, result.percent(p.rms), scale * p.peak)
+            for c in result.compensators
+            for p in (result.profiles[c.name],)
         ],
-    )
-    spread = Table(
-        caption="Error of the exact inverse with one parameter off, the worse way",
-        columns=("key", "off by [%]", f"RMS [{unit}]", "RMS [% of range]"),
-        rows=[(c.key, 100 * c.spread, scale * c.rms, result.percent(c.rms)) for c in result.contributions],
     )
     pictures = pictures_of(figures, _CAPTIONS)
     first = "Joint angle" if result.is_angle else "Torque of the joint"
     sections = [
         Section(title=first, blocks=(pictures["joint"], errors)),
-        *([Section(title="Robustness to parameter uncertainty", blocks=(spread,))] if result.contributions else []),
+        Section(title="Robustness to parameter uncertainty", blocks=(*_robustness(result), pictures["contributions"])),
         *(
             [Section(title="Data sheet of the loop", blocks=(_sheet(result), pictures["pretension"]))]
             if result.sheet
@@ -52,15 +60,30 @@ def joint_report(result: JointDesignData, figures: Mapping[str, Figure]) -> Repo
         summary=result.headline,
         warnings=result.warnings,
         sections=tuple(sections),
-        provenance=Provenance(
-            scenario=scenario,
-            command=f"tendonff design {scenario.source.name} --out DIR",
-            inputs=tuple(path for path in scenario.inputs if path != scenario.reference_file()),
-        ),
+        provenance=provenance_of(scenario, "design"),
         files=(
-            FileNote(name="profile.csv", content="what the motors are told, tensions and torque, row by row"),
+            FileNote(name="profile.csv", content="motor commands, tensions and torque of every sample"),
             FileNote(name="summary.json", content="errors and data sheet for other programs"),
         ),
+    )
+
+
+def _robustness(result: JointDesignData) -> tuple[Block, ...]:
+    """Errors over what is uncertain, and what the robust profile is made for."""
+    found, middle = result.expectation, result.middle
+    table = robustness_table(found, {c.name: c.label for c in result.compensators}, result.masses)
+    if middle is None:
+        note = f"For {found.doubt}."
+        if found.doubt.is_assumed:
+            note += " State what is uncertain in [robust.spread], the stiffness too: then a further profile is designed"
+            note += " for the middle of the compliances."
+        return table, Text(note)
+    stiffness = ", ".join(f"{t.name} {t.tendon.stiffness_N_per_m:.4g} N/m" for t in middle.tendons)
+    return table, Text(
+        f"For {found.doubt}. Lost motion is proportional to the compliance of the tendons, so a design for the middle "
+        f"of the compliances has the least error at the worse end, and more than the others where the stiffness is "
+        f"right. It assumes {stiffness}: to use it on a controller, write these values into the scenario that is "
+        "exported."
     )
 
 

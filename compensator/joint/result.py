@@ -5,15 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tendonff.compensator.compensators.expectation import Expectation
 from tendonff.compensator.files.reading import FloatArray
+from tendonff.compensator.joint.compensators import JointCompensator
 from tendonff.compensator.joint.reference import JointQuantity
 from tendonff.compensator.joint.scenario import JointScenario, SampledJoint
 from tendonff.models.joint.closed_form import DataSheet
-from tendonff.models.joint.parameters import DriveKind
+from tendonff.models.joint.parameters import DriveKind, Mechanism
 from tendonff.ocp.joint.invert import JointInversion
-
-LABELS = {"linear": "ratio alone", "static": "quasi-static law", "inverse": "exact inverse"}
-"""Compensators of a joint by name, in the order of a report."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -53,25 +52,6 @@ class JointProfile:
         return float(np.abs(self.error).max())
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Contribution:
-    """Error of the exact inverse with one parameter off.
-
-    Attributes
-    ----------
-    key : str
-        Dotted key of the scenario.
-    spread : float
-        Relative half-width.
-    rms : float
-        RMS error, the worse of both ends [rad or N m].
-    """
-
-    key: str
-    spread: float
-    rms: float
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class JointDesignData:
     """A design of a joint.
@@ -80,7 +60,10 @@ class JointDesignData:
     ----------
     scenario : JointScenario
     sampled : SampledJoint
+    compensators : tuple of JointCompensator
+        In the order in which they are shown.
     profiles : dict of str to JointProfile
+        By name of the compensator.
     inversion : JointInversion
         The exact inverse before the drive.
     homing_rad : ndarray, shape (rows, motors)
@@ -89,8 +72,10 @@ class JointDesignData:
         Closed forms of a loop.
     sheets : tuple of (float, DataSheet)
         Of a loop: the same over pre-tensions.
-    contributions : tuple of Contribution
-        Largest first.
+    expectation : Expectation
+        What to expect on a rig, and the profile that does best there.
+    middle : Mechanism or None
+        What the robust profile is designed for; None where there is none.
     masses, refinement : int
         Of the verifying mechanism: masses a tendon, and its steps in one of the design.
     warnings : tuple of str
@@ -98,12 +83,14 @@ class JointDesignData:
 
     scenario: JointScenario
     sampled: SampledJoint
+    compensators: tuple[JointCompensator, ...]
     profiles: dict[str, JointProfile]
     inversion: JointInversion
     homing_rad: FloatArray
     sheet: DataSheet | None
     sheets: tuple[tuple[float, DataSheet], ...]
-    contributions: tuple[Contribution, ...]
+    expectation: Expectation
+    middle: Mechanism | None
     masses: int
     refinement: int
     warnings: tuple[str, ...]
@@ -128,21 +115,21 @@ class JointDesignData:
         return f"{shown} ({self.percent(value):.2g} % of range)"
 
     @property
-    def best(self) -> JointProfile:
-        """The profile with the least RMS error."""
-        return min(self.profiles.values(), key=lambda profile: profile.rms)
+    def recommended(self) -> JointCompensator:
+        """The compensator whose worst error over the uncertainty is least."""
+        return next(c for c in self.compensators if c.name == self.expectation.recommended)
 
     @property
     def headline(self) -> str:
-        """The answer in two sentences."""
-        best = self.best
+        """The answer in a few sentences."""
+        best = self.profiles[self.recommended.name]
         whole = f"{math.degrees(self.sampled.range):.3g} deg" if self.is_angle else f"{self.sampled.range:.3g} N m"
         said = (
             f"By the ratio alone the RMS error is {self.text(self.profiles['linear'].rms)}, the range being {whole}. "
         )
-        said += f"Best profile: {LABELS[best.name]}, RMS error {self.text(best.rms)} (same parameters, {self.masses} "
+        said += (
+            f"Best profile: {self.recommended.label}, RMS error {self.text(best.rms)} (same parameters, {self.masses} "
+        )
         said += f"masses a tendon, step/{self.refinement})."
-        if self.contributions:
-            first = self.contributions[0]
-            said += f" {first.key} off by {100 * first.spread:.0f} % makes that {self.text(first.rms)}."
-        return said
+        export = f"tendonff export-c {self.scenario.source.name} --out c"
+        return f"{said} {self.expectation.headline(self.recommended.label, export)}"

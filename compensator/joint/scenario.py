@@ -16,7 +16,7 @@ from tendonff.compensator.joint.reference import KINDS, JointQuantity, JointRefe
 from tendonff.compensator.scenario.joints import Joint, read_joints
 from tendonff.compensator.scenario.reference import Shape, along_waypoints
 from tendonff.compensator.scenario.sampled.joint_motion import joint_angles
-from tendonff.compensator.scenario.scenario import SCHEMA, path_keys
+from tendonff.compensator.scenario.scenario import SCHEMA, path_keys, spread_keys, with_spread
 from tendonff.compensator.scenario.settings import Run
 from tendonff.compensator.scenario.tables import ROPE_KEYS, check_names, expand, read_kind, read_table, show
 from tendonff.models.errors import ParameterError
@@ -75,6 +75,11 @@ class JointScenario:
         """The file of a CSV reference, resolved; None for the other kinds."""
         name = getattr(self.reference, "file", None)
         return None if name is None else self.source.parent / name
+
+    def reference_start_rad(self) -> float:
+        """Angle of the joint at which the reference starts."""
+        wish = self.reference if self.motion is None else self.motion
+        return float(wish.sample(np.zeros(1), self.source.parent)[0])
 
     def to_toml(self) -> str:
         """The text of the file."""
@@ -167,6 +172,8 @@ def parse_joint_scenario(text: str, source: str | os.PathLike[str] = "scenario.t
                 f'{file}: the joint "{section.joint}" is named but not given; add [joints.{section.joint}]'
             )
     reference, motion = _reference(raw.get("reference"), file)
+    spread, robust = spread_keys(raw.get("robust", {}), file)
+    stated = read_table(Uncertainty, robust, file=file, table="robust")
     scenario = JointScenario(
         name=name,
         mechanism=mechanism,
@@ -174,7 +181,7 @@ def parse_joint_scenario(text: str, source: str | os.PathLike[str] = "scenario.t
         reference=reference,
         motion=motion,
         run=read_table(Run, raw.get("run", {}), file=file, table="run"),
-        robust=read_table(Uncertainty, raw.get("robust", {}), file=file, table="robust"),
+        robust=with_spread(stated, spread, mechanism, file),
         source=source,
         text=text,
     )

@@ -8,7 +8,7 @@ import numpy as np
 from tendonff.compensator.files.reading import FloatArray, InputError, read_csv
 from tendonff.compensator.files.tables import table_dialect
 from tendonff.compensator.files.writing import write_csv
-from tendonff.compensator.joint.design import driven
+from tendonff.compensator.joint.drive import driven
 from tendonff.compensator.joint.scenario import JointScenario, sample_joint
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level

@@ -14,7 +14,15 @@ GREY = "#7F7F7F"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Style:
-    """Drawing style of a compensator."""
+    """Drawing style of a compensator.
+
+    Attributes
+    ----------
+    color : str
+        Colour as Matplotlib names it.
+    linestyle : str
+        "-", "--", "-." or ":".
+    """
 
     color: str
-    linestyle: str  # "-", "--", "-." or ":"
+    linestyle: str

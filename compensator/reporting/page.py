@@ -179,11 +179,13 @@ def pictures_of(figures: Mapping[str, Figure], captions: Mapping[str, str]) -> d
     return {name: Picture(figure=figure, caption=captions[name]) for name, figure in figures.items()}
 
 
-def provenance_of(scenario: Scenario, command: str, options: str = "") -> Provenance:
+def provenance_of(scenario: Scenario | JointScenario, command: str, options: str = "") -> Provenance:
     """Provenance of a command that was given a scenario and a folder."""
-    return Provenance(
-        scenario=scenario, command=f"tendonff {command} {scenario.source.name} --out DIR {options}".strip()
-    )
+    inputs: tuple[Path, ...] = ()
+    if isinstance(scenario, JointScenario):  # its tables of lengths, and motions from files
+        inputs = tuple(path for path in scenario.inputs if path != scenario.reference_file())
+    written = f"tendonff {command} {scenario.source.name} --out DIR {options}".strip()
+    return Provenance(scenario=scenario, command=written, inputs=inputs)
 
 
 def _text_of(scenario: Scenario | JointScenario) -> str:

@@ -21,7 +21,7 @@ class Shape(StrEnum):
 
 
 def _require_tension(name: str, value: float) -> None:
-    require(name, value, least=0, hint="a tendon cannot push, so the wanted tension cannot lie below 0")
+    require(name, value, least=0, hint="a tendon cannot push, so the reference cannot lie below 0")
 
 
 def require_waypoints(times_s: tuple[float, ...], name: str, values: tuple[float, ...]) -> None:
@@ -100,7 +100,7 @@ class Request:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SineReference(Request):
-    """T_ref(t) = T0 + min(t/fade_in_s, 1) sum_i amplitudes_N[i] sin(2 pi frequencies_Hz[i] t).
+    """T_ref(t) = T0 + fade(t) sum_i amplitudes_N[i] sin(2 pi frequencies_Hz[i] t).
 
     Parameters
     ----------
@@ -114,12 +114,15 @@ class SineReference(Request):
         Length of the reference [s], > 0.
     fade_in_s : float
         Time in which the oscillation grows to its full amplitude [s], >= 0.
+    fade : Shape, optional
+        Course of that growth: linear, min(t/fade_in_s, 1), or smooth, whose rate has no jump.
     """
 
     initial_tension_N: float
     frequencies_Hz: tuple[float, ...]
     duration_s: float
     fade_in_s: float
+    fade: Shape = Shape.LINEAR
     amplitudes_N: tuple[float, ...] | None = None
     amplitudes_m: tuple[float, ...] | None = None
 
@@ -233,13 +236,17 @@ ReferenceSpec = SineReference | WaypointReference | CsvReference
 
 
 def along_sines(
-    amplitudes: Sequence[float], frequencies_Hz: Sequence[float], fade_in_s: float, time_s: FloatArray
+    amplitudes: Sequence[float],
+    frequencies_Hz: Sequence[float],
+    fade_in_s: float,
+    time_s: FloatArray,
+    fade: Shape = Shape.LINEAR,
 ) -> FloatArray:
-    """min(t/fade_in_s, 1) sum_i a_i sin(2 pi f_i t), in the unit of the amplitudes."""
+    """fade(t) sum_i a_i sin(2 pi f_i t), in the unit of the amplitudes; the fade rises from 0 to 1 in `fade_in_s`."""
     waves = np.zeros_like(time_s)
     for amplitude, frequency in zip(amplitudes, frequencies_Hz, strict=True):
         waves += amplitude * np.sin(2 * np.pi * frequency * time_s)
-    return waves * np.minimum(time_s / fade_in_s, 1.0) if fade_in_s > 0 else waves
+    return waves * along_waypoints((0.0, fade_in_s), (0.0, 1.0), fade, time_s) if fade_in_s > 0 else waves
 
 
 def along_waypoints(

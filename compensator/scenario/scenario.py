@@ -147,7 +147,7 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
     if {"tendons", "drive"} & raw.keys():
         raise InputError(
             f"{file} describes a driven joint between tendons, this command works on the tension of one; "
-            '"tendonff design", "tendonff simulate" and "tendonff export-c" take it'
+            '"tendonff design", simulate, compare, sweep, explore and export-c take it'
         )
     _check_names(raw, file)
     _check_removed(raw.get("optimal"), file)
@@ -156,7 +156,7 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
         raise InputError(f'{file}: name must be text in quotes ("..."), got {show(name)}')
     sections, path = path_keys(raw.get("path", {}), file)
     raw_tendon = raw.get("tendon")
-    spread, robust = _spread_keys(raw.get("robust", {}), file)
+    spread, robust = spread_keys(raw.get("robust", {}), file)
     expanded = {"path": path, "load": _load_keys(raw.get("load", {}), file), "robust": robust}
     raw = _complete({**raw, **{key: value for key, value in expanded.items() if key in raw}}, file)
 
@@ -175,7 +175,7 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
             section.check_coefficients(transmission.friction.mu_dynamic, transmission.friction.release_dynamic)
     except ParameterError as error:
         raise InputError(f"{file}: {error}") from None
-    optional["robust"] = _with_spread(optional["robust"], spread, transmission, file)  # type: ignore[arg-type]
+    optional["robust"] = with_spread(optional["robust"], spread, transmission, file)  # type: ignore[arg-type]
     _check_length(raw_tendon, sections, file)
     joints = read_joints(raw.get("joints", {}), file)
     for joint in (*(section.joint for section in sections), transmission.load.joint):
@@ -239,7 +239,7 @@ def path_keys(raw: object, file: str) -> tuple[tuple[Section, ...], object]:
     return sections, {**others, "total_angle_rad": math.fsum(section.angle_rad for section in sections)}
 
 
-def _spread_keys(raw: object, file: str) -> tuple[tuple[Spread, ...], object]:
+def spread_keys(raw: object, file: str) -> tuple[tuple[Spread, ...], object]:
     """The intervals of [robust.spread], and the other keys of [robust]."""
     if not isinstance(raw, Mapping) or "spread" not in raw:
         return (), raw
@@ -268,18 +268,18 @@ def _spread_keys(raw: object, file: str) -> tuple[tuple[Spread, ...], object]:
     return tuple(found), {key: value for key, value in raw.items() if key != "spread"}
 
 
-def _with_spread(robust: Uncertainty, spread: tuple[Spread, ...], transmission: Transmission, file: str) -> Uncertainty:
+def with_spread(robust: Uncertainty, spread: tuple[Spread, ...], system: object, file: str) -> Uncertainty:
     """[robust] with its intervals, each tried at both ends; InputError where one has no meaning."""
-    known = keys_of(transmission)
+    known = keys_of(system)
     for key in (key for one in spread for key in one.keys):
         if key not in known:
             raise InputError(f'{file} [robust.spread]: unknown key "{key}"{suggestion(key, known)}')
     try:
         robust = replace(robust, spread=spread)
         for one in robust.spreads:
-            one.check(transmission)
+            one.check(system)
             for place in (-1.0, 1.0):
-                with_numbers(transmission, one.values(transmission, place))
+                with_numbers(system, one.values(system, place))
     except ParameterError as error:
         raise InputError(f"{file} [robust.spread]: {error}") from None
     return robust
@@ -387,7 +387,7 @@ def scenario_to_toml(scenario: Scenario, *, folder: str | os.PathLike[str] | Non
     reference = scenario.reference
     kind = next(kind for kind, cls in _KINDS.items() if isinstance(reference, cls))
     if isinstance(reference, CsvReference) and folder is not None:
-        reference = replace(reference, file=_relative(scenario.source.parent / reference.file, folder))
+        reference = replace(reference, file=relative_to_folder(scenario.source.parent / reference.file, folder))
     transmission = scenario.transmission
     tables: dict[str, object] = {key: getattr(transmission, key) for key in _TABLES if key != "run"}
     tables["reference"] = reference
@@ -429,7 +429,8 @@ def _spread_toml(spread: tuple[Spread, ...]) -> str:
     return "\n[robust.spread]\n" + "".join(rows) if rows else ""
 
 
-def _relative(file: Path, folder: str | os.PathLike[str]) -> str:
+def relative_to_folder(file: Path, folder: str | os.PathLike[str]) -> str:
+    """Name of a file by which it is found from a folder."""
     try:
         return Path(os.path.relpath(file, folder)).as_posix()
     except ValueError:  # another drive

@@ -80,7 +80,8 @@ class Adaptation:
         Age of a measurement when it arrives, in steps, 0 to 63. Default 0.
     parameters : tuple of Tunable, optional
         What is tuned, one or two: "mu", "mu_pull", "mu_release", "load_stiffness", "tendon_stiffness". Default mu_pull
-        and mu_release.
+        and mu_release from the output tension; mu from the position, from which the directions are separately
+        identifiable only where load stiffness and start tension are known.
     range : tuple of float, optional
         Bounds of each estimate relative to the scenario's value [-]. Default 0.5 to 2.
     integral_gain_per_s : float, optional
@@ -91,13 +92,17 @@ class Adaptation:
     sensor: Sensor
     noise: float = 0.0
     delay_samples: int = 0
-    parameters: tuple[Tunable, ...] = (Tunable.MU_PULL, Tunable.MU_RELEASE)
+    parameters: tuple[Tunable, ...] = ()
     range: tuple[float, ...] = (0.5, 2.0)
     integral_gain_per_s: float | None = None
 
     def __post_init__(self) -> None:
         require("noise", self.noise, least=0, hint="the standard deviation of the sensor in N or m")
         require_whole("delay_samples", self.delay_samples, least=0, most=MAX_DELAY - 1, hint="the delay over step_s")
+        if not self.parameters:
+            pair = (Tunable.MU_PULL, Tunable.MU_RELEASE)
+            default = (Tunable.MU,) if self.sensor is Sensor.ACTUATOR_POSITION else pair
+            object.__setattr__(self, "parameters", default)
         check_parameters(self.parameters)
         if len(self.range) != 2 or not 0 < self.range[0] < 1 < self.range[1] <= 10:
             raise ParameterError(

@@ -40,7 +40,7 @@ def table_report(result: TablesData, picture: Path) -> Report:
         caption="The scenario's own table as a compensator, within the actuator's limits",
         columns=("plant", "RMS error [% of range]", "RMS error [N]", "largest error [N]"),
         rows=[
-            (level.value, score.rmse_percent_of_range, score.rmse_N, score.peak_error_N)
+            (level.value, score.rmse_percent_of_range, score.rmse, score.peak_error)
             for level, score in result.scores.items()
         ],
     )

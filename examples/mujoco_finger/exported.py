@@ -1,9 +1,10 @@
-"""The exported C inverse as a library of this machine: what a controller would run."""
+"""The exported C inverse and plant as libraries of this machine: what a controller and a test bench would run."""
 
 import ctypes
 import tempfile
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +17,40 @@ from tendonff.models.parameters import Transmission
 from tendonff.ocp.codegen.compiler import find_compiler, run_compiler
 from tendonff.ocp.errors import CodeError
 
-_DRIVER = """
+Array = NDArray[np.float64]
+
+_INVERSE = """
 #include "tff_inverse.h"
 static tff_inverse self;
 void start(double tension) { tff_inverse_init(&self, tension); }
 double step(double reference, const double *joint_rad) { return tff_inverse_step(&self, reference, joint_rad); }
+"""
+# The plant gives the output tension; each joint needs that of its own link, which the laws printed into the file give.
+_PLANT = """
+#include "tff_plant.c"
+static tff_plant self;
+static tff_chain_work work;
+static const tff_chain_weights instant = { .link_start_2 = 1.0 }; /* a step of no length */
+void start(double tension, const double *joint_rad)
+{
+    tff_plant_init(&self, tension);
+    tff_plant_step(&self, tension, joint_rad);
+}
+unsigned step(double force, const double *joint_rad, double *tension)
+{
+    const tff_chain_place place = { &self.path, self.contact };
+    int i;
+    tff_plant_step(&self, force, joint_rad);
+    tff_chain_spread(&place, &work);
+    tff_chain_link_starts(&instant, TFF_PLANT_COUNT, work.ratio, self.x, work.start, work.gain);
+    tff_chain_tensions(&instant, TFF_PLANT_COUNT, work.gain, work.drift, self.x, &work);
+    for (i = 0; i <= TFF_PLANT_COUNT; i++) {
+        tension[i] = work.force[i];
+    }
+    return self.status & TFF_FAILED;
+}
+double output(void) { return self.tension; }
+double actuator(void) { return tff_plant_actuator_position(&self); }
 """
 
 
@@ -40,29 +70,81 @@ def scenario_of(rig: Transmission, start_N: float, step_s: float) -> Scenario:
     )
 
 
+def _compiled(driver: str, modules: tuple[str, ...], rig: Transmission, start_N: float, step_s: float) -> ctypes.CDLL:
+    """The exported folder's modules behind a driver, as a library; what the driver includes is not repeated."""
+    compiler = find_compiler()
+    if compiler is None:
+        raise CodeError("no C compiler found: the exported code cannot run here")
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as scratch:
+        folder = Path(scratch)
+        export_project(scenario_of(rig, start_N, step_s), profile_N=np.full(2, start_N)).write(folder)
+        (folder / "driver.c").write_text(driver, encoding="utf-8")
+        sources = ["driver.c", *(f"tff_{name}.c" for name in ("parameters", "limits", "path", *modules))]
+        flags = ["-std=c99", "-O2", "-shared", "-fPIC", "-ffp-contract=off", "-o", "code.so", *sources, "-lm"]
+        if complaint := run_compiler(compiler, flags, folder):
+            raise CodeError(f"the exported sources: {complaint}")
+        return ctypes.CDLL(str(folder / "code.so"))
+
+
+def _pointer(values: Array) -> Any:
+    return values.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+
+
 class ExportedInverse:
     """`tff_inverse` in motion, from rest under a tension."""
 
     def __init__(self, rig: Transmission, start_N: float, step_s: float) -> None:
-        compiler = find_compiler()
-        if compiler is None:
-            raise CodeError("no C compiler found: the exported inverse cannot run here")
-        with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as scratch:
-            folder = Path(scratch)
-            export_project(scenario_of(rig, start_N, step_s), profile_N=np.full(2, start_N)).write(folder)
-            (folder / "driver.c").write_text(_DRIVER, encoding="utf-8")
-            sources = ["driver.c", *(f"tff_{name}.c" for name in ("parameters", "limits", "path", "inverse"))]
-            flags = ["-std=c99", "-O2", "-shared", "-fPIC", "-ffp-contract=off", "-o", "code.so", *sources, "-lm"]
-            if complaint := run_compiler(compiler, flags, folder):
-                raise CodeError(f"the exported sources: {complaint}")
-            self._code = ctypes.CDLL(str(folder / "code.so"))
+        self._code = _compiled(_INVERSE, ("inverse",), rig, start_N, step_s)
         self._code.step.restype = ctypes.c_double
         self._code.start.argtypes = [ctypes.c_double]
         self._code.step.argtypes = [ctypes.c_double, ctypes.POINTER(ctypes.c_double)]
         self._code.start(start_N)
 
-    def step(self, reference_N: float, joint_rad: NDArray[np.float64]) -> float:
+    def step(self, reference_N: float, joint_rad: Array) -> float:
         """Force at the end of a sample, for the tension and the joint angles there."""
-        angles = np.ascontiguousarray(joint_rad, dtype=np.float64)
-        pointer = angles.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
-        return float(self._code.step(reference_N, pointer))
+        return float(self._code.step(reference_N, _pointer(np.ascontiguousarray(joint_rad, dtype=np.float64))))
+
+
+class ExportedPlant:
+    """`tff_plant` in motion: force and joint angles in, the tension of each link out.
+
+    Attributes
+    ----------
+    tension_N : ndarray, shape (links,)
+        Tension of each link from the actuator on.
+    held : int
+        Samples in which its bounded work found no balance: it held its tension, as the exported code says.
+    """
+
+    def __init__(self, rig: Transmission, start_N: float, step_s: float) -> None:
+        self._code = _compiled(_PLANT, (), rig, start_N, step_s)
+        real, array = ctypes.c_double, ctypes.POINTER(ctypes.c_double)
+        self._code.start.argtypes = [real, array]
+        self._code.step.argtypes = [real, array, array]
+        self._code.step.restype = ctypes.c_uint
+        self._code.output.restype = self._code.actuator.restype = real
+        self.held = 0
+        self._start_N, self.tension_N = start_N, np.full(rig.path.segments + 1, start_N)
+
+    def start(self, joint_rad: Array) -> None:
+        """At rest, where the joints stand."""
+        self._code.start(self._start_N, _pointer(np.ascontiguousarray(joint_rad, dtype=np.float64)))
+        self.tension_N = np.full_like(self.tension_N, self._start_N)
+
+    def step(self, force_N: float, joint_rad: Array) -> None:
+        """To the end of a sample, where force and joint angles are these."""
+        found = np.empty_like(self.tension_N)
+        if self._code.step(force_N, _pointer(np.ascontiguousarray(joint_rad, dtype=np.float64)), _pointer(found)):
+            self.held += 1
+        else:
+            self.tension_N = found
+
+    @property
+    def output_N(self) -> float:
+        """Output tension as the plant itself gives it."""
+        return float(self._code.output())
+
+    @property
+    def actuator_m(self) -> float:
+        """Position of the actuator, positive away from the tendon."""
+        return float(self._code.actuator())

@@ -1,7 +1,7 @@
 """A tendon of tendonff as a passive force of a MuJoCo model: no loop of one's own, `mj_step` does all.
 
-The chain is stepped in MuJoCo's callback for passive forces, to the time and the joint angles there, and each joint is
-pulled by the tension behind its own pulley: with friction on the way that is another one at every joint.
+The exported plant is stepped in MuJoCo's callback for passive forces, to the time and the joint angles there, and each
+joint is pulled by the tension behind its own pulley: with friction on the way that is another one at every joint.
 """
 
 from collections.abc import Callable
@@ -12,11 +12,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from examples.mujoco_finger.exported import ExportedPlant
 from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
-from tendonff.models.layout import ChainInputs
 from tendonff.models.parameters import Transmission
-from tendonff.ocp.simulate import Simulator
 
 Array = NDArray[np.float64]
 
@@ -33,7 +32,7 @@ def tendon_jacobian(model: mujoco.MjModel, data: mujoco.MjData, tendon: int) -> 
 
 
 class PassiveTendon:
-    """A chain that MuJoCo steps; `with PassiveTendon(...)` installs it, and takes it off again.
+    """An exported plant that MuJoCo steps; `with PassiveTendon(...)` installs it, and takes it off again.
 
     Parameters
     ----------
@@ -42,13 +41,11 @@ class PassiveTendon:
     data : mujoco.MjData
         Where the joints stand at the start.
     rig : Transmission
-        With a motion of the joints at MuJoCo's time step, as long as the run: it is overwritten as the joints move.
+        With the joints' names in its motion; its path has as many masses as the plant.
     start_N : float
         Uniform tension of the start.
     force_N : callable
         Actuator's force [N] at a time [s].
-    masses : int
-        Number of masses of the chain.
     """
 
     def __init__(
@@ -59,42 +56,35 @@ class PassiveTendon:
         *,
         start_N: float,
         force_N: Callable[[float], float],
-        masses: int,
     ) -> None:
-        motion = rig.motion
-        assert motion is not None  # noqa: S101 - for type checkers; Chain.of says it to users
-        plant = Chain.of(rig, Level.PRESLIDING, masses)
-        section_of = plant.elements.path.section_of
+        section_of = Chain.of(rig, Level.PRESLIDING).elements.path.section_of
         parts = [section.name for section in rig.path.parts]
         # the link behind the last mass on a joint's pulley pulls at the bone behind the joint
-        self._pulls = [int(np.flatnonzero(section_of == parts.index(name)).max()) + 1 for name in motion.names]
-        self._address = [int(model.joint(name).qposadr[0]) for name in motion.names]
-        self._dofs = [int(model.joint(name).dofadr[0]) for name in motion.names]
-        self._angles, self._row = motion.angle_rad, 0
+        self._pulls = [int(np.flatnonzero(section_of == parts.index(name)).max()) + 1 for name in rig.joints]
+        self._address = [int(model.joint(name).qposadr[0]) for name in rig.joints]
+        self._dofs = [int(model.joint(name).dofadr[0]) for name in rig.joints]
         self._step = float(model.opt.timestep)
-        self._angles[:] = data.qpos[self._address]
+        self.plant = ExportedPlant(rig, start_N, self._step)
         self.force_N = force_N
-        self._tendon = Simulator(
-            plant, self._step, plant.rest_state(start_N), ChainInputs.of(1, near_force_N=force_N(0.0))
-        )
-        self._start = (self._tendon.checkpoint(), np.full(plant.count + 1, start_N), self._tendon.state.near_position_m)
-        self.tension_N, self.actuator_m = self._start[1:]
+        self.restart(data)
 
-    def restart(self) -> None:
-        """Go back to the start; the data must do so too, to where its joints then stood."""
-        memory, self.tension_N, self.actuator_m = self._start
-        self._tendon.restore(memory)
-        self._row, self._angles[:] = 0, self._angles[0]
+    def restart(self, data: mujoco.MjData) -> None:
+        """At rest under the tension of the start, where the joints of the data stand."""
+        self._row = 0
+        self.plant.start(data.qpos[self._address])
+
+    @property
+    def tension_N(self) -> Array:
+        """Tension of each link from the actuator on, shape (links,) [N]."""
+        return self.plant.tension_N
 
     def follow(self, data: mujoco.MjData) -> None:
-        """Step the chain to the time of the data, where the joints then stand."""
+        """Step the plant to the time of the data, where the joints then stand."""
         row = round(data.time / self._step)
         if row <= self._row:
             return
-        self._angles[row:] = data.qpos[self._address]
         self._row = row
-        rows = self._tendon.advance(ChainInputs.of(1, near_force_N=self.force_N(data.time)))
-        self.tension_N, self.actuator_m = rows.tension_N[-1], float(rows.ends_m[-1, 0])
+        self.plant.step(self.force_N(data.time), data.qpos[self._address])
 
     def torque_N_m(self, model: mujoco.MjModel, data: mujoco.MjData) -> Array:
         """Torques on the joints, shape (joints,)."""

@@ -1,7 +1,7 @@
 """A finger of MuJoCo's whose flexor is a tendonff plant, stepped together, and a controller beside it.
 
-MuJoCo moves the bones and knows the tendon's geometry; the tension in each part of the tendon comes from a chain of
-tendonff, which takes the joint angles. The controller runs the exported C inverse: fewer masses, a longer step.
+MuJoCo moves the bones and knows the tendon's geometry; the tension in each part of the tendon comes from the exported
+plant, which takes the joint angles. The controller runs the exported C inverse: fewer masses, a longer step.
 """
 
 import math
@@ -20,6 +20,7 @@ from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Actuator, Friction, Load, Tendon, Transmission
 from tendonff.models.parameters import Path as TendonPath
 from tendonff.models.path import JointMotion, Section
+from tendonff.ocp.errors import SolveError
 from tendonff.ocp.inverse import invert
 
 Array = NDArray[np.float64]
@@ -89,11 +90,11 @@ def sections() -> tuple[Section, ...]:
     )
 
 
-def transmission(motion: JointMotion) -> Transmission:
+def transmission(motion: JointMotion, masses: int = MODEL_MASSES) -> Transmission:
     """The flexor: a thin steel cable; the middle joint moves its far end."""
     parts = sections()
     return Transmission(
-        path=TendonPath(total_angle_rad=math.fsum(s.angle_rad for s in parts), segments=MODEL_MASSES, sections=parts),
+        path=TendonPath(total_angle_rad=math.fsum(s.angle_rad for s in parts), segments=masses, sections=parts),
         tendon=Tendon(
             mass_kg=0.001,
             stiffness_N_per_m=3e4,
@@ -176,24 +177,22 @@ def run(controller: Controller, duration_s: float = DURATION_S) -> Run:
     model = mujoco.MjModel.from_xml_path(str(MODEL))
     data = settled(model)
     rows = round(duration_s / STEP_S) + 1
-    fine = model.opt.timestep
-    substeps = round(STEP_S / fine)
-    # What the joints do becomes known as they do it: the tendon fills the array on the way.
-    true = np.tile(data.qpos, ((rows - 1) * substeps + 1, 1))
+    substeps = round(STEP_S / model.opt.timestep)
     time: Array = np.arange(rows, dtype=np.float64) * STEP_S
-    rig = transmission(JointMotion(names=JOINTS, time_s=np.arange(len(true)) * fine, angle_rad=true))
+    still = JointMotion(names=JOINTS, time_s=np.zeros(1), angle_rad=np.array([data.qpos]))
+    rig, plant = transmission(still), transmission(still, PLANT_MASSES)
     reference = wanted(time)
     at_rest = invert(Chain.of(rig, Level.PRESLIDING).at_rest(), reference, STEP_S).force_N
     inverse = ExportedInverse(rig, START_N, STEP_S) if controller is Controller.MEASURED else None
     if inverse is not None:
         inverse.step(START_N, data.qpos)  # where the joints stand
-    forces, tensions = np.full(rows, START_N), [START_N]
+    forces, tensions, joints = np.full(rows, START_N), [START_N], [data.qpos.copy()]
 
     def force_N(now: float) -> float:
         """Straight between the controller's samples, of which the coming one is known."""
         return float(np.interp(now, time, forces))
 
-    with PassiveTendon(model, data, rig, start_N=START_N, force_N=force_N, masses=PLANT_MASSES) as tendon:
+    with PassiveTendon(model, data, plant, start_N=START_N, force_N=force_N) as tendon:
         for k in range(1, rows):
             if inverse is None:
                 forces[k:] = (reference if controller is Controller.PLAIN else at_rest)[k]
@@ -204,10 +203,13 @@ def run(controller: Controller, duration_s: float = DURATION_S) -> Run:
                 mujoco.mj_step(model, data)
             tendon.follow(data)
             tensions.append(float(tendon.tension_N[-1]))
+            joints.append(data.qpos.copy())
+    if tendon.plant.held:
+        raise SolveError(f"the exported plant found no balance in {tendon.plant.held} samples")
     return Run(
         time_s=time,
         wanted_N=reference,
         force_N=forces,
         tension_N=np.array(tensions),
-        joint_rad=true[::substeps].copy(),
+        joint_rad=np.array(joints),
     )

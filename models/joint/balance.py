@@ -1,7 +1,7 @@
 """Balance of torques at a driven joint, stated once: simulation and inverse share it.
 
     sum of the tendons' torques = J dw/dt + b w + k (q - rest) + g sin(q - zero) + dry friction
-                                  + torque on what it touches
+                                  + k_stop (max(q - high, 0) - max(low - q, 0)) + torque on what it touches
 
 The power of a tendon's links is their force times their rate of elongation, and a joint's angle stands in the rate of
 every link whose path gets longer with it. So a tendon's torque is the sum over its links of force times what the joint
@@ -34,6 +34,8 @@ class JointLaw:
     ----------
     inertia_kg_m2, damping_N_m_s_per_rad, stiffness_N_m_per_rad, rest_rad, gravity_N_m, gravity_zero_rad, coulomb_N_m
         As in `DrivenJoint`.
+    stop_low_rad, stop_high_rad, stop_stiffness_N_m_per_rad
+        The same; far away where there is no stop.
     bristle_N_m_per_rad
         Stiffness of its dry friction before it slips [N m/rad].
     """
@@ -45,18 +47,24 @@ class JointLaw:
     gravity_N_m: ca.SX
     gravity_zero_rad: ca.SX
     coulomb_N_m: ca.SX
+    stop_low_rad: ca.SX
+    stop_high_rad: ca.SX
+    stop_stiffness_N_m_per_rad: ca.SX
     bristle_N_m_per_rad: ca.SX
 
     @classmethod
     def of(cls, joint: DrivenJoint, friction: Friction, level: Level, arm_m: float) -> "JointLaw":
         """Law of a joint; its dry friction has the bristles of a tendon, at that tendon's moment arm."""
         stiffness = bristle_stiffness_N_per_m(friction, level) * arm_m**2
-        return cls(**{k: v for k, v in fields_of(joint).items() if k != "name"}, bristle_N_m_per_rad=stiffness)
+        own = {k: v for k, v in fields_of(joint).items() if k != "name"}
+        own |= dict(zip(("stop_low_rad", "stop_high_rad"), joint.stops_rad, strict=True))
+        return cls(**own, bristle_N_m_per_rad=stiffness)
 
     def torque(self, q: ca.SX, w: ca.SX, acceleration: ca.SX, dry_N_m: ca.SX) -> ca.SX:
         """Torque that the tendons give the joint where it touches nothing [N m]."""
         moving = self.inertia_kg_m2 * acceleration + self.damping_N_m_s_per_rad * w + dry_N_m
-        held = self.stiffness_N_m_per_rad * (q - self.rest_rad)
+        beyond = at_least(q - self.stop_high_rad, 0.0) - at_least(self.stop_low_rad - q, 0.0)
+        held = self.stiffness_N_m_per_rad * (q - self.rest_rad) + self.stop_stiffness_N_m_per_rad * beyond
         return moving + held + self.gravity_N_m * ca.sin(q - self.gravity_zero_rad)
 
     def dry_friction(self, w: ca.SX, base: ca.SX, step_s: ca.SX) -> ca.SX:

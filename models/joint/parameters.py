@@ -29,6 +29,9 @@ from tendonff.models.path import JointMotion
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
+NO_STOP_RAD = 1e3
+"""Where a stop is said to be that is not there [rad]: no joint turns so far."""
+
 _LED = End(mass_kg=1.0, damping_N_s_per_m=0.0, stiffness_N_per_m=0.0)
 """An end whose motion is given: its own numbers have no effect."""
 
@@ -55,6 +58,10 @@ class DrivenJoint:
         Angle at which gravity asks for no torque [rad].
     coulomb_N_m : float, optional
         Dry friction of the joint itself [N m], >= 0.
+    stop_low_rad, stop_high_rad : float, optional
+        Angles at which the joint touches a stop [rad]; default: none.
+    stop_stiffness_N_m_per_rad : float, optional
+        Stiffness of the stops beyond them [N m/rad], > 0 where there is one.
     """
 
     name: str
@@ -65,6 +72,9 @@ class DrivenJoint:
     gravity_N_m: float = 0.0
     gravity_zero_rad: float = 0.0
     coulomb_N_m: float = 0.0
+    stop_low_rad: float | None = None
+    stop_high_rad: float | None = None
+    stop_stiffness_N_m_per_rad: float = 0.0
 
     def __post_init__(self) -> None:
         require("inertia_kg_m2", self.inertia_kg_m2, above=0, hint="a finger's last bone has about 1e-5 kg m2")
@@ -74,12 +84,36 @@ class DrivenJoint:
             value = getattr(self, name)
             if not (math.isfinite(value) and abs(value) <= LARGEST):
                 raise ParameterError(f"{name} must be a finite number, got {value}; leave it out for 0")
+        self._check_stops()
+
+    def _check_stops(self) -> None:
+        require("stop_stiffness_N_m_per_rad", self.stop_stiffness_N_m_per_rad, least=0, hint="60 to 200 for a finger")
+        for name in ("stop_low_rad", "stop_high_rad"):
+            require_given(name, getattr(self, name), hint="leave it out where there is no stop")
+        if self.has_stop and self.stop_stiffness_N_m_per_rad == 0:
+            raise ParameterError("a stop needs stop_stiffness_N_m_per_rad > 0, got 0; 60 to 200 for a finger")
+        low, high = self.stops_rad
+        if not low < high:
+            raise ParameterError(f"stop_low_rad must be below stop_high_rad, got {low:g} and {high:g}; swap them")
+
+    @property
+    def has_stop(self) -> bool:
+        """Whether there is a stop."""
+        return self.stop_low_rad is not None or self.stop_high_rad is not None
+
+    @property
+    def stops_rad(self) -> tuple[float, float]:
+        """Angles of both stops, far away where there is none [rad]."""
+        low, high = self.stop_low_rad, self.stop_high_rad
+        return -NO_STOP_RAD if low is None else low, NO_STOP_RAD if high is None else high
 
     def static_torque_N_m(self, angle_rad: Array) -> Array:
-        """Torque that tendons hold at rest at an angle, spring and gravity [N m]."""
+        """Torque that tendons hold at rest at an angle: spring, gravity and stops [N m]."""
         angle = np.asarray(angle_rad, dtype=np.float64)
+        low, high = self.stops_rad
         held: Array = self.stiffness_N_m_per_rad * (angle - self.rest_rad)
-        return held + self.gravity_N_m * np.sin(angle - self.gravity_zero_rad)
+        pushed = self.stop_stiffness_N_m_per_rad * (np.maximum(angle - high, 0.0) - np.maximum(low - angle, 0.0))
+        return held + pushed + self.gravity_N_m * np.sin(angle - self.gravity_zero_rad)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -275,6 +309,8 @@ class JointDrive:
         Inertia at the motor's shaft [kg m2], >= 0.
     coulomb_N_m : float, optional
         Dry friction at the motor's shaft [N m], >= 0.
+    gear_efficiency : float, optional
+        Share of the torque that the gear passes on [-], > 0 and <= 1; the rest is dry friction that grows with it.
     torque_constant_N_m_per_A : float, optional
         Torque for a current [N m/A], > 0.
     speed_max_rad_per_s, torque_max_N_m : float, optional
@@ -299,6 +335,7 @@ class JointDrive:
     gear_ratio: float = 1.0
     inertia_kg_m2: float = 0.0
     coulomb_N_m: float = 0.0
+    gear_efficiency: float = 1.0
     torque_constant_N_m_per_A: float | None = None
     speed_max_rad_per_s: float | None = None
     torque_max_N_m: float | None = None
@@ -317,6 +354,9 @@ class JointDrive:
             require(name, getattr(self, name), least=0, hint="leave it out for none")
         for name in ("torque_constant_N_m_per_A", "speed_max_rad_per_s", "torque_max_N_m", "command_interval_s"):
             require_given(name, getattr(self, name), above=0, hint="leave it out if it is not known")
+        require("gear_efficiency", self.gear_efficiency, above=0, hint="0.9 for a good gear")
+        if self.gear_efficiency > 1:
+            raise ParameterError(f"gear_efficiency must be at most 1, got {self.gear_efficiency}; 0.9 for a good gear")
         if self.kind is DriveKind.LOOP:
             if self.pretension_N is None or self.least_tension_N is not None:
                 raise ParameterError('a drive of kind = "loop" needs pretension_N, and no least_tension_N')
@@ -325,6 +365,21 @@ class JointDrive:
             if self.least_tension_N is None or self.pretension_N is not None:
                 raise ParameterError('a drive of kind = "pair" needs least_tension_N, and no pretension_N')
             require("least_tension_N", self.least_tension_N, above=0, hint="a tendon cannot push; try 2")
+
+    def torque_N_m(self, held_N_m: Array, acceleration_rad_per_s2: Array, way: Array) -> Array:
+        """Torque of the motor: what its tendons take, inertia, and dry friction.
+
+        Parameters
+        ----------
+        held_N_m : ndarray
+            What the tendons take at the motor's shaft [N m].
+        acceleration_rad_per_s2 : ndarray, same shape
+        way : ndarray, same shape
+            Friction over its value in full slip, -1 to 1: the sign of the speed, or a bristle's state.
+        """
+        dry = self.coulomb_N_m + (1 - self.gear_efficiency) * np.abs(held_N_m)
+        torque: Array = held_N_m + self.inertia_kg_m2 * acceleration_rad_per_s2 + dry * way
+        return torque
 
     @property
     def play_rad(self) -> float:

@@ -1,62 +1,65 @@
-"""Numbers of a transmission by the dotted keys of the scenario file, and the same transmission with others.
+"""Numbers of a system by the dotted keys of the scenario file, and the same system with others.
 
-A key is `table.name` ("load.stiffness_N_per_m"), `actuator.motor.name`, or `path.sections.SECTION.name`. Three more
-stand for a factor on several numbers at once, 1 as they are: `mu` (all friction coefficients, of sections too),
-`stiffness` (all stiffnesses of the tendon) and `bristle_stiffness` (of all levels).
+A system is a transmission, or the mechanism of a joint: records whose fields are numbers or further records. A key is
+`table.name` ("load.stiffness_N_per_m"), `actuator.motor.name`, `path.sections.SECTION.name`, of a mechanism also
+`joints.JOINT.name` and `tendons.TENDON.table.name`; its tables [path], [tendon] and [friction] are those that all
+tendons have alike. Three more stand for a factor on several numbers at once, 1 as they are: `mu` (all friction
+coefficients, of sections too), `stiffness` (all stiffnesses of the tendons) and `bristle_stiffness` (of all levels).
 """
 
 import math
 from collections.abc import Mapping
-from dataclasses import fields, replace
+from dataclasses import fields, is_dataclass, replace
 from types import UnionType
-from typing import Any, get_args, get_type_hints
+from typing import Any, TypeVar, get_args, get_type_hints
 
-from tendonff.models.errors import ParameterError
-from tendonff.models.parameters.transmission import Actuator, Transmission
+from tendonff.models.parameters.transmission import Transmission
 from tendonff.models.path import COEFFICIENTS, Section
 
 FACTORS = ("mu", "stiffness", "bristle_stiffness")
 """Keys that are factors [-]."""
 
-_TABLES = ("path", "tendon", "friction", "actuator", "load")
+S = TypeVar("S")
+"""A system: Transmission or Mechanism."""
+
+_NO_TABLE = ("motion", "lengths")  # records that are no tables of a scenario
 _STATIC_OF = {"mu_dynamic": "mu_static", "mu_dynamic_release": "mu_static_release"}
 
 
-def keys_of(transmission: Transmission) -> list[str]:
-    """Every key of a transmission; a number that is not set, such as the drive's dry friction, has a key too."""
-    keys = list(FACTORS)
-    for table in _TABLES:
-        keys += [f"{table}.{name}" for name in _numbers(getattr(transmission, table))]
-    if transmission.actuator.motor is not None:
-        keys += [f"actuator.motor.{name}" for name in _numbers(transmission.actuator.motor)]
-    if transmission.path.sections:
-        keys.remove("path.total_angle_rad")  # the sections add up to it
-    for section in transmission.path.sections:
-        keys += [f"path.sections.{section.name}.{name}" for name in _numbers(section)]
-    return keys
+def keys_of(system: object) -> list[str]:
+    """Every key of a system; a number that is not set, such as the drive's dry friction, has a key too."""
+    return [
+        *FACTORS,
+        *(
+            f"{place}.{name}"
+            for place, record in _places(system).items()
+            for name in _numbers(record)
+            if not (name == "total_angle_rad" and _has_sections(record))
+        ),
+    ]
 
 
-def number_of(transmission: Transmission, key: str) -> float | None:
+def number_of(system: object, key: str) -> float | None:
     """The number of a key, 1 for a factor, None where it is not set; KeyError where there is no such key."""
-    if key not in keys_of(transmission):
+    if key not in keys_of(system):
         raise KeyError(key)
     if key in FACTORS:
         return 1.0
     place, name = key.rsplit(".", 1)
-    value = getattr(_record(transmission, place), name)
+    value = getattr(_places(system)[place], name)
     return None if value is None else float(value)
 
 
-def is_whole(transmission: Transmission, key: str) -> bool:
+def is_whole(system: object, key: str) -> bool:
     """Whether the number of a key is a whole one."""
     if key in FACTORS:
         return False
     place, name = key.rsplit(".", 1)
-    return get_type_hints(type(_record(transmission, place)))[name] is int
+    return get_type_hints(type(_places(system)[place]))[name] is int
 
 
-def with_numbers(transmission: Transmission, values: Mapping[str, float]) -> Transmission:
-    """The transmission with other numbers, by their keys.
+def with_numbers(system: S, values: Mapping[str, float]) -> S:
+    """The system with other numbers, by their keys.
 
     A static coefficient of friction keeps its ratio to the dynamic one, and what the actuator has of its motor follows
     the motor, unless they are given too. Factors act last.
@@ -70,18 +73,23 @@ def with_numbers(transmission: Transmission, values: Mapping[str, float]) -> Tra
     """
     changes: dict[str, dict[str, float]] = {}
     for key, value in values.items():
-        number_of(transmission, key)
+        number_of(system, key)
         if key not in FACTORS:
             place, name = key.rsplit(".", 1)
-            changes.setdefault(place, {})[name] = round(value) if is_whole(transmission, key) else value
-    changed = transmission
-    # Inner tables first: what follows from a motor must not override the actuator's own keys.
-    for place, given in sorted(changes.items(), key=lambda item: -item[0].count(".")):
-        changed = _replaced(changed, place, _with_followers(_record(transmission, place), given))
+            changes.setdefault(place, {})[name] = round(value) if is_whole(system, key) else value
+    changed, places = system, _places(system)
+    # A motor before its actuator, whose own keys override what follows from it; else what all share before one's own.
+    for place, given in sorted(changes.items(), key=lambda each: (each[0] != "actuator.motor", each[0].count("."))):
+        changed = _replaced(changed, place, _with_followers(places[place], given))
     for key in FACTORS:
         if key in values:
             changed = _scaled(changed, key, values[key])
     return changed
+
+
+def _has_sections(record: object) -> bool:
+    """Whether it is a path whose sections add up to its angle."""
+    return bool(getattr(record, "sections", False))
 
 
 def _numbers(record: object) -> list[str]:
@@ -93,32 +101,54 @@ def _numbers(record: object) -> list[str]:
     ]
 
 
-def _record(transmission: Transmission, place: str) -> Any:
-    table, _, inner = place.partition(".")
-    record = getattr(transmission, table)
-    if inner == "motor":
-        return record.motor
-    return next(s for s in record.sections if f"sections.{s.name}" == inner) if inner else record
+def _inner(record: Any) -> dict[str, Any]:
+    """Records inside a record, by their place in it: a field, or a field and the name of one of several."""
+    found = {}
+    for field in fields(record):
+        value = getattr(record, field.name)
+        if field.name in _NO_TABLE:
+            continue
+        if is_dataclass(value):
+            found[field.name] = value
+        elif isinstance(value, tuple):
+            found |= {f"{field.name}.{each.name}": each for each in value if hasattr(each, "name")}
+    return found
 
 
-def _replaced(transmission: Transmission, place: str, given: Mapping[str, float]) -> Transmission:
-    table, _, inner = place.partition(".")
-    record = getattr(transmission, table)
-    if inner == "motor":
-        return replace(transmission, actuator=_with_motor(record, given))
-    if inner:
-        sections = tuple(replace(s, **given) if f"sections.{s.name}" == inner else s for s in record.sections)
-        total = math.fsum(section.angle_rad for section in sections)
-        return replace(transmission, path=replace(record, sections=sections, total_angle_rad=total))
-    return replace(transmission, **{table: replace(record, **given)})
+def _places(system: object, prefix: str = "") -> dict[str, Any]:
+    """Every table of a system, by its place in the scenario file."""
+    found: dict[str, Any] = {}
+    for name, record in _inner(system).items():
+        found |= {prefix + name: getattr(record, "arm", record)}  # a tendon's own keys are those of its arm
+        found |= _places(record, f"{prefix}{name}.")
+    tendons = getattr(system, "tendons", ())
+    for table in ("path", "tendon", "friction"):
+        alike = [getattr(each, table) for each in tendons]
+        if alike and all(each == alike[0] for each in alike):
+            found[table] = alike[0]
+            found |= _places(alike[0], f"{table}.")
+    return found
 
 
-def _with_motor(actuator: Actuator, given: Mapping[str, float]) -> Actuator:
-    motor = actuator.motor
-    if motor is None:
-        raise ParameterError("the actuator has no motor; add [actuator.motor]")
-    turned = replace(motor, **given)
-    return replace(actuator, motor=turned, **turned.at_the_drum)  # type: ignore[arg-type]
+def _replaced(record: Any, place: str, given: Mapping[str, float]) -> Any:
+    """A record with other numbers at a place inside it; a motor, sections and tendons take along what follows."""
+    if not place:
+        if hasattr(record, "arm"):
+            return replace(record, arms=(replace(record.arm, **given),))
+        return replace(record, **given)
+    inner, tendons = _inner(record), getattr(record, "tendons", ())
+    if tendons and place.partition(".")[0] in ("path", "tendon", "friction"):
+        return replace(record, tendons=tuple(_replaced(each, place, given) for each in tendons))
+    name = next(name for name in inner if place == name or place.startswith(f"{name}."))
+    changed = _replaced(inner[name], place[len(name) + 1 :], given)
+    if name == "motor":
+        return replace(record, motor=changed, **changed.at_the_drum)
+    field, _, one = name.partition(".")
+    if not one:
+        return replace(record, **{field: changed})
+    several = tuple(changed if each.name == one else each for each in getattr(record, field))
+    more = {"total_angle_rad": math.fsum(each.angle_rad for each in several)} if field == "sections" else {}
+    return replace(record, **{field: several}, **more)
 
 
 def _with_followers(record: Any, given: Mapping[str, float]) -> dict[str, float]:
@@ -132,20 +162,22 @@ def _with_followers(record: Any, given: Mapping[str, float]) -> dict[str, float]
     return followed
 
 
-def _scaled(transmission: Transmission, key: str, factor: float) -> Transmission:
-    """The transmission with one of `FACTORS`."""
-    friction = transmission.friction
+def _scaled(system: Any, key: str, factor: float) -> Any:
+    """The system with one of `FACTORS`."""
+    if hasattr(system, "tendons"):
+        return replace(system, tendons=tuple(_scaled(each, key, factor) for each in system.tendons))
+    friction = system.friction
     if key == "stiffness":
-        return replace(transmission, tendon=transmission.tendon.scaled(factor))
+        return replace(system, tendon=system.tendon.scaled(factor))
     if key == "bristle_stiffness":
         names = ("bristle_stiffness_N_per_m", "soft_bristle_stiffness_N_per_m")
         scaled = {name: getattr(friction, name) * factor for name in names}
-        return replace(transmission, friction=replace(friction, **scaled))
-    sections = tuple(_with_coefficients(section, factor) for section in transmission.path.sections)
+        return replace(system, friction=replace(friction, **scaled))
+    sections = tuple(_with_coefficients(section, factor) for section in system.path.sections)
     return replace(
-        transmission,
+        system,
         friction=_with_coefficients(friction, factor),
-        path=replace(transmission.path, sections=sections),
+        path=replace(system.path, sections=sections),
     )
 
 
@@ -157,5 +189,5 @@ def _with_coefficients(record: Any, factor: float) -> Any:
 
 def without_friction(transmission: Transmission) -> Transmission:
     """The transmission with a path that does not rub, mu = 0 and adhesion 0; drive and load keep their friction."""
-    bare = _scaled(transmission, "mu", 0.0)
+    bare: Transmission = _scaled(transmission, "mu", 0.0)
     return replace(bare, friction=replace(bare.friction, adhesion_N=0.0))

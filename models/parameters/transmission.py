@@ -168,9 +168,9 @@ class Friction:
         for name in ("pull_spread", "release_spread"):
             spread = getattr(self, name)
             if spread is not None:
-                require(name, spread, least=0, hint="leave it out for one dead band")
+                require(name, spread, least=0, hint="leave it out for a single deadband")
                 if spread > 1:
-                    raise ParameterError(f"{name} must be <= 1, got {spread}: no dead band is less than none")
+                    raise ParameterError(f"{name} must be <= 1, got {spread}: a deadband cannot be negative")
 
     @property
     def release_dynamic(self) -> float:

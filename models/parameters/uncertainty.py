@@ -1,4 +1,4 @@
-"""Interval of each number of a transmission that is not known exactly, and which error over what is possible counts."""
+"""Interval of each number of a system that is not known exactly, and which error over what is possible counts."""
 
 import math
 from dataclasses import dataclass
@@ -6,7 +6,6 @@ from enum import StrEnum
 
 from tendonff.models.errors import ParameterError, require_whole
 from tendonff.models.parameters.numbers import FACTORS, is_whole, number_of
-from tendonff.models.parameters.transmission import Transmission
 
 
 class Objective(StrEnum):
@@ -67,19 +66,19 @@ class Spread:
             return f"{self.name} ±{100 * self.half_width:.3g} %"
         return f"{self.name} {self.low:g} to {self.high:g}"
 
-    def values(self, transmission: Transmission, place: float) -> dict[str, float]:
+    def values(self, system: object, place: float) -> dict[str, float]:
         """The numbers at a place in the interval, from −1 (low) over 0 (middle) to 1 (high), by key."""
         if self.half_width is not None:
             factor = 1 + place * self.half_width
-            return {key: factor * (number_of(transmission, key) or 0.0) for key in self.keys}
+            return {key: factor * (number_of(system, key) or 0.0) for key in self.keys}
         low, high = self.low or 0.0, self.high or 0.0
         return {self.keys[0]: low + 0.5 * (1 + place) * (high - low)}
 
-    def check(self, transmission: Transmission) -> None:
+    def check(self, system: object) -> None:
         """Refuse a key that cannot vary; KeyError where there is none of that name."""
         for key in self.keys:
-            value = number_of(transmission, key)
-            if is_whole(transmission, key):
+            value = number_of(system, key)
+            if is_whole(system, key):
                 raise ParameterError(f'spread "{key}": a whole number cannot be uncertain; leave it out')
             if self.half_width is not None and not value:
                 held = "not set" if value is None else "0"

@@ -12,7 +12,7 @@ from tendonff.models.fidelity import Level
 from tendonff.models.layout import fields_of
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.adaptation.recursion import covariance_names, return_law, trust_law, update_law
-from tendonff.ocp.adaptation.tuning import DOUBTED, GATE, MAX_DELAY, PEAK, Tunable
+from tendonff.ocp.adaptation.tuning import DOUBTED, GATE, MAX_DELAY, PEAK, SPREADS, Nuisance, Tunable, Tuning
 from tendonff.ocp.codegen.compiler import find_compiler, load_library, why_no_compiler
 from tendonff.ocp.codegen.partial_evaluation import FoldedLaw, PartialEvaluator
 from tendonff.ocp.codegen.precision import Precision
@@ -123,7 +123,14 @@ def rest_on_spring(chain: Chain, tension_N: float) -> Array:
     return chain.rest_state(tension_N, anchor).vector()
 
 
-def tuner_context(tuned: TunedChain, precision: Precision, *, prefix: str, past: int) -> dict[str, object]:
+def nuisances_of(tuned: TunedChain, tuning: Tuning) -> tuple[Nuisance, ...]:
+    """Nuisance parameters of a chain; the travel of an end that a joint holds is known."""
+    return tuple(n for n in tuning.nuisances if n is not Nuisance.LOAD or tuned.chain.far_joint is None)
+
+
+def tuner_context(
+    tuned: TunedChain, nuisances: tuple[Nuisance, ...], precision: Precision, *, prefix: str, past: int
+) -> dict[str, object]:
     """Values for the template `tuner.c.j2`; `past` samples are remembered."""
     chain, (law, names) = tuned.chain, tuned.retuned_numbers()
     slopes, layout = rest_on_spring(chain, 1.0) - rest_on_spring(chain, 0.0), chain.layout
@@ -137,6 +144,10 @@ def tuner_context(tuned: TunedChain, precision: Precision, *, prefix: str, past:
         "one": literal(1.0, precision),
         "tuned": len(tuned.parameters),
         "entries": len(covariance_names(len(tuned.parameters))),
+        "wide": (wide := len(tuned.parameters) + len(nuisances)),
+        "wide_entries": len(covariance_names(wide)),
+        "nuisances": nuisances,
+        "spreads": [literal(SPREADS[n], precision) for n in nuisances],
         "past": past,
         "gate": GATE,
         "peak": PEAK,
@@ -166,12 +177,13 @@ def tuner_context(tuned: TunedChain, precision: Precision, *, prefix: str, past:
     }
 
 
-def tuner_laws(tuned: TunedChain, *, on_target: bool = False) -> tuple[Law, ...]:
+def tuner_laws(tuned: TunedChain, nuisances: tuple[Nuisance, ...], *, on_target: bool = False) -> tuple[Law, ...]:
     """The laws of the recursion and of the tuned numbers; on a controller friction of masses has laws elsewhere."""
     count = len(tuned.parameters)
     numbers = tuned.retuned_numbers()[0]
     own = (tuned.own_slopes(),) if tuned.chain.moving and not on_target else ()
-    return update_law(count), trust_law(count), return_law(), *((numbers,) if numbers.outputs else ()), *own
+    update = update_law(count, tuple(SPREADS[n] for n in nuisances))
+    return update, trust_law(count), return_law(), *((numbers,) if numbers.outputs else ()), *own
 
 
 def render_tuner(template: str, context: Mapping[str, object]) -> str:
@@ -179,17 +191,17 @@ def render_tuner(template: str, context: Mapping[str, object]) -> str:
     return _TEMPLATES.get_template(template).render(**context)
 
 
-def _host_text(tuned: TunedChain) -> str:
+def _host_text(tuned: TunedChain, nuisances: tuple[Nuisance, ...]) -> str:
     chain, precision = tuned.chain, Precision.DOUBLE
     laws = ElementLaws.of(chain, folded=True)
     every = (*laws.simulation(), *laws.inverse(), *laws.tangent())
     templates = ("kernel.c.j2", "inverse.c.j2", "weigh.c.j2", "tangent.c.j2")
     scheme = host_source(chain, every, templates, ways_differ=True)  # as they may in a rig
     printer = PartialEvaluator(prefix=PREFIX, precision=precision, parameters={})
-    own = {law.name: printer.fold(law) for law in tuner_laws(tuned)}
+    own = {law.name: printer.fold(law) for law in tuner_laws(tuned, nuisances)}
     slopes = chain.rest_state(1.0).vector() - chain.rest_state(0.0).vector()
     gain_arguments = ", ".join(f"c->{symbol.name()}" for symbol in laws.link_gain().inputs)
-    context = tuner_context(tuned, precision, prefix=PREFIX, past=MAX_DELAY) | {
+    context = tuner_context(tuned, nuisances, precision, prefix=PREFIX, past=MAX_DELAY) | {
         "model": PREFIX,
         "inverse": PREFIX,
         "model_rows": f"{PREFIX.upper()}_ROWS",
@@ -242,7 +254,7 @@ class HostTuner:
 
 
 @functools.lru_cache(maxsize=32)
-def host_tuner(tuned: TunedChain) -> HostTuner:
+def host_tuner(tuned: TunedChain, nuisances: tuple[Nuisance, ...]) -> HostTuner:
     """The tuner for a chain, compiled or from the cache.
 
     Raises
@@ -255,7 +267,7 @@ def host_tuner(tuned: TunedChain) -> HostTuner:
             f"self-tuning runs as compiled C only: {why_no_compiler()} (whatever has no [adaptation] works without, "
             "several times slower)"
         )
-    source = _host_text(tuned)
+    source = _host_text(tuned, nuisances)
     library = load_library(source)
 
     def function(name: str) -> CFunction:

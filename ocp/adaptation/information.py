@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tendonff.ocp.adaptation.tuning import Tuning
+from tendonff.ocp.adaptation.tuning import SPREADS, Nuisance, Tuning
 from tendonff.ocp.step.protocol import Array
 
 TARGET = 0.03
@@ -47,21 +47,26 @@ class Information:
         if abs(self.correlation) > COUPLED:
             names = " and ".join(self.tuning.parameters)
             texts.append(
-                f"{names} cannot be told apart from {sensor}: correlation {self.correlation:.3f}; tune one of them, "
+                f"{names} cannot be separated by {sensor}: correlation {self.correlation:.3f}; tune one of them, "
                 "or measure more"
             )
         return tuple(texts)
 
 
-def information(tuning: Tuning, time_s: Array, slopes: Array, weight: Array) -> Information:
+def information(
+    tuning: Tuning, time_s: Array, slopes: Array, weight: Array, nuisances: tuple[Nuisance, ...] = ()
+) -> Information:
     """Add up the information of every sample.
 
-    Slopes are those of the measured quantity over each factor, shape (n, parameters); weights are from 0 to 1.
+    Slopes are those of the measured quantity over each factor, and behind them over each nuisance parameter, shape
+    (n, parameters + nuisance parameters); weights are from 0 to 1.
     """
+    count = len(tuning.parameters)
+    spreads = [tuning.start_deviation] * count + [SPREADS[n] for n in nuisances]
     each = weight[:, None, None] * slopes[:, :, None] * slopes[:, None, :] / tuning.variance
-    total = np.cumsum(each, axis=0) + np.eye(slopes.shape[1]) / tuning.start_deviation**2
+    total = np.cumsum(each, axis=0) + np.diag(np.array(spreads) ** -2.0)
     covariance = np.linalg.inv(total)
-    deviation = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-    last = covariance[-1]
+    deviation = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))[:, :count]
+    last = covariance[-1, :count, :count]
     correlation = float(last[0, 1] / np.sqrt(last[0, 0] * last[1, 1])) if len(last) > 1 else 0.0
     return Information(tuning=tuning, time_s=time_s, deviation=deviation, correlation=correlation)

@@ -10,6 +10,8 @@ counts only as far as it stands out from what they alone could make of it. Where
 one for part of a cycle, nothing stays unexplained; but the estimate goes and comes back, which the true value does not.
 """
 
+import functools
+
 import casadi as ca
 
 from tendonff.ocp.codegen.printer import Law
@@ -31,6 +33,9 @@ RECALL = 0.25
 
 FARTHEST = 0.085
 """Largest way back that is held against an estimate."""
+
+WANDERS = 90.0
+"""Random walk of a nuisance parameter in squares of its spread, over that of a factor: nine seconds at level 1."""
 
 CURVED = 5.0
 """Relative growth of the covariance for a factor that moves by 1: the slopes of the way there were others."""
@@ -93,42 +98,66 @@ def return_law() -> Law:
     )
 
 
-def update_law(count: int) -> Law:
-    """Factors and covariance after one measurement.
+def update_law(count: int, spreads: tuple[float, ...] = ()) -> Law:
+    """Factors, nuisance parameters and covariance after one measurement.
 
-    `mean_new` is the mean of `e` over a short time, in units of `deviation`; `surprise` is the part of its square that
-    the covariance of the factors does not explain, within LEAST and MOST.
+    `mean_new` is the mean of `e` over a short time, in units of `deviation`, `lasting_new` that over a longer one at
+    any speed; `surprise` and `remains` are the parts of their squares that the covariance does not explain.
+
+    Parameters
+    ----------
+    count : int
+        Factors.
+    spreads : tuple of float, optional
+        Standard deviation at the start of each nuisance parameter; they come behind the factors in slopes and
+        covariance. What stays unexplained opens them and closes the factors.
     """
+    total = count + len(spreads)
     e, w, mean, quick, level = (ca.SX.sym(name) for name in ("e", "weight", "mean", "quick", "level"))
-    R, deviation, drift, start, low, high = (
-        ca.SX.sym(name) for name in ("R", "deviation", "drift", "start", "low", "high")
+    lasting, long = ca.SX.sym("lasting"), ca.SX.sym("long_share")
+    R, deviation, drift, start, slew, low, high = (
+        ca.SX.sym(name) for name in ("R", "deviation", "drift", "start", "slew", "low", "high")
     )
-    s, f, (entries, P) = _indexed("s", count), _indexed("f", count), _covariance(count)
+    s, (entries, P) = _indexed("s", total), _covariance(total)
+    f, b = _indexed("f", count), _indexed("b", len(spreads))
 
-    Ps = [sum((P[i][j] * s[j] for j in range(count)), start=ca.SX(0)) for i in range(count)]
-    spread = sum((s[i] * Ps[i] for i in range(count)), start=ca.SX(0))
+    Ps = [sum((P[i][j] * s[j] for j in range(total)), start=ca.SX(0)) for i in range(total)]
+    spread = sum((s[i] * Ps[i] for i in range(total)), start=ca.SX(0))
     variance = deviation * deviation
     limit = CLIP * ca.sqrt(spread + level * variance)
     clipped = ca.fmax(ca.fmin(e, limit), -limit)
     share = w / (w * spread + R)
     gain = [share * p for p in Ps]
-    new = [ca.fmax(ca.fmin(f[i] + gain[i] * clipped, high), low) for i in range(count)]
+    fastest = functools.reduce(ca.fmax, [ca.fabs(gain[i] * clipped) for i in range(count)])
+    slower = slew / ca.fmax(fastest, slew)  # no factor moves faster than the inverse may follow
+    gain = [slower * g for g in gain]
+    found_f = [ca.fmax(ca.fmin(f[i] + gain[i] * clipped, high), low) for i in range(count)]
+    found_b = [ca.fmax(ca.fmin(b[k] + gain[count + k] * clipped, 1), -1) for k in range(len(spreads))]
 
-    grown = 1 + CURVED * ca.fabs(clipped) * sum((ca.fabs(g) for g in gain), start=ca.SX(0))
+    grown = 1 + CURVED * ca.fabs(clipped) * sum((ca.fabs(g) for g in gain[:count]), start=ca.SX(0))
+    walks = [drift / level] * count + [drift * level * WANDERS * x * x for x in spreads]
+    most = [start * start] * count + [ca.SX(x * x) for x in spreads]
     after = [
-        [grown * (P[i][j] - gain[i] * Ps[j]) + (w * drift / level if i == j else 0) for j in range(count)]
-        for i in range(count)
+        [grown * (P[i][j] - gain[i] * Ps[j]) + (w * walks[i] if i == j else 0) for j in range(total)]
+        for i in range(total)
     ]
-    most = start * start
     # Where forgetting would carry a variance beyond that of the start, row and column are scaled back.
-    scale = [ca.sqrt(most / ca.fmax(after[i][i], most)) for i in range(count)]
-    outputs = {f"f{i}_new": new[i] for i in range(count)}
-    outputs |= {f"P{i}{j}_new": after[i][j] * scale[i] * scale[j] for i in range(count) for j in range(i + 1)}
+    scale = [ca.sqrt(most[i] / ca.fmax(after[i][i], most[i])) for i in range(total)]
+    outputs = {f"f{i}_new": found_f[i] for i in range(count)} | {f"b{k}_new": x for k, x in enumerate(found_b)}
+    outputs |= {f"P{i}{j}_new": after[i][j] * scale[i] * scale[j] for i in range(total) for j in range(i + 1)}
+    explained = KNOWN * spread / variance
     found = mean + (e / deviation - mean) * w * quick
-    surprise = ca.fmin(ca.fmax(found * found - KNOWN * spread / variance, LEAST), MOST)
+    lasts = lasting + (e / deviation - lasting) * long
+    outputs |= {
+        "mean_new": found,
+        "surprise": ca.fmin(ca.fmax(found * found - explained, LEAST), MOST),
+        "lasting_new": lasts,
+        "remains": ca.fmin(ca.fmax(lasts * lasts - explained, LEAST), MOST),
+    }
+    numbers = (mean, quick, lasting, long, level, R, deviation, drift, start, slew, low, high)
     return Law(
         name="tuning_update",
         comment="Recursive Gauss-Newton step with forgetting; the weight is the gate.",
-        inputs=(e, w, *s, *f, *entries.values(), mean, quick, level, R, deviation, drift, start, low, high),
-        outputs=outputs | {"mean_new": found, "surprise": surprise},
+        inputs=(e, w, *s, *f, *b, *entries.values(), *numbers),
+        outputs=outputs,
     )

@@ -5,8 +5,15 @@ from dataclasses import dataclass, fields, replace
 import casadi as ca
 
 from tendonff.models.chain import Chain
-from tendonff.ocp.adaptation.code import LOAD_STIFFNESS, TunedChain, render_tuner, tuner_context, tuner_laws
-from tendonff.ocp.adaptation.tuning import Tunable
+from tendonff.ocp.adaptation.code import (
+    LOAD_STIFFNESS,
+    TunedChain,
+    nuisances_of,
+    render_tuner,
+    tuner_context,
+    tuner_laws,
+)
+from tendonff.ocp.adaptation.tuning import Tunable, Tuning
 from tendonff.ocp.codegen.partial_evaluation import FoldedLaw, PartialEvaluator
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal
@@ -91,10 +98,11 @@ def _every_symbol(laws: ElementLaws) -> tuple[ca.SX, ...]:
     return tuple(known[name] if name in known else ca.SX.sym(name) for name in names)
 
 
-def tuner_code(tuned: TunedChain, step_s: float, prefix: str, precision: Precision, delay: int) -> TunerCode:
-    """All of the tuner for a controller; `delay` is the age of a measurement when it arrives, in steps."""
+def tuner_code(tuned: TunedChain, tuning: Tuning, prefix: str, precision: Precision) -> TunerCode:
+    """All of the tuner for a controller."""
+    step_s, nuisances = tuning.step_s, nuisances_of(tuned, tuning)
     model_prefix, inverse_prefix = f"{prefix}_model", f"{prefix}_inverse"
-    context = tuner_context(tuned, precision, prefix=prefix, past=delay + 1)
+    context = tuner_context(tuned, nuisances, precision, prefix=prefix, past=tuning.delay_samples + 1)
     names, chain, limits = tuned.retuned_numbers()[1], tuned.chain, controller_limits(precision)
     contact, kinds = None, 2  # of links: inner ones, and those at the ends
     if chain.moving:
@@ -122,7 +130,7 @@ def tuner_code(tuned: TunedChain, step_s: float, prefix: str, precision: Precisi
     counts = [f"#define {p.upper()}_COUNT {chain.count}" for p in (model_prefix, inverse_prefix)]
     types_code = step_code(chain, model_prefix, precision, (), limits=limits, contact=contact, tuned=True)
     printer = PartialEvaluator(prefix=prefix, precision=precision, parameters={})
-    own = [printer.fold(law).code for law in tuner_laws(tuned, on_target=True)]
+    own = [printer.fold(law).code for law in tuner_laws(tuned, nuisances, on_target=True)]
     on_path = f"    {precision} tension[{chain.count + 1}];\n    {precision} last;"
     past = [
         "/* Tensions of the last sample, as changes: states are kept relative to what these alone would cause. */",

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
-from tendonff.ocp.adaptation.code import TunedChain, host_tuner, rest_on_spring
+from tendonff.ocp.adaptation.code import TunedChain, host_tuner, nuisances_of, rest_on_spring
 from tendonff.ocp.adaptation.tuning import Sensor, Tuning
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.step.c_engine import chain_struct, places_of
@@ -30,18 +30,18 @@ class TunerStatus(IntFlag):
 
 REALS = (
     *("lowest", "highest", "variance", "deviation", "full_speed", "drift_variance", "start_deviation", "slew"),
-    *("quick", "slow", "watch_level", "lost_level", "hold_travel"),
+    *("quick", "slow", "long_share", "watch_level", "lost_level", "hold_travel", "span"),
 )
 """Fields of `Tuning` that the C record takes as reals, in its order."""
 
-INTEGRAL = ("integral_gain", "drift_share", "drift_level")
+INTEGRAL = ("integral_gain", "drift_level")
 """Those of the integral action, behind the samples of a rest."""
 
 
 _GEAR_TRAVEL_M = 5e-5  # over which the dry friction of a rig's drive turns round
 
-_PER_PARAMETER = ("factors", "deviation", "slopes")
-_FOUND = ("force_N", "tension_N", *_PER_PARAMETER, "moved", "residual", "measured")
+_PER_FACTOR = ("factors", "deviation")
+_FOUND = ("force_N", "tension_N", *_PER_FACTOR, "slopes", "moved", "residual", "measured")
 """Numbers that a run gives step by step."""
 _IN_C = {"force_N": "force", "tension_N": "tension", "factors": "f", "slopes": "s"}
 """Those that the C calls by another name."""
@@ -88,7 +88,8 @@ class TunedRun:
     # and the standard deviations of what was learnt
     factors: Array
     deviation: Array
-    slopes: Array  # shape (n, parameters); change of the predicted measurement with each factor
+    # shape (n, parameters + nuisance parameters); change of the predicted measurement with each factor, and nuisance
+    slopes: Array
     moved: Array  # shape (n,); how far the prediction moved in the step
     measured: Array  # shape (n,); what the tuner was given at the beginning of the step, unit of the sensor
     # shape (n,); RMS of what the model does not explain, unit of the sensor; at least that of a good model
@@ -189,7 +190,8 @@ class SelfTuner:
                 f"the chain must carry the factors that are tuned, {', '.join(tuning.parameters)}; "
                 f"got {', '.join(tuned.parameters)}"
             )
-        self._code, self._count = host_tuner(tuned), len(tuning.parameters)
+        self._count, nuisances = len(tuning.parameters), nuisances_of(tuned, tuning)
+        self._code, self._wide = host_tuner(tuned, nuisances), self._count + len(nuisances)
         self._chain, self._step_s, self._rows = tuned.chain, step_s, 0
         self._numbers = chain_struct(tuned.chain)  # the tuner points at what differs from mass to mass
         self._struct = _TuningStruct(
@@ -248,7 +250,7 @@ class SelfTuner:
         return self._report()[1]
 
     def _report(self) -> tuple[Array, TunerStatus]:
-        factors, deviation, slopes = (np.empty(self._count) for _ in range(3))
+        factors, deviation, slopes = (np.empty(n) for n in (self._count, self._count, self._wide))
         status = np.empty(1, dtype=np.intc)
         self._code.report(
             self=self._state,
@@ -275,7 +277,8 @@ class SelfTuner:
         """
         rows, count = len(reference_N), self._count
         reference, noise = (np.ascontiguousarray(a, dtype=np.float64) for a in (reference_N, noise))
-        found = {name: np.empty((rows, count) if name in _PER_PARAMETER else rows) for name in _FOUND}
+        found = {name: np.empty((rows, count) if name in _PER_FACTOR else rows) for name in _FOUND}
+        found["slopes"] = np.empty((rows, self._wide))
         status = np.zeros(rows, dtype=np.intc)
         rig.sensed_through(self._delay, self._first)
         fine = rig.struct.step_s

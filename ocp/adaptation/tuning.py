@@ -14,15 +14,15 @@ MODEL_ERROR_SHARE = 0.005
 WATCH_SHARE = 0.035
 LOST_SHARE = 0.07
 FULL_SPEED_PER_S = 0.3
-CORRELATION_S = 0.5
-DRIFT_PER_S = 1.8e-3
+CORRELATION_S = 0.2
+DRIFT_PER_S = 1.2e-3
 START_DEVIATION = 0.3
 SLEW_PER_S = 2.0
 QUICK_S = 0.02
 SLOW_S = 0.5
+LONG_S = 0.1
 HOLD_SPANS = 2.0
 REST_S = 0.3
-DRIFT_S = 0.1
 SIGNIFICANT = 2.0
 GATE = 0.01
 """Share of full speed below which nothing is learnt."""
@@ -60,6 +60,21 @@ class Tunable(StrEnum):
     MU_RELEASE = "mu_release"
     LOAD_STIFFNESS = "load_stiffness"  # k_l, with the load's spring anchored at the tension of the start
     TENDON_STIFFNESS = "tendon_stiffness"  # k1 and k2
+
+
+class Nuisance(StrEnum):
+    """Nuisance parameters of the position: estimated beside the factors, and used for nothing else.
+
+    Each has a slope of the predicted position that needs no tangent, in quasi-static motion.
+    """
+
+    OFFSET = "offset"  # of the zero, in spans: start tension, creep, a stretched tendon
+    LOAD = "load"  # relative change of the load's travel
+    TENDON = "tendon"  # relative change of the tendon's elongation
+
+
+SPREADS = {Nuisance.OFFSET: 0.05, Nuisance.LOAD: 0.2, Nuisance.TENDON: 0.2}
+"""Standard deviation of each at the start."""
 
 
 def check_parameters(parameters: tuple[Tunable, ...]) -> None:
@@ -100,6 +115,7 @@ class Tuning:
     # speed [-]
     quick: float
     slow: float
+    long_share: float  # share by which a mean follows a sample at any speed [-]
     # mean square of what is unexplained at which the model counts as wrong, in squares of `deviation` [-]
     watch_level: float
     lost_level: float  # where it says nothing any more
@@ -107,7 +123,6 @@ class Tuning:
     hold_travel: float
     rest_samples: int  # samples of a rest that allows a new start
     integral_gain: float  # share of the logarithmic error that is integrated per sample [-]; 0 for none
-    drift_share: float  # by which the mean of that error follows a sample [-]
     drift_level: float  # mean of the error that noise alone may make, unit of the sensor
     # noise, span, step_s: what the others were computed from: noise and range of the measurement, unit of the sensor,
     # and h [s]
@@ -177,17 +192,25 @@ class Tuning:
             slew=SLEW_PER_S * step_s,
             quick=min(step_s / QUICK_S, 1.0),
             slow=min(step_s / SLOW_S, 1.0),
+            long_share=(long := min(step_s / LONG_S, 1.0)),
             watch_level=((WATCH_SHARE * span + 2 * noise) / deviation) ** 2,
             lost_level=((LOST_SHARE * span + 2 * noise) / deviation) ** 2,
             hold_travel=HOLD_SPANS * span,
             rest_samples=max(round(REST_S / step_s), 1),
             integral_gain=integral_gain_per_s * step_s,
-            drift_share=(drift := min(step_s / DRIFT_S, 1.0)),
-            drift_level=SIGNIFICANT * noise * math.sqrt(drift / (2 - drift)),
+            drift_level=SIGNIFICANT * noise * math.sqrt(long / (2 - long)),
             noise=noise,
             span=span,
             step_s=step_s,
         )
+
+    @property
+    def nuisances(self) -> tuple[Nuisance, ...]:
+        """Nuisance parameters of the sensor; one that is tuned as a factor is none."""
+        if self.sensor is Sensor.OUTPUT_TENSION or Tunable.MU not in self.parameters:
+            return ()
+        tuned = {Tunable.LOAD_STIFFNESS: Nuisance.LOAD, Tunable.TENDON_STIFFNESS: Nuisance.TENDON}
+        return tuple(n for n in Nuisance if n not in {tuned.get(p) for p in self.parameters})
 
     def with_integral_gain(self, gain_per_s: float) -> "Tuning":
         """The same with another integral action; 0 for none."""

@@ -240,8 +240,7 @@ def motor_torques(problem: JointProblem, motor_rad: Array, drum_N: Array, step_s
     if len(motor_rad) < 3:
         return held
     speed = np.gradient(motor_rad, step_s, axis=0)
-    torque: Array = held + drive.inertia_kg_m2 * np.gradient(speed, step_s, axis=0) + drive.coulomb_N_m * np.sign(speed)
-    return torque
+    return drive.torque_N_m(held, np.gradient(speed, step_s, axis=0), np.sign(speed))
 
 
 def _travel(memory: JointMemory) -> Array:

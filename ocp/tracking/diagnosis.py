@@ -22,13 +22,22 @@ _MERGE_S = 0.02  # departures closer than this share of the horizon are one
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Departure:
-    """A stretch of time in which the output is more than 1 % of the range off the reference."""
+    """A stretch of time in which the output is more than 1 % of the range off the reference.
 
-    # start_s, end_s: when [s]
+    Attributes
+    ----------
+    start_s, end_s : float
+        Its start and end [s].
+    peak_error_N : float
+        Largest error there, signed: positive where the output is above the reference [N].
+    peak_time_s : float
+        Time of that error [s].
+    """
+
     start_s: float
     end_s: float
-    peak_error_N: float  # largest error there, signed: positive where the output is above the reference [N]
-    peak_time_s: float  # when that is [s]
+    peak_error_N: float
+    peak_time_s: float
 
     def __str__(self) -> str:
         """In words."""
@@ -181,9 +190,9 @@ def _rate_reasons(law: CapstanLaw, reference: Array, step_s: float, limits: Forc
         if bad.any():
             k = int(np.argmax(np.where(bad, missed, -1.0)))
             found.append(
-                f"at {int(bad.sum())} of {turns.size} reversals the force must travel far before the output moves, "
-                f"most at t = {turns[k] * step_s:.4g} s: {travel[k]:.3g} N, at {limits.rate_N_per_s:.4g} N/s that "
-                f"takes {hold[k]:.3g} s in which the output stands still; a rate limit of "
+                f"at {int(bad.sum())} of {turns.size} reversals the force must cross the deadband before the output "
+                f"moves, most at t = {turns[k] * step_s:.4g} s: {travel[k]:.3g} N, at {limits.rate_N_per_s:.4g} N/s "
+                f"that takes {hold[k]:.3g} s in which the output is constant; a rate limit of "
                 f"{helpful.max():.3g} N/s would keep that below 1 % of the range"
             )
     return found

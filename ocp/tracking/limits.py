@@ -12,14 +12,25 @@ from tendonff.ocp.step.protocol import Array
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Violation:
-    """A bound that a profile breaks, or the one it comes closest to."""
+    """A bound that a profile breaks, or the one it comes closest to.
 
-    name: str  # bound, as the user writes it
-    time_s: float  # when [s]
-    # value, bound: what was found and what is allowed, in the bound's unit
+    Attributes
+    ----------
+    name : str
+        Bound, as the user writes it.
+    time_s : float
+        Time of the sample [s].
+    value, bound : float
+        What was found and what is allowed, in the bound's unit.
+    excess : float
+        How far beyond the bound, same unit; negative inside.
+    """
+
+    name: str
+    time_s: float
     value: float
     bound: float
-    excess: float  # how far beyond the bound, same unit; negative inside
+    excess: float
 
     def __str__(self) -> str:
         """In words."""
@@ -32,13 +43,20 @@ class MotionLimits:
     """Speed and travel of the actuator's end, and the torque-speed line of its motor.
 
     The line bounds force and speed together, as the supply's voltage does: abs(f + stall_N v/no_load) <= stall_N.
+
+    Attributes
+    ----------
+    speed_m_per_s : float
+        Largest speed, either way [m/s], > 0; infinite for none.
+    low_m, high_m : float
+        Range of the position relative to the start [m], low <= 0 <= high; infinite for none.
+    stall_N, no_load_m_per_s : float
+        Ends of the line [N], [m/s], > 0; infinite for none.
     """
 
-    speed_m_per_s: float = math.inf  # largest speed, either way [m/s], > 0; infinite for none
-    # low_m, high_m: range of the position relative to the start [m], low <= 0 <= high; infinite for none
+    speed_m_per_s: float = math.inf
     low_m: float = -math.inf
     high_m: float = math.inf
-    # stall_N, no_load_m_per_s: ends of the line [N], [m/s], > 0; infinite for none
     stall_N: float = math.inf
     no_load_m_per_s: float = math.inf
 

@@ -88,7 +88,10 @@ def test_design_gives_what_is_stored(example, output, golden):
 
 
 @pytest.mark.compiler
-@pytest.mark.parametrize("example", EXAMPLES)
+@pytest.mark.parametrize(
+    "example",
+    [name if name in {"bowden", "finger"} else pytest.param(name, marks=pytest.mark.nightly) for name in EXAMPLES],
+)
 def test_compare_gives_what_is_stored(example, output, golden):
     stored = golden(f"{example}/compare")
     made = output("compare", example)

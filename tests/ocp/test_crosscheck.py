@@ -42,6 +42,7 @@ def chattering(generic: Transmission) -> Transmission:
     return replace(generic, friction=friction, tendon=replace(generic.tendon, damping_N_s_per_m=0.01))
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("solver", Adaptive)
 @pytest.mark.parametrize("level", Level)
 def test_the_run_agrees_with_adaptive_integrators_of_the_same_equations(

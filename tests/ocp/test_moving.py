@@ -47,6 +47,7 @@ def with_far_joint(finger: Transmission) -> Transmission:
     return replace(finger, load=replace(finger.load, joint="q", moment_arm_m=0.01))
 
 
+@pytest.mark.each_value
 @pytest.mark.compiler
 @pytest.mark.parametrize("level", [Level.VISCOELASTIC, Level.PRESLIDING])
 @pytest.mark.parametrize("swing_rad", [0.6, 1.2])  # the second straightens the section and bends it again
@@ -103,6 +104,7 @@ def test_a_moving_section_that_is_cut_in_two_changes_nothing(finger: Transmissio
     assert np.abs(runs[1] - runs[0]).max() < 1e-9
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("solver", Adaptive)
 @pytest.mark.parametrize("far", [False, True])
 @pytest.mark.parametrize("swing_rad", [0.6, 1.2])  # the second loses contact

@@ -102,6 +102,7 @@ def test_a_run_that_fails_says_when(generic: Transmission) -> None:
         force_sensitivity(chain, broken, STEP, knots(), state=chain.rest_state(30.0))
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("level", list(Level))
 @pytest.mark.parametrize("kept_rows", [None, 40])
 def test_without_a_compiler_the_slopes_over_forces_are_the_same(

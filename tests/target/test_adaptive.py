@@ -47,6 +47,7 @@ def numbers(kind, name, values):
     return f"static const {kind} {name}[ROWS] = {{\n{rows}\n}};\n"
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("board", ["m4f", "m7"])
 @pytest.mark.parametrize(
     ("example", "sensor", "parameters"),

@@ -19,6 +19,7 @@ LANGUAGES = {
 }
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("precision", Precision)
 @pytest.mark.parametrize("compiler", LANGUAGES)
 def test_strict_compilers_have_nothing_to_say_in_c_and_in_cplusplus(toolbox, exported, compiler, precision, tmp_path):

@@ -26,6 +26,7 @@ def module(toolbox, examples, tmp_path):
     return folder
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("board", ["m4f", "m7"])
 @pytest.mark.parametrize("example", ["hand_joint", "instrument_pair"])
 def test_a_step_of_a_joint_takes_at_most_9000_instructions_in_float(toolbox, module, board, example, record_property):

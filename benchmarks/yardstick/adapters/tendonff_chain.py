@@ -10,8 +10,9 @@ from tendonff.models.path import JointMotion
 from tendonff.models.path import Section as PathSection
 from tendonff.ocp.simulate import Simulator
 
-MASSES, LOOP_MASSES, SUBSTEPS = 30, 20, 2
+MASSES, LOOP_MASSES, SUBSTEPS, SLICES = 30, 20, 2, 9
 STIFF_BRISTLE_N_PER_M, HELD_N_PER_M, LOAD_N_PER_M = 1e8, 1e7, 3000.0
+RELAXING_HELD_N_PER_M = 1e8  # a hold that recoils by a micrometre as the tension falls reverses the contacts beside it
 LEVELS = tuple(str(level) for level in tf.Level)
 
 
@@ -45,30 +46,59 @@ def _parts(case: Case) -> tuple[tf.Tendon, tf.Friction]:
     return tendon, friction
 
 
-def _path(case: Case) -> tf.Path:
-    """The case's sections; mu is that of all guides."""
-    parts = []
-    for k, s in enumerate(case.path):
-        bends = {"joint": "joint", "angle_per_rad": s.angle_per_rad, "length_per_rad_m": s.length_per_rad_m}
-        pulley = {"kind": "pulley", "bearing_exponent": s.exponents[0]} if s.bearing is not None else {}
-        parts.append(
+def _bend(part: Section, k: int, q: Array) -> tuple[list[PathSection], dict[str, Array]]:
+    """A bend in slices that straighten one after another from its far side, and the angle that each slice gains.
+
+    A slice is an arc with a joint of its own, then a straight that takes its share of the bend's change of length.
+    """
+    sections, gained = [], {}
+    size = (part.angle_rad + part.angle_per_rad * q.max()) / SLICES
+    for n in range(SLICES):
+        angle = np.clip(part.angle_rad + part.angle_per_rad * np.append(q, 0.0) - n * size, 0.0, size)
+        half, name = part.length_m / SLICES / 2, f"slice {n} of part {k}"
+        gained[name] = angle[:-1] - angle[-1]
+        sections += [
+            PathSection(name=name, angle_rad=float(angle[-1]), length_m=half, joint=name, angle_per_rad=1.0),
             PathSection(
-                name=f"part {k}", angle_rad=s.angle_rad, length_m=s.length_m, **(bends if s.joint else {}), **pulley
-            )
-        )
-    return tf.Path(total_angle_rad=sum(s.angle_rad for s in case.path), segments=MASSES, sections=tuple(parts))
+                name=f"straight behind {name}",
+                angle_rad=0.0,
+                length_m=half,
+                joint="joint",
+                length_per_rad_m=part.length_per_rad_m / SLICES,
+            ),
+        ]
+    return sections, gained
+
+
+def _path(case: Case) -> tuple[tf.Path, list[int], JointMotion | None]:
+    """The case's sections, the last of each of its parts, and what its joint does; mu is that of all guides."""
+    sections: list[PathSection] = []
+    last, joints = [], {}
+    times = np.arange(0.0, case.time_s[-1] + 5e-4, 1e-3)
+    if "joint" in case.raw:
+        joints["joint"] = np.interp(times, case.raw["joint"]["time_s"], case.raw["joint"]["values"])
+    for k, s in enumerate(case.path):
+        if s.joint:
+            bend, gained = _bend(s, k, joints["joint"])
+            sections += bend
+            joints |= gained
+        else:
+            pulley = {"kind": "pulley", "bearing_exponent": s.exponents[0]} if s.bearing is not None else {}
+            sections.append(PathSection(name=f"part {k}", angle_rad=s.angle_rad, length_m=s.length_m, **pulley))
+        last.append(len(sections) - 1)
+    motion = None
+    if joints:
+        motion = JointMotion(names=tuple(joints), time_s=times, angle_rad=np.column_stack([*joints.values()]))
+    path = tf.Path(total_angle_rad=sum(s.angle_rad for s in sections), segments=MASSES, sections=tuple(sections))
+    return path, last, motion
 
 
 def _chain(case: Case, level: tf.Level) -> tf.Chain:
     tendon, friction = _parts(case)
-    motion = None
-    if "joint" in case.raw:
-        way = case.raw["joint"]
-        t = np.array(way["time_s"], float)
-        motion = JointMotion(names=("joint",), time_s=t, angle_rad=np.array(way["values"], float)[:, None])
+    path, _, motion = _path(case)
     return tf.Chain.of(
         tf.Transmission(
-            path=_path(case),
+            path=path,
             tendon=tendon,
             friction=friction,
             actuator=tf.Actuator(
@@ -97,7 +127,7 @@ def _tendon(case: Case, level: tf.Level) -> dict[str, Array]:
     done, last = 0, np.full(chain.count + 1, start)
     for phase in case.phases:
         t = fine[done : int(np.searchsorted(fine, phase.time_s[-1] + 1e-9))]
-        now = chain.with_end_stiffness(*(_hold(phase.ends[end], chain, end) for end in ("near", "far")))
+        now = chain.with_end_stiffness(*(_hold(case, phase.ends[end], chain, end) for end in ("near", "far")))
         inputs, first = (
             ChainInputs.of(len(times), **_inputs(phase, times, now, state, last))
             for times in (t, np.array([t[0] - step]))
@@ -110,7 +140,8 @@ def _tendon(case: Case, level: tf.Level) -> dict[str, Array]:
         state, last, done = simulator.state, found.tension_N[-1], done + len(t)
     table = np.array(rows)
     tension, ends = table[:, :-2], table[:, -2:] - table[0, -2:]
-    behind = np.cumsum(np.bincount(chain.elements.path.section_of, minlength=len(case.path)))
+    _, last, _ = _path(case)
+    behind = np.searchsorted(chain.elements.path.section_of, last, side="right")
     return {
         "near_tension_N": tension[:, 0],
         "far_tension_N": tension[:, -1],
@@ -119,11 +150,12 @@ def _tendon(case: Case, level: tf.Level) -> dict[str, Array]:
     }
 
 
-def _hold(end: dict[str, object], chain: tf.Chain, name: str) -> float:
+def _hold(case: Case, end: dict[str, object], chain: tf.Chain, name: str) -> float:
     """Spring of an end in a role: none under a tension, stiff where it is held or led, else that of a load."""
     if "tension_N" in end:
         return 0.0
-    return HELD_N_PER_M if end else (chain.far.stiffness_N_per_m if name == "far" else LOAD_N_PER_M)
+    held = RELAXING_HELD_N_PER_M if "relaxing_stiffness_N_per_m" in case.raw else HELD_N_PER_M
+    return held if end else (chain.far.stiffness_N_per_m if name == "far" else LOAD_N_PER_M)
 
 
 def _inputs(phase: Phase, t: Array, chain: tf.Chain, state: ChainState, tension: Array) -> dict[str, Array | float]:

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from tendonff.compensator.cli.options import ScenarioArgument, looked_at
+from tendonff.compensator.cli.options import ScenarioArgument, any_looked_at
 from tendonff.compensator.cli.progress import say
 from tendonff.compensator.files.text import InputError
 
@@ -18,16 +18,21 @@ def explore(
 ) -> None:
     """Explore a scenario in the browser.
 
-    Sliders change friction, angle, presliding stiffness, relaxation, rate limit, load and the pose of joints.
+    Sliders change friction, angle, presliding stiffness, relaxation, rate limit, load and the pose of joints; for a
+    driven joint friction, stiffness, tension, load and servo lag.
     """
-    loaded = looked_at(scenario)
+    loaded = any_looked_at(scenario)
     try:
         from tendonff.compensator.explore.page import make_server, page_url
     except ModuleNotFoundError as error:
         if error.name != "bokeh":
             raise
         raise InputError("explore needs Bokeh, which is not installed; install it by: pip install bokeh") from None
-    server = make_server(loaded, port)
+    from tendonff.compensator.explore.joint import JointExplorer
+    from tendonff.compensator.explore.run import Explorer
+    from tendonff.compensator.joint.scenario import JointScenario
+
+    server = make_server(JointExplorer(loaded) if isinstance(loaded, JointScenario) else Explorer(loaded), port)
     server.start()
     say(f"{page_url(server)} (this machine only; Ctrl-C ends it)")
     if browser:

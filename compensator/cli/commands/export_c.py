@@ -10,9 +10,7 @@ from tendonff.compensator.cli.options import (
     LevelOption,
     OutFolderOption,
     PrefixOption,
-    ScenarioArgument,
     opened,
-    option,
 )
 from tendonff.compensator.cli.progress import progress, say, warn
 from tendonff.compensator.files.text import InputError
@@ -20,7 +18,12 @@ from tendonff.ocp.codegen.precision import Precision
 
 
 def export_c(
-    scenario: ScenarioArgument,
+    scenarios: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="SCENARIO...", help="Scenario file (TOML); of driven joints one or more.", show_default=False
+        ),
+    ],
     out: OutFolderOption = Path("c"),
     precision: Annotated[
         Precision, typer.Option("--precision", help="Real type of all arithmetic.")
@@ -28,10 +31,6 @@ def export_c(
     prefix: PrefixOption = "tff",
     level: LevelOption = None,
     force_export: ForceOption = False,
-    joints: Annotated[
-        list[Path] | None,
-        option("--joint", "SCENARIO", "One more driven joint for the same project; may be repeated."),
-    ] = None,
 ) -> None:
     """Write C99 for the controller.
 
@@ -40,12 +39,15 @@ def export_c(
     """
     from tendonff.compensator.joint.detect import is_joint_file
 
+    scenario = scenarios[0]
     if is_joint_file(scenario):
         if level is not None:
             raise InputError(f"{scenario.name}: --level is for the tension of one tendon; set [run] level in the file")
-        return _export_joints([scenario, *(joints or [])], out, precision, prefix, force_export=force_export)
-    if joints:
-        raise InputError(f"{scenario.name}: --joint is for driven joints; leave it out")
+        return _export_joints(scenarios, out, precision, prefix, force_export=force_export)
+    if len(scenarios) > 1:
+        raise InputError(
+            f"{scenario.name}: one project has one tension, or several driven joints; give one scenario at a time"
+        )
     with opened(scenario, out) as (loaded, folder):
         from tendonff.compensator.export.c_project import export_project
         from tendonff.compensator.export.judgement import score_lines

@@ -83,8 +83,16 @@ def identify(
 ) -> None:
     """Fit the parameters to measured data.
 
-    The data are tensions, and optionally positions, at both ends of the tendon.
+    The data are tensions, and optionally positions, at both ends of the tendon. For a joint between tendons: angle
+    (motor_rad) and torque or current of its motor, and the joint's angle where there is an encoder; --input-column
+    names the torque, --input-position-column the motor's angle, --output-position-column the joint's.
     """
+    from tendonff.compensator.joint.detect import is_joint_file
+
+    is_joint = is_joint_file(scenario)
+    if suggest and is_joint:
+        _suggest_routine(scenario, out, pdf=pdf)
+        return
     if suggest:
         with opened(scenario, out, follows_reference=False) as (loaded, folder):
             from tendonff.compensator.identification.output import write_suggestion
@@ -114,6 +122,28 @@ def identify(
         "gear_ratio": gear_ratio,
         "explain": explain,
     }
+    if is_joint:
+        refused = {
+            "--tension-column": tension_column,
+            "--output-column": output_column,
+            "--actuator-force-column": actuator_force_column,
+            "--static": static_only,
+            "--explain": explain,
+            "--condition": condition,
+            "--tare": tare,
+            "--gear-ratio": gear_ratio,
+            "--drum-radius": drum_radius,
+        }
+        if given := [name for name, value in refused.items() if value]:
+            raise InputError(f"{scenario.name}: {given[0]} is for the tensions of one tendon; leave it out for a joint")
+        try:
+            joint_how = replace(Measurement(), **{k: v for k, v in names.items() if v is not None})  # type: ignore[arg-type]
+            joint_how = _of_columns(joint_how, "--scale", scale or [], SCALED, "input=0.001 turns mN m into N m")
+            joint_how = _of_columns(joint_how, "--offset", offset or [], ("input",), "input=0.004 takes 4 mN m off")
+        except ParameterError as error:
+            raise InputError(str(error)) from None
+        _identify_joint(scenario, out, data, validate or [], joint_how, pdf=pdf)
+        return
     labels = _labels(condition or [], [path.name for path in data])
 
     def confirm(question: str) -> bool:
@@ -143,6 +173,35 @@ def identify(
 
         with progress("identifying"):
             found = interruptible(work)
+        with progress("writing"):
+            found.write(folder, pdf=pdf)
+    warn(*found.warnings)
+    say(*summary_lines(found, str(out)))
+
+
+def _suggest_routine(scenario: Path, out: Path, *, pdf: bool) -> None:
+    """Write motor angles that identify a joint."""
+    from tendonff.compensator.identification.joint.output import write_routine
+    from tendonff.compensator.joint.scenario import load_joint_scenario
+
+    routine = write_routine(load_joint_scenario(scenario), out, pdf=pdf)
+    reach = f"{routine.motor_rad.min():.3g} to {routine.motor_rad.max():.3g} rad"
+    say(f"{out / 'suggested_motor.csv'}: {routine.time_s[-1]:.4g} s, {reach}", *(f"  {p}" for p in routine.parts))
+
+
+def _identify_joint(
+    scenario: Path, out: Path, data: list[Path], validate: list[Path], how: Measurement, *, pdf: bool
+) -> None:
+    """Identify a joint from its motor, and write what was found."""
+    from tendonff.compensator.files.writing import atomic_directory
+    from tendonff.compensator.identification.joint.result import summary_lines
+    from tendonff.compensator.identification.joint.run import identify_joint
+    from tendonff.compensator.joint.scenario import load_joint_scenario
+
+    loaded = load_joint_scenario(scenario)
+    with atomic_directory(out) as folder:
+        with progress("identifying"):
+            found = interruptible(lambda: identify_joint(loaded, data, validate, how=how))
         with progress("writing"):
             found.write(folder, pdf=pdf)
     warn(*found.warnings)

@@ -1,5 +1,6 @@
 """`tendonff new`: a commented scenario to start from."""
 
+import re
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -24,6 +25,9 @@ class Rig(StrEnum):
 def new(
     file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="Scenario file to write.", show_default=False)],
     rig: Annotated[Rig | None, option("--for", None, "Rig whose usual ranges of values the file gives.")] = None,
+    joint: Annotated[
+        str | None, option("--joint", "NAME", "Name of the joint of a hand or an instrument; default: the rig's own.")
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a file that exists.")] = False,
 ) -> None:
     """Write a commented scenario to start from."""
@@ -35,4 +39,12 @@ def new(
         raise InputError(f"{file} exists; choose another name, or replace it with --force")
     folder = files("tendonff.compensator.scenario")
     template = folder.joinpath("scenario.toml") if rig is None else folder.joinpath("templates", f"{rig}.toml")
-    write_text(file, template.read_text(encoding="utf-8"))
+    text = template.read_text(encoding="utf-8")
+    if joint is not None:
+        if rig not in (Rig.HAND, Rig.INSTRUMENT):
+            raise InputError("--joint is for --for hand and --for instrument: the other rigs have no driven joint")
+        if not joint.isidentifier():
+            raise InputError(f'--joint must be letters, digits and underscores, got "{joint}"; --joint index_base')
+        text = re.sub(r"^\[joints\.\w+\]", f"[joints.{joint}]", text, flags=re.MULTILINE)
+        text = re.sub(r'^name = "(.*)"', f'name = "{joint}, \\1"', text, count=1, flags=re.MULTILINE)
+    write_text(file, text)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from tendonff.compensator.cli.options import OutFolderOption, PdfOption, ScenarioArgument, looked_at, option
+from tendonff.compensator.cli.options import OutFolderOption, PdfOption, ScenarioArgument, any_looked_at, option
 from tendonff.compensator.cli.progress import progress, say
 
 
@@ -42,10 +42,10 @@ def sweep(
     """
     if source != "robust":
         raise typer.BadParameter(f'must be "robust", got "{source}"', param_hint="--from")
-    loaded = looked_at(scenario)
+    loaded = any_looked_at(scenario)
     from tendonff.compensator.design.sweep.plan import Axis
     from tendonff.compensator.design.sweep.result import kept_rows
-    from tendonff.compensator.design.sweep.run import DEFAULT, executor_of
+    from tendonff.compensator.design.sweep.run import executor_of
     from tendonff.compensator.design.sweep.run import sweep as run_sweep
     from tendonff.compensator.files.interrupts import Interrupted
     from tendonff.compensator.files.writing import require_parquet
@@ -53,7 +53,7 @@ def sweep(
     if parquet:
         require_parquet()
     axes = [Axis.parse(text) for text in over or []]
-    names = DEFAULT if compensators is None else tuple(name.strip() for name in compensators.split(","))
+    names = () if compensators is None else tuple(name.strip() for name in compensators.split(","))
     try:
         with executor_of(scheduler) as executor, progress("sweeping") as advance:
             result = run_sweep(

@@ -40,7 +40,8 @@ def table(
     angles: Annotated[str | None, option("--angles", "A,A,...", "Wrap angles [rad]: a further axis.")] = None,
     rates: Annotated[str | None, option("--rates", "R,R,...", "Rates of the reference [N/s]: a further axis.")] = None,
     pose: Annotated[
-        list[str] | None, option("--pose", "NAME=ANGLE", "Joint that stands still for the table [rad]; repeatable.")
+        list[str] | None,
+        option("--pose", "NAME=ANGLE", "Angle of a joint during the table [rad]; repeatable."),
     ] = None,
     prefix: PrefixOption = "tff",
     *,

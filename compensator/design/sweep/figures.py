@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from tendonff.compensator.compensators.registry import compensator
+from tendonff.compensator.design.sweep.kinds import named
 from tendonff.compensator.design.sweep.result import SweepData, key_label
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure
 
@@ -13,8 +13,9 @@ def sweep_figures(result: SweepData) -> dict[str, Figure]:
     """By file name: the share of units over the error, and the error over each key that takes several values."""
     share, axes = new_figure()
     panel = axes[0, 0]
-    for name in result.compensators:
-        each, error = compensator(name), np.sort(result.percent(name))
+    compensators = named(result.scenario, result.compensators)
+    for name, each in compensators.items():
+        error = np.sort(result.percent(name))
         error = error[np.isfinite(error)]
         up = 100 * np.arange(1, len(error) + 1) / len(result.rows)
         panel.plot(
@@ -26,8 +27,7 @@ def sweep_figures(result: SweepData) -> dict[str, Figure]:
     over, panels = new_figure(rows=len(several))
     for k, panel in zip(several, panels[:, 0], strict=True):
         at = [row.values[k] for row in result.rows]
-        for name in result.compensators:
-            each = compensator(name)
+        for name, each in compensators.items():
             panel.plot(at, result.percent(name), ".", markersize=6, color=each.style.color, label=each.label)
         panel.set(xlabel=key_label(result.keys[k]), ylabel="RMS error [% of range]")
     legend_below(over, panels[-1, 0], columns=3)

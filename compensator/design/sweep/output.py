@@ -5,6 +5,7 @@ import os
 from dataclasses import dataclass
 
 from tendonff.compensator.design.sweep.figures import sweep_figures
+from tendonff.compensator.design.sweep.kinds import kind_of
 from tendonff.compensator.design.sweep.report import sweep_report
 from tendonff.compensator.design.sweep.result import QUANTILES, YIELD_PERCENT, SweepData
 from tendonff.compensator.files.writing import atomic_directory, csv_text, write_parquet, write_text
@@ -21,7 +22,7 @@ class Sweep(SweepData):
         """
         figures = sweep_figures(self)
         with atomic_directory(folder) as partial:
-            names, rows = sample_columns(self), [(*r.values, *r.percent, *r.peak_N) for r in self.rows]
+            names, rows = sample_columns(self), [(*r.values, *r.percent, *r.peak) for r in self.rows]
             lines = [(r.index, *row) for r, row in zip(self.rows, rows, strict=True)]
             write_text(partial / "samples.csv", csv_text(names, lines))  # what failed is an empty cell
             if parquet:
@@ -32,7 +33,8 @@ class Sweep(SweepData):
 
 def sample_columns(result: SweepData) -> list[str]:
     """Names of the columns: the sample, the keys, errors and peaks of each compensator."""
-    scores = [f"{name}_{what}" for what in ("rmse_percent_of_range", "peak_error_N") for name in result.compensators]
+    peak = f"peak_error_{kind_of(result.scenario).unit(result.scenario).key}"
+    scores = [f"{name}_{what}" for what in ("rmse_percent_of_range", peak) for name in result.compensators]
     return ["sample", *result.keys, *scores]
 
 

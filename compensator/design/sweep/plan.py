@@ -6,9 +6,9 @@ from itertools import product
 
 import numpy as np
 
-from tendonff.compensator.compensators.uncertain import draw_transmissions
+from tendonff.compensator.compensators.uncertain import draw_systems
+from tendonff.compensator.design.sweep.kinds import AnyScenario, kind_of
 from tendonff.compensator.files.reading import InputError, suggestion
-from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.errors import ParameterError
 from tendonff.models.parameters.numbers import FACTORS, is_whole, keys_of, with_numbers
 from tendonff.models.parameters.uncertainty import Uncertainty
@@ -43,62 +43,65 @@ class Unit:
 
     index: int
     values: tuple[float, ...]  # of the varied keys
-    scenario: Scenario  # with those values
+    scenario: AnyScenario  # with those values
 
 
-def grid_units(scenario: Scenario, axes: tuple[Axis, ...]) -> list[Unit]:
+def grid_units(scenario: AnyScenario, axes: tuple[Axis, ...]) -> list[Unit]:
     """Every combination of the axes' values."""
     keys = tuple(axis.key for axis in axes)
     points = product(*(axis.values for axis in axes))
     return [Unit(index=k, values=at, scenario=varied(scenario, keys, at)) for k, at in enumerate(points)]
 
 
-def random_keys(scenario: Scenario) -> tuple[str, ...]:
+def random_keys(scenario: AnyScenario) -> tuple[str, ...]:
     """Keys that the scenario's uncertainty varies, in the order of a unit's values."""
     return tuple(key for spread in scenario.robust.spreads for key in spread.keys)
 
 
-def random_units(scenario: Scenario, count: int) -> list[Unit]:
+def random_units(scenario: AnyScenario, count: int) -> list[Unit]:
     """Units that the scenario's uncertainty admits: a Sobol sequence over its intervals."""
     if scenario.robust.is_certain:
         raise InputError(
             f"{scenario.source.name}: --samples needs an uncertainty; write [robust] with mu = 0.2 or the like"
         )
-    drawn = draw_transmissions(scenario.transmission, scenario.robust, count)
+    kind = kind_of(scenario)
+    drawn = draw_systems(kind.system(scenario), scenario.robust, count)
     certain, keys = replace(scenario, robust=Uncertainty()), random_keys(scenario)
     return [
         Unit(
             index=k,
             values=tuple(sample.numbers[key] for key in keys),
-            scenario=replace(certain, transmission=sample.transmission),
+            scenario=kind.with_system(certain, sample.system),
         )
         for k, sample in enumerate(drawn)
     ]
 
 
-def varied(scenario: Scenario, keys: tuple[str, ...], values: tuple[float, ...]) -> Scenario:
+def varied(scenario: AnyScenario, keys: tuple[str, ...], values: tuple[float, ...]) -> AnyScenario:
     """The scenario with other values of keys "table.name"; what follows from them follows, see `with_numbers`."""
-    run, transmission = scenario.run, scenario.transmission
+    kind, run = kind_of(scenario), scenario.run
+    system = kind.system(scenario)
     changes: dict[str, float] = {}
     steps: dict[str, float] = {}
-    known = [*keys_of(transmission)[len(FACTORS) :], "run.step_s"]
+    known = [*keys_of(system)[len(FACTORS) :], "run.step_s"]
     for key, value in zip(keys, values, strict=True):
         if key not in known:
             _refuse(scenario, key, known)
-        if key != "run.step_s" and is_whole(transmission, key) and value != round(value):
+        if key != "run.step_s" and is_whole(system, key) and value != round(value):
             name = key.rpartition(".")[2]
             raise InputError(f"--over {key}: {name} must be a whole number, got {value:g}; choose FROM:TO:COUNT so")
         (steps if key == "run.step_s" else changes)[key] = value
     try:
         if steps:
             run = replace(run, step_s=steps["run.step_s"])
-        return replace(scenario, run=run, transmission=with_numbers(transmission, changes))
+        changed: AnyScenario = kind.with_system(replace(scenario, run=run), with_numbers(system, changes))
     except ParameterError as error:
         at = ", ".join(f"{key} = {value:g}" for key, value in zip(keys, values, strict=True))
         raise InputError(f"--over: {at}: {error}") from None
+    return changed
 
 
-def _refuse(scenario: Scenario, key: str, known: list[str]) -> None:
+def _refuse(scenario: AnyScenario, key: str, known: list[str]) -> None:
     """Say what is wrong with a key that is not known: its table, a table that the file lacks, or its name."""
     table, name = key.rsplit(".", 1)
     names = [each.rsplit(".", 1)[1] for each in known if each.rsplit(".", 1)[0] == table]

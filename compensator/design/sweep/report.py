@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from matplotlib.figure import Figure
 
-from tendonff.compensator.compensators.registry import compensator
+from tendonff.compensator.design.sweep.kinds import named
 from tendonff.compensator.design.sweep.result import QUANTILES, YIELD_PERCENT, SweepData, key_label
 from tendonff.compensator.reporting.page import FileNote, Report, Section, Table, pictures_of, provenance_of
 
@@ -12,7 +12,7 @@ from tendonff.compensator.reporting.page import FileNote, Report, Section, Table
 def sweep_report(result: SweepData, figures: Mapping[str, Figure]) -> Report:
     """The page of a sweep."""
     unit = "units" if result.is_random else "points"
-    labels = {name: compensator(name).label for name in result.compensators}
+    labels = {name: each.label for name, each in named(result.scenario, result.compensators).items()}
     yields = Table(
         caption=f"Share of the {unit} whose error stays below a bound [%]",
         columns=("compensator", *(f"< {bound:g} % of range" for bound in YIELD_PERCENT)),

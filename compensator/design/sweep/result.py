@@ -10,10 +10,9 @@ import numpy as np
 
 from tendonff.compensator.compensators.expectation import Expectation, two_digits
 from tendonff.compensator.compensators.profile import FloatArray
-from tendonff.compensator.compensators.registry import compensator
+from tendonff.compensator.design.sweep.kinds import AnyScenario, kind_of
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import atomic_file
-from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.parameters.numbers import FACTORS
 
 YIELD_PERCENT = (0.5, 1.0, 2.0, 5.0, 10.0)  # errors whose yields are reported [% of range]
@@ -32,9 +31,9 @@ class Row:
 
     index: int
     values: tuple[float, ...]  # of the varied keys
-    # percent, peak_N: of each compensator: error, % of range RMS, and largest error [N]; NaN where it failed
+    # of each compensator: RMS error [% of range], and largest error in the unit of the reference; NaN where it failed
     percent: tuple[float, ...]
-    peak_N: tuple[float, ...]
+    peak: tuple[float, ...]
 
 
 # key, low value, high value, and every compensator's error at both with all else nominal [% of range]
@@ -45,7 +44,7 @@ Cost = tuple[str, float, float, tuple[float, ...], tuple[float, ...]]
 class SweepData:
     """Scores over units."""
 
-    scenario: Scenario
+    scenario: AnyScenario
     options: str  # options of the command, in words
     keys: tuple[str, ...]  # varied keys of the scenario, or factors on its parameters
     compensators: tuple[str, ...]
@@ -97,7 +96,7 @@ class SweepData:
         if self.expectation is not None:
             best = self.expectation.recommended
         *_, most, worst = (max(q, 1e-3) for q in self.quantiles(best))
-        label = compensator(best).label
+        label = kind_of(self.scenario).compensator(best).label
         if self.expectation is None:
             return (
                 f"RMS error of up to {two_digits(worst)} % of range over {len(self.rows)} points, best profile: "
@@ -142,7 +141,7 @@ class Store:
             values = tuple(float(number) for number in numbers)
             scores = values[width:]
             half = len(scores) // 2
-            rows[int(index)] = Row(index=int(index), values=values[:width], percent=scores[:half], peak_N=scores[half:])
+            rows[int(index)] = Row(index=int(index), values=values[:width], percent=scores[:half], peak=scores[half:])
         return rows
 
     def add(self, rows: Iterable[Row]) -> None:
@@ -157,6 +156,6 @@ class Store:
                 self._path.write_text(text[: text.rfind("\n") + 1], encoding="utf-8")
         with self._path.open("a", encoding="utf-8") as stream:
             for row in rows:
-                stream.write(",".join([str(row.index), *map(repr, (*row.values, *row.percent, *row.peak_N))]) + "\n")
+                stream.write(",".join([str(row.index), *map(repr, (*row.values, *row.percent, *row.peak))]) + "\n")
             stream.flush()
             os.fsync(stream.fileno())

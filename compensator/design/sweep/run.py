@@ -7,23 +7,16 @@ from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from tendonff.compensator.compensators.base import Problem, with_motion
-from tendonff.compensator.compensators.expectation import expect
-from tendonff.compensator.compensators.plant import FINE_SEGMENTS, Plant
-from tendonff.compensator.compensators.profile import Profile
-from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
-from tendonff.compensator.compensators.score import verify
+from tendonff.compensator.design.sweep.kinds import AnyScenario, kind_of
 from tendonff.compensator.design.sweep.output import Sweep
 from tendonff.compensator.design.sweep.plan import Axis, Unit, grid_units, random_keys, random_units
 from tendonff.compensator.design.sweep.result import Row, Store
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.scenario.sampled.sampling import sample_reference
-from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.models.errors import TendonffError
 from tendonff.ocp.batch import run_jobs
-from tendonff.ocp.errors import SolveError
 
 
 @contextmanager
@@ -47,9 +40,6 @@ def executor_of(address: str | None) -> Iterator[Executor | None]:
         yield client.get_executor()
 
 
-DEFAULT = tuple(c.name for c in COMPENSATORS if c.name != "table")
-"""Compensators that a sweep scores by default."""
-
 _UNITS_OF_JOB = 4
 _JOBS_OF_WAVE = 32  # then the rows are stored
 
@@ -60,7 +50,7 @@ class Job:
 
     units: tuple[Unit, ...]
     compensators: tuple[str, ...]
-    profiles: tuple[Profile, ...] | None  # profiles to try on every unit; None: design anew for each
+    profiles: tuple[Any, ...] | None  # profiles to try on every unit; None: design anew for each
 
 
 def run_job(job: Job) -> tuple[Row, ...]:
@@ -70,38 +60,30 @@ def run_job(job: Job) -> tuple[Row, ...]:
 
 def _score(unit: Unit, job: Job) -> Row:
     nothing = (math.nan,) * len(job.compensators)
+    kind = kind_of(unit.scenario)
     try:
-        problem = Problem.of(unit.scenario, reference=sample_reference(unit.scenario, strict=False))
+        problem = kind.problem(unit.scenario)
     except TendonffError:
-        return Row(index=unit.index, values=unit.values, percent=nothing, peak_N=nothing)
+        return Row(index=unit.index, values=unit.values, percent=nothing, peak=nothing)
     scores = []
     for k, name in enumerate(job.compensators):
         try:
-            profile = _profile(name, problem) if job.profiles is None else job.profiles[k]
-            plant = Plant(problem.transmission, problem.level, FINE_SEGMENTS)
-            found = verify(plant, name, profile, problem.reference).score
-            scores.append((found.rmse_percent_of_range, found.peak_error_N))
+            profile = kind.profile(name, problem) if job.profiles is None else job.profiles[k]
+            found = kind.score(name, problem, profile)
+            scores.append((found.rmse_percent_of_range, found.peak_error))
         except TendonffError:
             scores.append((math.nan, math.nan))
     percent, peak = zip(*scores, strict=True)
-    return Row(index=unit.index, values=unit.values, percent=percent, peak_N=peak)
-
-
-def _profile(name: str, problem: Problem) -> Profile:
-    """The profile of a compensator, with its command; SolveError where it has none."""
-    each = compensator(name)
-    if reason := each.refusal(problem):
-        raise SolveError(f"{name}: {reason}")
-    return with_motion(problem, name, each.profile(problem)).require()
+    return Row(index=unit.index, values=unit.values, percent=percent, peak=peak)
 
 
 def sweep(
-    scenario: Scenario,
+    scenario: AnyScenario,
     folder: str | os.PathLike[str],
     *,
     over: Sequence[Axis] = (),
     samples: int = 0,
-    compensators: Sequence[str] = DEFAULT,
+    compensators: Sequence[str] = (),
     executor: Executor | None = None,
     progress: Progress = silent,
 ) -> Sweep:
@@ -114,13 +96,14 @@ def sweep(
     """
     if bool(over) == (samples > 0):
         raise InputError("a sweep needs either --over KEY=FROM:TO:COUNT or --samples N, and not both")
-    names = tuple(each.name for each in map(compensator, compensators))
+    kind = kind_of(scenario)
+    names = tuple(kind.compensator(name).name for name in compensators or kind.default(scenario))
     random = samples > 0
     keys = random_keys(scenario) if random else tuple(axis.key for axis in over)
     units = random_units(scenario, samples) if random else grid_units(scenario, tuple(over))
     axes = [[axis.key, axis.values[0], axis.values[-1], len(axis.values)] for axis in over]
     plan: dict[str, object] = {
-        "scenario_hash": scenario_hash(scenario),
+        "scenario_hash": kind.digest(scenario),
         "samples": samples,
         "over": axes,
         "compensators": list(names),
@@ -131,10 +114,9 @@ def sweep(
     progress(len(done), len(units))
     profiles, expectation = None, None
     if random:  # those that `design` makes
-        problem = Problem.of(scenario, reference=sample_reference(scenario, strict=False))
-        profiles = tuple(_profile(name, problem) for name in names)
-        by_name = dict(zip(names, profiles, strict=True))
-        expectation = expect(problem.doubt, problem.level, by_name, problem.reference)
+        problem = kind.problem(scenario)
+        profiles = tuple(kind.profile(name, problem) for name in names)
+        expectation = kind.expect(problem, dict(zip(names, profiles, strict=True)))
     pieces = [left[k : k + _UNITS_OF_JOB] for k in range(0, len(left), _UNITS_OF_JOB)]
     for start in range(0, len(pieces), _JOBS_OF_WAVE):
         jobs = [

@@ -65,7 +65,7 @@ def _check_order(files: str, records: Sequence[Record], how: Measurement, own_pe
         if other > HALF * percent_of(fit_static(shifted, PLAY, Explain.OUTPUT, most=10), shifted):
             return  # a delay explains it as well
     raise InputError(
-        f"{files}: {how.output_column} explains {how.input_column} ({other:.2g} % of range), not the other way round "
+        f"{files}: {how.output_column} explains {how.input_column} ({other:.2g} % of range), not conversely "
         f"({own_percent:.2g} %): the columns are exchanged, or the tendon is driven at its output end; "
         f"--input-column {how.output_column} --output-column {how.input_column}"
     )

@@ -32,11 +32,21 @@ class FittedLaw(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileError:
-    """Error of a law on a file."""
+    """Error of a law on a file.
+
+    Attributes
+    ----------
+    name : str
+        Name of the file.
+    rms : float
+        RMS error of the explained channel, N or m.
+    span : float
+        Its largest less its smallest value.
+    """
 
     name: str
-    rms: float  # RMS error of the explained channel, N or m
-    span: float  # its largest less its smallest value
+    rms: float
+    span: float
 
     @property
     def percent(self) -> float:

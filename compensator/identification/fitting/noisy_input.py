@@ -65,7 +65,7 @@ def with_input_estimated(
         try:
             step, covariance = _step(task, moved, signed=signed)
         except np.linalg.LinAlgError as error:
-            raise SolveError(f"values and input cannot be told apart: {error}") from error
+            raise SolveError(f"values and input cannot be separated: {error}") from error
         values = {name: moved.values[name] + float(by) for name, by in zip(moved.values, step, strict=True)}
         moved = replace(moved, values=values, covariance=covariance, residuals=residuals_of(task, values))
         if np.all(np.abs(step) < np.sqrt(np.diag(covariance))):

@@ -35,13 +35,27 @@ FLOOR = 0.01
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlidingRatio:
-    """ln(T_in/T_out) in one direction."""
+    """ln(T_in/T_out) in one direction.
+
+    Attributes
+    ----------
+    branch : Branch
+        Direction: pulling or releasing.
+    rows : int
+        Number of samples in gross sliding.
+    log_ratio : float or None
+        Median of ln(T_in/T_out) [-]; None where it has no meaning.
+    interval : tuple[float, float] or None
+        5 and 95 % points: it covers the drift within and between strokes.
+    reason : str
+        Why there is none; empty where there is one.
+    """
 
     branch: Branch
-    rows: int  # rows in gross sliding
-    log_ratio: float | None  # median of ln(T_in/T_out); None where it has no meaning
-    interval: tuple[float, float] | None  # 5 and 95 % points: it covers the drift within and between strokes
-    reason: str  # why there is none; empty where there is one
+    rows: int
+    log_ratio: float | None
+    interval: tuple[float, float] | None
+    reason: str
 
 
 def sliding_ratios(records: Sequence[Record]) -> tuple[SlidingRatio, ...]:
@@ -105,18 +119,26 @@ def last_reversal(q: Array) -> NDArray[np.int64]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SectionFriction:
-    """Friction between two neighbouring tension cells."""
+    """Friction between two neighbouring tension cells.
 
-    # start, stop: columns of the two cells, from the actuator on
+    Attributes
+    ----------
+    start, stop : str
+        Columns of the two cells, from the actuator on.
+    start_rad, stop_rad : float
+        Wrap angle from the actuator to each of them.
+    mu, mu_release : float
+        Coefficients of the section [-].
+    mu_error, mu_release_error : float
+        Their standard errors, by the scatter between strokes.
+    """
+
     start: str
     stop: str
-    # start_rad, stop_rad: wrap angle from the actuator to each of them
     start_rad: float
     stop_rad: float
-    # mu, mu_release: coefficients of the section [-]
     mu: float
     mu_release: float
-    # mu_error, mu_release_error: their standard errors, by the scatter between strokes
     mu_error: float
     mu_release_error: float
 

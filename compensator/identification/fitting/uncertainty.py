@@ -167,14 +167,25 @@ def with_floors(solution: Solution, mean_N: float) -> Solution:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ByFile:
-    """Values by one file alone, the laws and the other values as in the joint fit."""
+    """Values by one file alone, the laws and the other values as in the joint fit.
+
+    Attributes
+    ----------
+    file : str
+        Name of the file.
+    values, errors : dict of str to float
+        Estimates and standard errors by name; without those that the file does not identify.
+    condition : str
+        The label that it was given; empty without one.
+    started_s : float or None
+        Start of the file by its own clock, where that tells dates [s].
+    """
 
     file: str
-    # values, errors: estimates and standard errors by name; what the file does not tell is left out
     values: dict[str, float]
     errors: dict[str, float]
-    condition: str = ""  # the label that it was given; empty without one
-    started_s: float | None = None  # start of the file by its own clock, where that tells dates [s]
+    condition: str = ""
+    started_s: float | None = None
 
 
 def file_estimates(task: ChainResiduals, found: Residuals, solution: Solution) -> tuple[ByFile, ...]:

@@ -69,12 +69,24 @@ class DataIssue(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """Data issue in a file, and its treatment."""
+    """Data issue in a file, and its treatment.
+
+    Attributes
+    ----------
+    issue : DataIssue
+        Kind of the issue.
+    count : int
+        Rows or places concerned.
+    times_s : tuple of float
+        The first few of them [s].
+    text : str
+        In words, with what was done.
+    """
 
     issue: DataIssue
-    count: int  # rows or places concerned
-    times_s: tuple[float, ...]  # the first few of them [s]
-    text: str  # in words, with what was done
+    count: int
+    times_s: tuple[float, ...]
+    text: str
 
 
 class Findings(list[Finding]):

@@ -10,7 +10,8 @@ from tendonff.compensator.export.golden import to_and_fro
 from tendonff.compensator.export.host import compile_on_host
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.files.reading import FloatArray
-from tendonff.compensator.joint.design import commanded, inverse_of
+from tendonff.compensator.joint.compensators import inverse_of
+from tendonff.compensator.joint.drive import commanded
 from tendonff.compensator.joint.scenario import JointScenario, SampledJoint
 from tendonff.models.path import JointMotion
 from tendonff.ocp.codegen.precision import Precision

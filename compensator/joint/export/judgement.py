@@ -6,14 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray
-from tendonff.compensator.joint.design import (
-    REFINEMENT,
-    JointPlant,
-    commanded,
-    known_by_ratio,
-    linear_motor_rad,
-    verifying_masses,
-)
+from tendonff.compensator.joint.compensators import linear_motor_rad
+from tendonff.compensator.joint.drive import commanded, known_by_ratio
+from tendonff.compensator.joint.plant import REFINEMENT, JointPlant, verifying_masses
 from tendonff.compensator.joint.reference import JointQuantity
 from tendonff.compensator.joint.scenario import JointScenario, SampledJoint
 

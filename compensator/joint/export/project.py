@@ -11,7 +11,6 @@ from tendonff._version import __version__
 from tendonff.compensator.export.modules import check_prefix
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import atomic_directory, write_text
-from tendonff.compensator.joint.design import REFINEMENT, verifying_masses
 from tendonff.compensator.joint.export.golden import (
     JointCourse,
     followed_course,
@@ -22,6 +21,7 @@ from tendonff.compensator.joint.export.golden import (
 )
 from tendonff.compensator.joint.export.judgement import JudgedJoint, judge_joint
 from tendonff.compensator.joint.export.text import module_text, problem_of, render, transmission_files
+from tendonff.compensator.joint.plant import REFINEMENT, verifying_masses
 from tendonff.compensator.joint.scenario import JointScenario, sample_joint
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import SolveError

@@ -146,7 +146,7 @@ def _sample(scenario: Scenario) -> Reference:
                     f"step_s is in seconds, 1 ms is 0.001"
                 )
             start = 0.0 if spec.wants_position else spec.initial_tension_N
-            course = start + along_sines(spec.amplitudes, spec.frequencies_Hz, spec.fade_in_s, time)
+            course = start + along_sines(spec.amplitudes, spec.frequencies_Hz, spec.fade_in_s, time, spec.fade)
         case WaypointReference():
             time = _grid(spec.duration_s, step, file)
             course = along_waypoints(spec.times_s, spec.values, spec.shape, time)

@@ -17,6 +17,7 @@ TENSION, POSITION = Sensor.OUTPUT_TENSION, Sensor.ACTUATOR_POSITION
 BOTH = (Tunable.MU, Tunable.LOAD_STIFFNESS)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("precision", Precision)
 @pytest.mark.parametrize(("sensor", "most"), [(TENSION, 0.6), (POSITION, 1.0)])
 @pytest.mark.parametrize("mu", [0.8, 1.2])
@@ -80,7 +81,7 @@ MUTANTS = {
     "status bits not set": ("self->output.status |= more;", ""),
     "status bits not gathered": ("self->output.seen |= more;", ""),
     "what is no number is heard": ("const int heard = ", "const int heard = 1 | "),
-    "a stuck sensor teaches": ("(stuck != 0) || (self->open", "(self->open"),
+    "a stuck sensor teaches": ("(self->stale > t->deviation) ? ", "(self->stale < t->deviation) ? "),
     "a stuck sensor is not said": (
         "(self->lost != 0) || (stuck != 0)) ? 1 : 0;\n    if (self->frozen",
         "(self->lost != 0)) ? 1 : 0;\n    if (self->frozen",

@@ -60,6 +60,7 @@ def exported(moving, problem, tuner_of, request):
 
 
 @pytest.mark.compiler
+@pytest.mark.each_value
 @pytest.mark.parametrize("mu", [0.8, 1.2])
 def test_exported_it_finds_friction_that_is_20_percent_off_on_an_independent_plant(
     exported, problem, mu, record_property
@@ -121,7 +122,7 @@ def test_joint_angles_that_are_lost_for_a_while_are_flagged_and_teach_nothing(ex
 
 
 @pytest.mark.compiler
-@pytest.mark.parametrize("joints", [True, False])
+@pytest.mark.parametrize("joints", [True, pytest.param(False, marks=pytest.mark.nightly)])
 def test_the_exported_folder_compiles_without_a_warning_and_passes_its_self_test(moving, joints, tmp_path):
     if shutil.which("make") is None or shutil.which("cc") is None:
         pytest.skip("make or cc is not installed")

@@ -34,7 +34,7 @@ def test_every_plant_is_in_the_summary_and_in_the_table(out, summary):
     assert {row["plant"] for row in rows} == set(names)
     assert set(rows[0]) == {
         *("plant", "time_s", "reference_N", "tension_feedforward_N", "tension_self_tuning_N"),
-        *("true_mu_factor", "mu_pull_factor", "mu_release_factor"),
+        *("true_mu_factor", "mu_factor"),
     }
     assert {"report.html", "overview.svg", "drift.svg"} <= {path.name for path in out.iterdir()}
 
@@ -51,23 +51,36 @@ def test_friction_that_is_off_is_tuned_away(summary, percent):
 def test_a_drift_by_30_percent_in_a_minute_is_followed(summary):
     drift = summary["plants"]["friction drifts by +30 % in a minute"]["self_tuning"]
     assert drift["settled_rmse_percent_of_range"] < 0.5
-    assert drift["factors_at_end"] == pytest.approx({"mu_pull": 1.3, "mu_release": 1.3}, rel=0.02)
+    assert drift["factors_at_end"] == pytest.approx({"mu": 1.3}, rel=0.02)
 
 
-def test_friction_of_one_direction_is_tuned_away(summary):
+def test_friction_of_one_direction_is_not_told_from_the_position(summary):
+    """Another load or start tension looks the same: one factor for both directions, and no harm."""
     plant = summary["plants"]["friction releasing \N{MINUS SIGN}30 %"]
-    assert plant["feedforward"]["settled_rmse_percent_of_range"] > 8
-    assert plant["self_tuning"]["settled_rmse_percent_of_range"] < 0.5
-    assert plant["self_tuning"]["factors_at_end"] == pytest.approx({"mu_pull": 1.0, "mu_release": 0.7}, rel=0.02)
+    plain, tuned = (plant[scheme]["settled_rmse_percent_of_range"] for scheme in ("feedforward", "self_tuning"))
+    assert plain > 8
+    assert tuned < plain
 
 
-def test_nothing_in_the_study_gets_worse_and_what_was_doubted_is_said(summary):
-    """Also where the load is not what it seems: the position cannot tell it from friction, so friction stays."""
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("start tension 5 % higher", "zero off by 1 % of travel", "sensor gain +3 %"),
+        *("friction +20 %, load \N{MINUS SIGN}20 %", "friction +20 %, load +20 %", "load changes with posture by 30 %"),
+    ],
+)
+def test_what_the_position_does_not_tell_from_friction_by_its_size_it_tells_by_its_course(summary, name):
+    """Offset, load and tendon are estimated beside friction; where friction is off as well, it is found."""
+    plant = summary["plants"][name]
+    plain, tuned = (plant[scheme]["settled_rmse_percent_of_range"] for scheme in ("feedforward", "self_tuning"))
+    assert tuned < max(0.2 * plain, 0.5) if plain > 5 else tuned < 1.1 * plain + 0.1
+
+
+def test_nothing_in_the_study_gets_worse(summary):
     for name, plant in summary["plants"].items():
         plain, tuned = (plant[scheme]["settled_rmse_percent_of_range"] for scheme in ("feedforward", "self_tuning"))
         assert tuned < max(1.3 * plain, 0.5), name
         assert not plant["limit"]
-    assert any("stopped explaining the measurement" in text and "load +20 %" in text for text in summary["warnings"])
 
 
 def plant(name, plain, tuned):
@@ -98,10 +111,9 @@ def test_every_plant_on_which_self_tuning_is_worse_is_named_with_both_figures():
 
 
 def test_what_the_reference_teaches_is_said_with_a_time(summary):
-    pull, release = summary["information"]["sentences"]
-    assert pull.startswith("this reference identifies mu_pull within 3 % after")
-    assert release.startswith("this reference identifies mu_release within 3 % after")
-    assert summary["information"]["known_after_s"]["mu_pull"] < 1
+    [mu] = summary["information"]["sentences"]
+    assert mu.startswith("this reference identifies mu within 3 % after")
+    assert summary["information"]["known_after_s"]["mu"] < 1.5
     assert summary["feedback"] is None
 
 

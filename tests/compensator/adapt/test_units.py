@@ -89,6 +89,7 @@ def test_a_mu_that_means_nothing_changes_nothing(play):
     assert said == 0.2
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("fmi", FmiVersion)
 @pytest.mark.parametrize("kind", [Kind.ADAPTIVE, Kind.INVERSE])
 def test_the_units_are_valid(adaptive, tmp_path, kind, fmi):

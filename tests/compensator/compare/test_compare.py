@@ -12,8 +12,9 @@ import pytest
 
 from tendonff.compensator.cli import run
 from tendonff.compensator.compare.levels import level_traits, parameters_of
-from tendonff.compensator.compare.result import CAPSTAN_PLANT, PLANTS, Entry
-from tendonff.compensator.compare.run import FEEDFORWARDS, compare, lag, recommend
+from tendonff.compensator.compare.matrix import Entry, lag, recommend
+from tendonff.compensator.compare.result import CAPSTAN_PLANT, PLANTS
+from tendonff.compensator.compare.run import FEEDFORWARDS, SIMPLE, compare
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.expectation import ErrorBand
 from tendonff.compensator.compensators.plant import Plant
@@ -84,7 +85,7 @@ def test_the_spread_covers_what_a_finer_step_changes(finger, result):
         force = compensator(name).profile(Problem.of(finger, level=design)).force_N
         plant = Plant(finger.transmission, Level.ELASTIC, refinement=3)
         other = plant.respond(Profile(force_N=force), reference).output_N
-        shown = result.outputs_N[name, design, Level.ELASTIC.value]
+        shown = result.outputs[name, design, Level.ELASTIC.value]
         difference = 100 * float(np.sqrt(np.mean((other - shown) ** 2))) / reference.range_N
         assert 0 < difference <= result.entry(name, design, Level.ELASTIC).spread_percent_of_range
 
@@ -148,7 +149,7 @@ def entries(**errors):
             design_level=level,
             plant_level="presliding",
             rmse_percent_of_range=error,
-            peak_error_N=1.0,
+            peak_error=1.0,
             lag_s=0.0,
             spread_percent_of_range=errors.get("spread", 0.0),
         )
@@ -159,18 +160,18 @@ def entries(**errors):
 
 def band(percent):
     """An error band of which only the worst error counts."""
-    worst = Score(rmse_N=percent, rmse_percent_of_range=percent, peak_error_N=percent)
-    nothing = Sample(transmission=None)
+    worst = Score(rmse=percent, rmse_percent_of_range=percent, peak_error=percent)
+    nothing = Sample(system=None)
     return ErrorBand(
         scores=(worst,),
         worst=worst,
         worst_sample=nothing,
-        worst_peak_N=percent,
+        worst_peak=percent,
         amplification=0.0,
         amplified_sample=nothing,
         slack_samples=0,
-        low_N=np.zeros(1),
-        high_N=np.zeros(1),
+        low=np.zeros(1),
+        high=np.zeros(1),
     )
 
 
@@ -209,7 +210,7 @@ def band(percent):
 def test_the_simplest_level_that_loses_nothing_is_recommended(errors, sentence):
     rows = entries(**errors)
     bands = {(e.compensator, e.design_level): band(e.rmse_percent_of_range) for e in rows}
-    said, level = recommend(rows, COMPENSATORS, bands, "mu ±10 %")
+    said, level = recommend(rows, COMPENSATORS, bands, "mu ±10 %", SIMPLE)
     assert said.startswith(sentence)
     assert level in said or level is Level.ELASTIC
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from benchmarks.independent_plant import Plant
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.compensators.score import scale_N
+from tendonff.compensator.compensators.score import scale_of
 from tendonff.compensator.compensators.stream import Ramp, StreamDesign, StreamFilter
 from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.export.host import run_on_host
@@ -107,7 +107,7 @@ def test_preview_for_the_largest_jump_comes_near_the_optimum_on_a_plant_apart(fi
     run = run_on_host(sources, "tff", Precision.FLOAT, [{"stream": handed_over}])[0]
     force = run["stream"][250:]
     output = Plant(transmission=finger_fast.transmission).respond(force, STEP, float(tension[0]))[:, 1]
-    error = 100 * math.sqrt(np.mean((output - tension) ** 2)) / scale_N(tension)
+    error = 100 * math.sqrt(np.mean((output - tension) ** 2)) / scale_of(tension)
     record_property("figure", f"rate limit and 250 ms of preview: {error:.2g} % of range")
     assert error <= 0.7
     assert np.abs(np.diff(force)).max() <= 0.25 * (1 + 1e-5)

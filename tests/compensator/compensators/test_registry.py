@@ -120,7 +120,7 @@ def test_a_further_compensator_goes_through_design_with_force_error_and_picture(
     reference, gain = designed.reference.tension_N, math.exp(0.2 * math.pi)
     actuator = designed.scenario.transmission.actuator
     assert designed.profiles["gain"].force_N.max() <= min(gain * reference.max(), actuator.force_max_N) * (1 + 1e-12)
-    errors = {c.name: designed.on_level(c.name, designed.level).score.rmse_N for c in ALL}
+    errors = {c.name: designed.on_level(c.name, designed.level).score.rmse for c in ALL}
     assert errors["optimal"] < errors["gain"]
     designed.write(tmp_path / "out")
     assert "force_gain_N" in (tmp_path / "out" / "profile.csv").read_text().splitlines()[0]

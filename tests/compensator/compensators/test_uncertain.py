@@ -8,7 +8,7 @@ import pytest
 from tendonff.compensator.compensators.expectation import expect, two_digits
 from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.compensators.profile import Profile
-from tendonff.compensator.compensators.uncertain import Doubt, sample_transmissions
+from tendonff.compensator.compensators.uncertain import Doubt, sample_systems
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
@@ -29,9 +29,9 @@ def reference() -> Reference:
 
 
 def test_samples_are_the_nominal_ones_each_end_alone_and_points_that_fill_all_intervals(generic: Transmission) -> None:
-    samples = sample_transmissions(generic, replace(UNSURE, samples=40))
+    samples = sample_systems(generic, replace(UNSURE, samples=40))
     assert len(samples) == 40
-    assert samples[0].transmission == generic
+    assert samples[0].system == generic
     load = generic.load.stiffness_N_per_m
     ends = [dict(sample.numbers) for sample in samples[1:7]]
     assert ends[:4] == [{"mu": 0.8}, {"mu": 1.2}, {"stiffness": 0.9}, {"stiffness": 1.1}]
@@ -40,21 +40,21 @@ def test_samples_are_the_nominal_ones_each_end_alone_and_points_that_fill_all_in
     assert np.all(np.abs(inner - 1) <= (0.2, 0.1, 0.3))
     assert np.all(np.ptp(inner, axis=0) > np.array((0.2, 0.1, 0.3)) * 1.8)
     last = samples[-1]
-    assert last.transmission.friction.mu_static == pytest.approx(generic.friction.mu_static * last.numbers["mu"])
-    assert last.transmission.load.stiffness_N_per_m == last.numbers["load.stiffness_N_per_m"]
+    assert last.system.friction.mu_static == pytest.approx(generic.friction.mu_static * last.numbers["mu"])
+    assert last.system.load.stiffness_N_per_m == last.numbers["load.stiffness_N_per_m"]
 
 
 def test_the_points_of_one_seed_are_even_and_those_of_another_are_others(generic: Transmission) -> None:
     """A Sobol sequence has as many points in each half of every interval, to one."""
     many = replace(UNSURE, samples=7 + 64)
-    first, again, other = (sample_transmissions(generic, u) for u in (many, many, replace(many, seed=1)))
+    first, again, other = (sample_systems(generic, u) for u in (many, many, replace(many, seed=1)))
     assert [s.numbers for s in first] == [s.numbers for s in again] != [s.numbers for s in other]
     mu = np.array([sample.numbers["mu"] for sample in first[7:]])
     assert abs(int(np.sum(mu > 1)) - 32) <= 1
 
 
 def test_certainty_needs_one_sample_and_is_doubted_all_the_same(generic: Transmission) -> None:
-    assert len(sample_transmissions(generic, Uncertainty(samples=9))) == 1
+    assert len(sample_systems(generic, Uncertainty(samples=9))) == 1
     doubt = Doubt.of(generic, Uncertainty(samples=9))
     assert doubt.is_assumed
     assert str(doubt) == "mu ±10 % (assumed; set [robust])"
@@ -67,7 +67,7 @@ def test_friction_overestimated_makes_the_output_swing_more_than_the_reference(
     profile = Profile(force_N=invert(Chain.of(generic, Level.PRESLIDING, 40), TENSION, STEP).force_N)
     doubt = Doubt.of(generic, Uncertainty(mu=0.2, samples=3))
     band = expect(doubt, Level.PRESLIDING, {"inverse": profile}, reference).bands["inverse"]
-    assert band.nominal.rmse_N < 1e-6
+    assert band.nominal.rmse < 1e-6
     assert band.amplified_sample.numbers == {"mu": 0.8}
     assert band.amplification > 0.05
 
@@ -92,7 +92,7 @@ def test_the_number_that_does_it_is_the_first_contribution_and_the_corner_of_all
         return float(np.sqrt(np.mean((output - TENSION) ** 2)))
 
     dry = replace(rig, actuator=replace(rig.actuator, coulomb_N=4.0))
-    assert found.contributions[0].rmse_N == pytest.approx(error_N(dry))
+    assert found.contributions[0].rmse == pytest.approx(error_N(dry))
     corners = [
         error_N(
             replace(
@@ -110,7 +110,7 @@ def test_the_number_that_does_it_is_the_first_contribution_and_the_corner_of_all
         for damping in (0.8, 1.2)
         for mu in (0.95, 1.05)
     ]
-    assert found.best.worst.rmse_N == pytest.approx(max(corners), rel=0.01)
+    assert found.best.worst.rmse == pytest.approx(max(corners), rel=0.01)
 
 
 @pytest.mark.parametrize(

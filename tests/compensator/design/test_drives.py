@@ -100,7 +100,9 @@ def seen_under(scenario, names):
     return found
 
 
-@pytest.mark.parametrize(("share", "most"), [(0.85, 0.6), (0.6, 0.6), (0.4, None)])
+@pytest.mark.parametrize(
+    ("share", "most"), [pytest.param(0.85, 0.6, marks=pytest.mark.nightly), (0.6, 0.6), (0.4, None)]
+)
 def test_a_speed_limit_is_kept_on_an_independent_plant_and_costs_less_than_clipping(
     cable, share, most, record_property
 ):
@@ -250,8 +252,8 @@ def test_a_cycle_that_fits_uncertain_friction_is_better_in_the_worst_case(cable)
     assert profiles["optimal"].tracking.departures
     nominal = compensator("optimal").profile(Problem.of(slow))
     bands = expect(problem.doubt, problem.level, profiles | {"nominal": nominal}, problem.reference).bands
-    assert bands["optimal"].worst.rmse_N < 0.8 * bands["inverse"].worst.rmse_N
-    assert bands["optimal"].worst.rmse_N < bands["nominal"].worst.rmse_N
+    assert bands["optimal"].worst.rmse < 0.8 * bands["inverse"].worst.rmse
+    assert bands["optimal"].worst.rmse < bands["nominal"].worst.rmse
     assert forces["optimal"][0] == pytest.approx(forces["optimal"][-1], abs=1e-9)
 
 

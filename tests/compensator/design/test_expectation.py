@@ -60,8 +60,8 @@ def test_the_first_sentence_has_the_worst_case_and_the_small_print_the_model_aga
     worst = assumed.expectation.worst_percent["inverse"]
     assert worst > 3  # per cent, where the model against itself has less than a tenth
     band, said = assumed.expectation.bands["inverse"], headline(assumed)
-    assert said.startswith(f"Tracking error up to {band.worst.rmse_N:.2g} N RMS ({worst:.1f} % of range), peak ")
-    assert f"peak {band.worst_peak_N:.2g} N" in said
+    assert said.startswith(f"Tracking error up to {band.worst.rmse:.2g} N RMS ({worst:.1f} % of range), peak ")
+    assert f"peak {band.worst_peak:.2g} N" in said
     own = assumed.on_proof("inverse").score.percent
     assert float(own) < 0.1
     assert own not in said
@@ -85,16 +85,16 @@ def test_of_profiles_that_do_equally_well_there_the_one_that_is_best_with_the_de
     less = replace(good.worst, rmse_percent_of_range=0.999 * good.worst.rmse_percent_of_range)
     doubt = Doubt.of(scenario.transmission, Uncertainty())
     bands = {"a": replace(poor, worst=less), "b": good}
-    assert expectation_of(doubt, Level.PRESLIDING, bands, made.reference).recommended == "b"
+    assert expectation_of(doubt, Level.PRESLIDING, bands).recommended == "b"
 
 
 def test_the_band_holds_the_output_of_every_sample(finger, assumed):
     found = assumed.expectation
-    assert np.all(found.best.low_N <= found.best.high_N)
+    assert np.all(found.best.low <= found.best.high)
     plant = Plant(finger.transmission, finger.run.level, FINE_SEGMENTS)
     nominal = plant.respond(assumed.profiles[found.recommended], assumed.reference).output_N
-    assert np.all((found.best.low_N <= nominal + 1e-9) & (nominal <= found.best.high_N + 1e-9))
-    assert np.max(found.best.high_N - found.best.low_N) > 1
+    assert np.all((found.best.low <= nominal + 1e-9) & (nominal <= found.best.high + 1e-9))
+    assert np.max(found.best.high - found.best.low) > 1
 
 
 def test_what_the_scenario_states_is_used_and_said(finger):
@@ -107,7 +107,7 @@ def test_what_the_scenario_states_is_used_and_said(finger):
 
 def test_a_headline_names_a_reference_that_was_raised(assumed):
     found, label = assumed.expectation, assumed.recommended.label
-    raised = replace(found, reference=replace(found.reference, raised_N=2.5))
+    raised = replace(found, share_of=replace(assumed.reference, raised_N=2.5).share_of)
     assert "% of range), peak" in found.headline(label, "stop")
     assert "% of range of the reference raised to 2.5 N), peak" in raised.headline(label, "stop")
 

@@ -34,7 +34,11 @@ def finger(examples):
     [
         (SolveError("the chain went slack"), "failed: the chain went slack"),
         (ZeroDivisionError("float division by zero"), "failed: ZeroDivisionError: float division by zero"),
-        (np.linalg.LinAlgError("Singular matrix"), "failed: LinAlgError: Singular matrix"),
+        pytest.param(
+            np.linalg.LinAlgError("Singular matrix"),
+            "failed: LinAlgError: Singular matrix",
+            marks=pytest.mark.nightly,
+        ),
     ],
 )
 def test_what_a_compensator_raises_is_its_own_message_and_the_others_are_what_they_are_without_it(

@@ -45,7 +45,7 @@ def test_page_and_files_say_it_and_show_the_joints(result: Design, tmp_path: Pat
     assert f"leave an RMS error of {result.ignored.ignored.percent} % of range" in page
     assert "Bottom: the joint angles" in page
     summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
-    assert summary["ignored_motion"]["rmse_N"] == pytest.approx(result.ignored.ignored.rmse_N)
+    assert summary["ignored_motion"]["rmse_N"] == pytest.approx(result.ignored.ignored.rmse)
 
 
 def test_figures_show_the_joints_under_the_tensions(result: Design, moving: Scenario) -> None:
@@ -54,7 +54,7 @@ def test_figures_show_the_joints_under_the_tensions(result: Design, moving: Scen
         compensators=(COMPENSATORS[0], Capstan(), COMPENSATORS[1]),
     )
     assert compared.ignored is not None
-    for figure in (tension_figure(result), errors_figure(compared)):
+    for figure in (tension_figure(result), errors_figure(compared, compared.ignored.motion)):
         panel = next(axes for axes in figure.axes if axes.get_ylabel() == "joints [rad]")
         assert [line.get_label() for line in panel.lines] == ["knuckle", "middle"]
 

@@ -75,11 +75,11 @@ def test_self_tuning_recovers_most_of_what_a_design_for_other_friction_misses(sc
     """Over the whole run, the time in which it learns included: two thirds; how well it settles is tested with it."""
     explorer = Explorer(scenario)
     changed = replace(explorer.start, mu=0.24)
-    plain = explorer.at(changed, design_knows=False).courses["inverse"].score.rmse_N
+    plain = explorer.at(changed, design_knows=False).courses["inverse"].score.rmse
     slow = explorer.at(changed, design_knows=False, curves=SLOW).courses
     assert set(slow) == {"smoothed", "optimal", "table", "self_tuning"}
-    assert slow["self_tuning"].score.rmse_N < plain / 3
-    assert slow["optimal"].score.rmse_N > plain / 2
+    assert slow["self_tuning"].score.rmse < plain / 3
+    assert slow["optimal"].score.rmse > plain / 2
 
 
 def test_the_inverse_that_knows_the_change_stays_exact_and_the_other_does_not(scenario):
@@ -88,13 +88,13 @@ def test_the_inverse_that_knows_the_change_stays_exact_and_the_other_does_not(sc
     knowing, blind = (explorer.at(changed, design_knows=knows).courses for knows in (True, False))
     assert knowing["inverse"].score.rmse_percent_of_range < 1e-6
     assert blind["inverse"].score.rmse_percent_of_range > 1
-    assert np.abs(blind["inverse"].error_N).max() == pytest.approx(blind["inverse"].score.peak_error_N, rel=0.05)
+    assert np.abs(blind["inverse"].error).max() == pytest.approx(blind["inverse"].score.peak_error, rel=0.05)
 
 
 def test_a_slower_actuator_costs_accuracy(scenario):
     explorer = Explorer(scenario)
     errors = [
-        explorer.at(replace(explorer.start, force_rate_max_N_per_s=rate)).courses["inverse"].score.rmse_N
+        explorer.at(replace(explorer.start, force_rate_max_N_per_s=rate)).courses["inverse"].score.rmse
         for rate in (1e5, 300.0, 100.0)
     ]
     assert errors == sorted(errors)
@@ -143,6 +143,6 @@ def test_the_worst_case_is_that_of_a_design_of_the_same_profiles(scenario):
     explorer = Explorer(unsure)
     fast = [curve.compensator for curve in FAST]
     found = design(unsure, compensators=fast).expectation
-    stated = explorer.worst_case(explorer.start)
+    stated = explorer.worst_case_at(explorer.start)
     assert f"({two_digits(found.best.worst.rmse_percent_of_range)} % of range)" in stated
     assert "mu ±15 % (as [robust] states)" in stated

@@ -84,10 +84,10 @@ def a_minute(scenario):
 @pytest.mark.parametrize(
     ("example", "precision"),
     [
-        ("finger", Precision.DOUBLE),
-        ("finger", Precision.FLOAT),
+        pytest.param("finger", Precision.DOUBLE, marks=pytest.mark.nightly),
+        pytest.param("finger", Precision.FLOAT, marks=pytest.mark.nightly),
         ("bowden", Precision.DOUBLE),
-        ("bowden", Precision.FLOAT),
+        pytest.param("bowden", Precision.FLOAT, marks=pytest.mark.nightly),
         ("finger_stribeck", Precision.FLOAT),
         ("surgical", Precision.FLOAT),
     ],

@@ -96,6 +96,7 @@ def test_joints_that_change_no_length_leave_no_warning(moving, tmp_path, turning
     assert said.stderr == ""
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("precision", Precision)
 @pytest.mark.parametrize("variant", [None, straightens, far_driven, at_rest, without_lengths])
 def test_c_equals_python_wherever_the_path_goes(moving, variant, precision, record_property):
@@ -168,6 +169,7 @@ def servo(scenario):
     return replace(scenario, transmission=replace(scenario.transmission, actuator=actuator))
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("precision", Precision)
 @pytest.mark.parametrize("variant", [None, far_driven, at_rest])
 def test_a_servo_is_told_where_to_go_while_joints_move_the_path(moving, variant, precision, record_property):

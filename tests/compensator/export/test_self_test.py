@@ -44,8 +44,8 @@ def test_a_module_that_is_worse_than_none_is_left_out_and_said(small_moves, tmp_
     scenario.write_text(scenario_to_toml(small_moves), encoding="utf-8")
     exported = export_project(small_moves)
     worse = {each.module for each in exported.judged if each.fault}
-    nothing = exported.judged[0].score.rmse_N
-    assert worse == {each.module for each in exported.judged[1:] if each.score.rmse_N > 1.01 * nothing}
+    nothing = exported.judged[0].score.rmse
+    assert worse == {each.module for each in exported.judged[1:] if each.score.rmse > 1.01 * nothing}
     assert "capstan" in worse
     assert run(["export-c", str(scenario), "--out", str(tmp_path / "c")]) == 0
     said = capsys.readouterr().err
@@ -80,7 +80,7 @@ def test_the_judgement_is_an_independent_simulation_of_each_force(finger):
     constant = Profile(force_N=np.full(len(tension), tension[0]))
     none, same, still = judge(problem, {"same": Profile(force_N=tension), "still": constant})
     assert same.score == none.score
-    assert still.score.rmse_N == pytest.approx(float(np.sqrt(np.mean((tension - tension[0]) ** 2))), rel=0.02)
+    assert still.score.rmse == pytest.approx(float(np.sqrt(np.mean((tension - tension[0]) ** 2))), rel=0.02)
 
 
 def test_a_module_is_judged_by_what_it_answers_live_and_the_drive_lets_through(examples):
@@ -98,7 +98,7 @@ def test_a_module_is_judged_by_what_it_answers_live_and_the_drive_lets_through(e
     held = replace(problem, transmission=slow)
     given = profiles_of(held, None, names=names)["inverse"]
     assert np.ptp(given.force_N) < 0.99 * np.ptp(answer.force_N)
-    assert judge(held, {"inverse": given})[1].score.rmse_N > 10 * inverse.score.rmse_N
+    assert judge(held, {"inverse": given})[1].score.rmse > 10 * inverse.score.rmse
 
 
 def test_every_branch_of_the_limiter_is_among_the_cases():
@@ -166,7 +166,7 @@ MUTANTS = {
 }
 
 
-@pytest.mark.parametrize("precision", Precision)
+@pytest.mark.parametrize("precision", [Precision.DOUBLE, pytest.param(Precision.FLOAT, marks=pytest.mark.nightly)])
 def test_the_self_test_passes_and_dies_with_every_safety_mutant(exported, precision, tmp_path):
     if shutil.which("cc") is None:
         pytest.skip("cc is not installed")

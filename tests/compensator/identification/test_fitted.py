@@ -202,7 +202,7 @@ def test_a_path_that_is_not_even_widens_the_stiffness_and_is_named(nominal, trut
     assert found.estimate("mu_dynamic").value == pytest.approx(MU, rel=0.01)
 
 
-@pytest.mark.parametrize("noise", [0.001, 0.005])
+@pytest.mark.parametrize("noise", [pytest.param(0.001, marks=pytest.mark.nightly), 0.005])
 def test_a_delay_of_the_output_is_measured_and_taken_out(nominal, truth, tmp_path, noise):
     """The far cell is logged 12 ms later, which in short files looks much like viscous friction and hides adhesion."""
     write_synthetic(tmp_path / "a.csv", truth, *strokes(5), Faults(noise=noise), step_s=STEP)

@@ -8,7 +8,10 @@ import pytest
 pytestmark = pytest.mark.compiler
 
 
-@pytest.mark.parametrize("name", golden_fits.RIGS)
+@pytest.mark.parametrize(
+    "name",
+    [n if n in {"positions", "stiff"} else pytest.param(n, marks=pytest.mark.nightly) for n in golden_fits.RIGS],
+)
 def test_a_fit_is_what_it_was(name, tmp_path):
     stored = json.loads(golden_fits.STORED.read_text())[name]
     found = golden_fits.as_stored(golden_fits.found_in(name, tmp_path))

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
-from tendonff.compensator.joint.design import commanded, design_joint, driven
+from tendonff.compensator.joint.design import design_joint
+from tendonff.compensator.joint.drive import commanded, driven
 from tendonff.compensator.joint.scenario import load_joint_scenario
 from tendonff.models.joint.parameters import DriveKind, JointDrive
 from tendonff.ocp.joint.simulate import simulate_joint
@@ -44,13 +45,14 @@ def test_a_loop_is_designed_with_its_data_sheet(hand: Path) -> None:
     assert errors["static"]["rmse_rad"] < errors["linear"]["rmse_rad"] / 2
     assert errors["inverse"]["rmse_rad"] < errors["static"]["rmse_rad"] / 2
     loop, a = summary["loop"], 0.6
-    assert loop["drive_force_N"] == pytest.approx(2 * a * 15)
-    assert loop["least_tension_N"] == pytest.approx(15 * a / math.sinh(a))
-    assert loop["lost_motion_rad"] == pytest.approx(15 / 2e4 * math.tanh(a / 2) / 8e-3)
+    assert loop["drive_force_N"] == pytest.approx(2 * a * 5)
+    assert loop["least_tension_N"] == pytest.approx(5 * a / math.sinh(a))
+    assert loop["lost_motion_rad"] == pytest.approx(5 / 2e4 * math.tanh(a / 2) / 8e-3)
     assert {"slack_torque_N_m", "least_pretension_N", "recommended_pretension_N"} <= loop.keys()
-    assert [c["key"] for c in summary["contributions"]]
-    assert 0.1 < math.degrees(summary["contributions"][0]["rmse_rad"]) < 1.0
-    assert "more than the torque asks for" in summary["warnings"][0]
+    expected = summary["expectation"]
+    assert {c["key"] for c in expected["contributions"]} == {"mu", "stiffness", "drive.pretension_N"}
+    assert 0.1 < math.degrees(expected["contributions"][0]["rmse_rad"]) < math.degrees(expected["rmse_rad"])
+    assert not summary["warnings"]
 
 
 def test_the_profile_of_a_loop_has_the_promised_columns(hand: Path) -> None:
@@ -141,12 +143,12 @@ def test_limits_of_the_motor_are_told(tmp_path: Path, examples: Path) -> None:
         examples,
         tmp_path,
         ("speed_max_rad_per_s = 8.0", "speed_max_rad_per_s = 2.0"),
-        ("torque_max_N_m = 1.0", "torque_max_N_m = 0.1"),
+        ("torque_max_N_m = 1.0", "torque_max_N_m = 0.05"),
     )
     result = design_joint(load_joint_scenario(path))
     text = " ".join(result.warnings)
     assert "speed_max_rad_per_s is 2" in text
-    assert "torque_max_N_m is 0.1" in text
+    assert "torque_max_N_m is 0.05" in text
     speed = np.abs(np.diff(result.profiles["inverse"].motor_rad, axis=0)).max() / 1e-3
     assert speed <= 2.0 * (1 + 1e-9)
 
@@ -214,7 +216,7 @@ def test_a_homing_stroke_wipes_out_what_was_stored(tmp_path: Path, examples: Pat
     assert list(home) == ["time_s", "reference_rad", "motor_rad"]
     assert math.degrees(result.profiles["inverse"].rms) < 0.05
     assert abs(profile["motor_inverse_rad"][0] - home["motor_rad"][-1]) < 1e-3
-    assert abs(profile["motor_inverse_rad"][0]) > 0.01  # friction stores what the stroke leaves
+    assert abs(profile["motor_inverse_rad"][0]) > 0.005  # friction stores what the stroke leaves
 
     wanted = profile["reference_rad"]
     problem = joint_problem(scenario.mechanism, scenario.run.level, result.sampled.motion)

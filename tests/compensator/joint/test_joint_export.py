@@ -93,7 +93,7 @@ def several(tmp_path_factory: pytest.TempPathFactory) -> tuple[JointScenario, ..
             hand,
             folder / "d.toml",
             ("joints.knuckle", "joints.loose"),
-            ("pretension_N = 15.0", "pretension_N = 2.0"),
+            ("pretension_N = 5.0", "pretension_N = 2.0"),
             ("gravity_N_m = 0.02 ", "gravity_N_m = 0.2 "),
         ),
         changed(
@@ -207,7 +207,7 @@ def test_commands_that_are_worse_than_the_ratio_are_not_exported(
 
 def test_the_command_exports_several_files(tmp_path: Path, several, capsys: pytest.CaptureFixture[str]) -> None:
     first, second = (str(scenario.source) for scenario in several[:2])
-    assert run(["export-c", first, "--joint", second, "--out", str(tmp_path / "out"), "--prefix", "hand"]) == 0
+    assert run(["export-c", first, second, "--out", str(tmp_path / "out"), "--prefix", "hand"]) == 0
     said = "".join(capsys.readouterr())
     assert "knuckle: RMS error" in said
     assert "wrist: RMS error" in said

@@ -10,7 +10,7 @@ import pytest
 
 import tendonff as tf
 from tendonff.compensator.export.host import compile_on_host
-from tendonff.compensator.joint.design import linear_motor_rad
+from tendonff.compensator.joint.compensators import linear_motor_rad
 from tendonff.compensator.joint.export.project import export_joints
 from tendonff.compensator.joint.export.text import joint_sources, problem_of
 from tendonff.compensator.joint.scenario import sample_joint
@@ -42,7 +42,7 @@ def hand(examples, tmp_path_factory):
 
 @pytest.mark.parametrize(("precision", "most_rad"), [(Precision.DOUBLE, 1e-8), (Precision.FLOAT, 3e-4)])
 def test_the_observer_says_where_the_forward_simulation_has_the_joint(hand, precision, most_rad):
-    """The motor goes by the ratio alone, which leaves the joint up to 2 deg behind. A motor out of reach is told."""
+    """The motor goes by the ratio alone, which leaves the joint 0.8 deg behind. A motor out of reach is told."""
     sampled = sample_joint(hand)
     motor = linear_motor_rad(hand, sampled)
     code = compile_on_host(joint_sources((hand,), precision=precision), DRIVER, precision)
@@ -50,7 +50,7 @@ def test_the_observer_says_where_the_forward_simulation_has_the_joint(hand, prec
     call = code.function("observe", ctypes.c_long, *(code.reals,) * 2, result=ctypes.c_int)
     assert call(len(motor), code.array(motor.ravel()), angle) == 1
     there = tf.simulate_joint(problem_of(hand, sampled), motor.reshape(-1, 1), hand.run.step_s).angle_rad
-    assert np.abs(there - sampled.angle_rad).max() > 0.02
+    assert np.abs(there - sampled.angle_rad).max() > 0.01
     assert np.abs(angle - there).max() < most_rad
 
 

@@ -9,7 +9,8 @@ import pytest
 import tendonff as tf
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.export.host import run_on_host
-from tendonff.compensator.joint.design import commanded, inverse_of
+from tendonff.compensator.joint.compensators import inverse_of
+from tendonff.compensator.joint.drive import commanded
 from tendonff.compensator.joint.export.text import problem_of
 from tendonff.compensator.joint.scenario import sample_joint
 from tendonff.compensator.runtime.code import tendon_runtime
@@ -70,7 +71,7 @@ def test_after_a_pause_of_half_a_second_no_motor_jumps(joint, lost, at):
     at = round(at * (len(told) - gap))
     before = commands(runtime, sampled.angle_rad[:at])[-1]
     if lost == "nothing arrived":
-        assert all(np.all(runtime.step(None) == before) and runtime.status == HELD for _ in range(gap))
+        assert all(np.all(runtime.step(None) == before) and HELD[0] in runtime.status for _ in range(gap))
     first = runtime.step(float(sampled.angle_rad[at + gap]), dt=0.5 if lost == "nothing called" else None)
     after = np.vstack([[before], [np.atleast_1d(first)], commands(runtime, sampled.angle_rad[at + gap + 1 :])])
     steps = np.degrees(np.abs(np.diff(after, axis=0)))

@@ -47,17 +47,18 @@ def test_the_example_tunes_friction_from_the_position(examples):
     adaptation = load_scenario(examples / "finger_adaptive.toml").adaptation
     assert adaptation is not None
     assert adaptation.sensor is Sensor.ACTUATOR_POSITION
-    assert adaptation.parameters == (Tunable.MU_PULL, Tunable.MU_RELEASE)
+    assert adaptation.parameters == (Tunable.MU,)
 
 
-def test_both_directions_are_tuned_and_an_integral_is_certified_where_nothing_else_is_said(finger):
-    """An eighth of what is certified, from the tension; none from the position; 0 is none."""
+def test_from_the_tension_both_directions_are_tuned_and_an_integral_is_certified(finger):
+    """An eighth of what is certified by default; from the position one factor, and no integral; 0 is none."""
     given = {"output_tension": "noise = 0.1", "actuator_position": "", "none": "integral_gain_per_s = 0.0"}
     gains = {}
     for sensor, more in given.items():
         name = "output_tension" if sensor == "none" else sensor
         scenario = parse_scenario(f'{finger}\n[adaptation]\nsensor = "{name}"\ndelay_samples = 2\n{more}\n')
-        assert scenario.adaptation.parameters == (Tunable.MU_PULL, Tunable.MU_RELEASE)
+        pair = (Tunable.MU_PULL, Tunable.MU_RELEASE)
+        assert scenario.adaptation.parameters == ((Tunable.MU,) if name == "actuator_position" else pair)
         tuning = tuning_of(Problem.of(scenario), scenario.adaptation)
         gains[sensor] = tuning.integral_gain / scenario.run.step_s
         assert parse_scenario(scenario_to_toml(scenario)).adaptation == scenario.adaptation

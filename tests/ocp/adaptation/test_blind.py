@@ -54,6 +54,7 @@ def test_bristles_twice_as_stiff_leave_at_most_3_percent(bench, reference, perce
     assert left <= 3
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("load", [2 / 3, 1.5])
 @pytest.mark.parametrize("mu", [0.8, 1.2])
 def test_friction_and_load_are_found_from_the_position_alone(bench, reference, percent, load, mu, record_property):
@@ -65,7 +66,7 @@ def test_friction_and_load_are_found_from_the_position_alone(bench, reference, p
     assert tuner.factors == pytest.approx([mu, load], rel=0.02)
 
 
-@pytest.mark.parametrize("load", [0.8, 0.9, 1.1, 1.2])
+@pytest.mark.parametrize("load", [0.8, 1.2, *(pytest.param(load, marks=pytest.mark.nightly) for load in (0.9, 1.1))])
 def test_a_load_that_is_wrong_from_the_start_costs_at_most_half_a_percent(bench, reference, percent, load):
     """Position alone, only friction tuned: nothing tells it the load; bounds the loss against the plain inverse."""
     tuning, longer = bench.tuning(POSITION), np.concatenate([reference, reference[-2::-1]])
@@ -73,20 +74,40 @@ def test_a_load_that_is_wrong_from_the_start_costs_at_most_half_a_percent(bench,
     assert percent(tuned, longer) <= percent(plain, longer) + 0.5
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("load", [0.8, 1.2])
 @pytest.mark.parametrize("mu", [0.8, 1.2])
-def test_friction_and_load_both_off_are_said_and_cost_nothing(bench, reference, load, mu, record_property):
-    """Position alone, only friction tuned: in no second worse than the plain inverse by 5 %."""
+def test_friction_is_found_from_the_position_where_the_load_is_off_too(bench, reference, percent, load, mu):
+    """Its stiffness is estimated beside friction; the plain inverse misses by 10 %, and no second is worse."""
     tuning, longer = bench.tuning(POSITION), np.concatenate([reference, reference[-2:1999:-1]])
     plain = run(bench, tuning, longer, adapt=False, mu=mu, load=load)[0]
-    tension, status = run(bench, tuning, longer, mu=mu, load=load)
-    squares = [np.convolve((t - longer) ** 2, np.ones(1000), "valid") / 1000 for t in (tension, plain)]
-    worst = float(np.sqrt(squares[0] / np.maximum(squares[1], (1e-3 * np.ptp(longer)) ** 2)).max())
-    record_property(
-        "figure", f"friction {mu:g} and load {load:g}, friction tuned from the position: {worst:.2f} of plain"
-    )
-    assert worst <= 1.05
-    assert (status[1500:] & TunerStatus.DOUBT).all()
+    tension, _ = run(bench, tuning, longer, mu=mu, load=load)
+    assert worst_second([tension, plain], longer) <= 1.05
+    assert percent(tension, longer) < 1.2  # the inverse keeps the scenario's load: with friction known 0.5
+    assert percent(plain, longer) > 8
+
+
+def test_directions_are_not_told_apart_from_the_position_by_a_start_tension_that_is_off(bench, reference, percent):
+    """The pair takes the offset for friction that differs by direction; friction alone, with the offset, does not."""
+    pair = bench.tuning(POSITION, (Tunable.MU_PULL, Tunable.MU_RELEASE))
+    off = {"true_tension_N": 1.05 * bench.start_N}
+    assert percent(run(bench, pair, reference, **off)[0]) > 1
+    assert percent(run(bench, bench.tuning(POSITION), reference, **off)[0]) < 0.1
+
+
+def test_a_tendon_that_stretches_is_found_from_the_position(bench, reference, percent):
+    """By 1 mm, a tenth of its travel, within half a second."""
+    longer = np.concatenate([reference, reference[-2::-1]])
+
+    def change(rig, time_s):
+        if 3.0 <= time_s < 3.5:
+            rig.stretch(1e-3 * bench.step_s / 0.5)
+
+    tuning = bench.tuning(POSITION)
+    plain, tuned = (run(bench, tuning, longer, adapt=adapt, change=change, mu=1.1)[0] for adapt in (False, True))
+    assert worst_second([tuned, plain], longer) <= 1.05
+    assert percent(tuned, longer, after_s=7.0) < 1.2
+    assert percent(plain, longer, after_s=7.0) > 4
 
 
 @pytest.mark.parametrize(
@@ -124,14 +145,21 @@ def run(bench, tuning, reference, *, adapt=True, change=None, **hidden):
     return bench.rigs.closed_loop(rig, bench.tuner(tuning), reference, measured, noise, change=change)
 
 
+def worst_second(tensions, wanted):
+    """Largest ratio of two errors over any second, with 0.1 % of range as noise of the second."""
+    squares = [np.convolve((t - wanted) ** 2, np.ones(1000), "valid") / 1000 for t in tensions]
+    return float(np.sqrt(squares[0] / np.maximum(squares[1], (1e-3 * np.ptp(wanted)) ** 2)).max())
+
+
+@pytest.mark.each_value
 @pytest.mark.parametrize("sensor", [TENSION, POSITION])
 @pytest.mark.parametrize("mu", [0.8, 1.0, 1.2])
 def test_a_load_that_changes_in_mid_run_is_said_and_harmless(bench, reference, sensor, mu, record_property):
-    """By a third, up or down, at four instants: in no second more than 1.3 times the error of the plain inverse."""
+    """By a third, up or down, at two instants: in no second more than 1.3 times the error of the plain inverse."""
     tuning, longer = bench.tuning(sensor), np.concatenate([reference, reference[-2:1999:-1]])
     ratios = []
     for load in (2 / 3, 4 / 3):
-        for at_s in (1.5, 2.4, 3.2, 4.0):
+        for at_s in (2.4, 4.0):
 
             def change(rig, time_s, at_s=at_s, load=load):
                 if time_s >= at_s:
@@ -139,14 +167,10 @@ def test_a_load_that_changes_in_mid_run_is_said_and_harmless(bench, reference, s
 
             plain = run(bench, tuning, longer, adapt=False, change=change, mu=mu)[0]
             tension, status = run(bench, tuning, longer, change=change, mu=mu)
-            squares = [np.convolve((t - longer) ** 2, np.ones(1000), "valid") / 1000 for t in (tension, plain)]
-            level = 1e-3 * np.ptp(longer)  # 0.1 % of range, noise
-            ratios.append(float(np.sqrt(squares[0] / np.maximum(squares[1], level**2)).max()))
+            ratios.append(worst_second([tension, plain], longer))
             changed = round(at_s / bench.step_s)
             assert not (status[:changed] & TunerStatus.FROZEN).any()
             assert not (status[1500:changed] & TunerStatus.DOUBT).any()
             assert (status[changed : changed + 1000] & TunerStatus.DOUBT).any()  # the blow of the step
-            if sensor is POSITION:  # the tension says little about the load, and needs to say no more
-                assert (status[changed + 1000 :] & TunerStatus.FROZEN).mean() > 0.8
     record_property("figure", f"load steps by a third, mu {mu:g}, {sensor}: at most {max(ratios):.2f} times plain")
     assert max(ratios) <= 1.3

@@ -38,4 +38,4 @@ def test_two_parameters_with_one_effect_cannot_be_told_apart():
     slopes = np.column_stack([effect, 0.5 * effect + 1e-3 * rng.normal(size=500)]) * 30
     found = information(tuning(Tunable.MU, Tunable.LOAD_STIFFNESS), np.arange(500) * 1e-3, slopes, np.ones(500))
     assert found.correlation < -0.98
-    assert "cannot be told apart" in found.sentences()[-1]
+    assert "cannot be separated" in found.sentences()[-1]

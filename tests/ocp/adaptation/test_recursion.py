@@ -19,21 +19,29 @@ from tendonff.ocp.adaptation.recursion import (
     update_law,
 )
 
-R, DEVIATION, START, LOW, HIGH, QUICK = 0.7, 0.2, 0.3, 0.5, 2.0, 0.05
+R, DEVIATION, START, LOW, HIGH, QUICK, LONG, SLEW = 0.7, 0.2, 0.3, 0.5, 2.0, 0.05, 0.02, 10.0
 
 
-def step(count, f, P, e, s, weight, *, drift=0.0, level=1.0, mean=0.0):
-    """One update; P as a full matrix."""
-    entries = [P[int(name[1]), int(name[2])] for name in covariance_names(count)]
-    out = update_law(count).function()(
-        e, weight, *s, *f, *entries, mean, QUICK, level, R, DEVIATION, drift, START, LOW, HIGH
-    )
-    values = [float(ca.DM(v)) for v in out]
-    new = np.zeros((count, count))
-    for name, value in zip(covariance_names(count), values[count:-2], strict=True):
+def update(count, f, P, e, s, weight, *, spreads=(), b=(), **given):
+    """One update by name of the output; P as a full matrix."""
+    law = update_law(count, spreads)
+    entries = [P[int(name[1]), int(name[2])] for name in covariance_names(count + len(spreads))]
+    known = {"mean": 0.0, "lasting": 0.0, "level": 1.0, "drift": 0.0, "slew": SLEW} | given
+    known |= {"quick": QUICK, "long_share": LONG, "R": R, "deviation": DEVIATION, "start": START}
+    known |= {"low": LOW, "high": HIGH}
+    numbers = [known[symbol.name()] for symbol in law.inputs if symbol.name() in known]
+    out = law.function()(e, weight, *s, *f, *b, *entries, *numbers)
+    return dict(zip(law.outputs, (float(ca.DM(v)) for v in out), strict=True))
+
+
+def step(count, f, P, e, s, weight, **numbers):
+    """Factors, covariance and surprise of one update."""
+    found = update(count, f, P, e, s, weight, **numbers)
+    new = np.zeros((len(s), len(s)))
+    for name in covariance_names(len(s)):
         i, j = int(name[1]), int(name[2])
-        new[i, j] = new[j, i] = value
-    return np.array(values[:count]), new, values[-1]
+        new[i, j] = new[j, i] = found[f"{name}_new"]
+    return np.array([found[f"f{k}_new"] for k in range(count)]), new, found["surprise"]
 
 
 @pytest.mark.parametrize("count", [1, 2])
@@ -93,6 +101,42 @@ def test_a_surprise_is_what_the_spread_of_the_factors_does_not_explain():
     )
     assert step(2, (1.0, 1.0), P, 2.0, s, 0.5, mean=0.0)[2] == LEAST
     assert step(2, (1.0, 1.0), P, 2.0, s, 0.5, mean=1e3)[2] == MOST
+
+
+def test_no_factor_moves_faster_than_the_inverse_may_follow():
+    P = np.array([[0.02, 0.005], [0.005, 0.03]])
+    whole, slow = (step(2, (1.0, 1.0), P, 2.0, (3.0, -2.0), 1.0, slew=slew) for slew in (10.0, 1e-3))
+    change, limited = whole[0] - 1, slow[0] - 1
+    assert abs(limited).max() == pytest.approx(1e-3)
+    assert limited / abs(limited).max() == pytest.approx(change / abs(change).max())
+
+
+def test_nuisance_parameters_take_what_they_explain():
+    """Weighted least squares over factor and offset; what is unexplained opens the offset and closes the factor."""
+    rng, spreads = np.random.default_rng(2), (0.05,)
+    S = np.column_stack([rng.normal(size=200), np.full(200, 3.0)])
+    f, b, P = (1.0,), (0.0,), np.diag([START**2, 0.05**2])
+    information = S.T @ S / R + np.linalg.inv(P)
+    for row in S:
+        found = update(1, f, P, row @ [2e-5, 1e-5] - row @ [f[0] - 1, b[0]], row, 1.0, spreads=spreads, b=b)
+        f, b = (found["f0_new"],), (found["b0_new"],)
+        P = np.array([[found["P00_new"], found["P10_new"]], [found["P10_new"], found["P11_new"]]])
+    expected = np.linalg.solve(information, S.T @ S @ [2e-5, 1e-5] / R)
+    assert [f[0] - 1, b[0]] == pytest.approx(expected, rel=1e-3)
+    small = np.diag([1e-6, 1e-6])
+    calm, doubted = (
+        step(1, (1.0,), small, 0.0, (0.0, 0.0), 1.0, drift=1e-6, level=level, spreads=spreads, b=(0.0,))[1] - small
+        for level in (1.0, 10.0)
+    )
+    assert doubted[0, 0] == pytest.approx(calm[0, 0] / 10)
+    assert doubted[1, 1] == pytest.approx(10 * calm[1, 1])
+
+
+def test_what_lasts_is_averaged_at_any_speed():
+    found = update(1, (1.0,), np.array([[1e-4]]), 2.0, (2.0,), 0.0, mean=7.0, lasting=30.0)
+    assert found["mean_new"] == 7.0
+    assert found["lasting_new"] == pytest.approx(30 + LONG * (2.0 / DEVIATION - 30))
+    assert found["remains"] == pytest.approx(found["lasting_new"] ** 2 - KNOWN * 4e-4 / DEVIATION**2)
 
 
 def test_a_model_that_explains_less_forgets_more_slowly():

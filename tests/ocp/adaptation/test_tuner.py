@@ -44,8 +44,9 @@ def test_without_learning_it_is_the_exact_inverse(bench, reference):
 def test_estimates_within_40_percent_converge_in_two_seconds(bench, reference, mu, sensor):
     """What is less than 3 % off takes longer to stand out from doubt, and costs 0.2 % of range meanwhile."""
     run = bench.tuner(bench.tuning(sensor)).run(own_rig(bench, mu=mu), reference[1:], silent(reference))
-    assert run.factors[2100:, 0] == pytest.approx(mu, rel=2e-3)
-    assert abs(run.tension_N[2500:] - reference[2501:]).max() < 2e-3 * np.ptp(reference)
+    near = 2e-3 if sensor is TENSION else 5e-3  # from the position three other parameters are found as well
+    assert run.factors[2100:, 0] == pytest.approx(mu, rel=near)
+    assert abs(run.tension_N[2500:] - reference[2501:]).max() < near * np.ptp(reference)
     assert not (run.status[2000:] & (TunerStatus.DOUBT | TunerStatus.FROZEN)).any()
 
 
@@ -70,7 +71,7 @@ def test_friction_and_tendon_stiffness_are_found_from_the_position(bench, refere
     both = (Tunable.MU, Tunable.TENDON_STIFFNESS)
     tuner = bench.tuner(bench.tuning(POSITION, both))
     run = tuner.run(own_rig(bench, mu=1.2, tendon_stiffness=0.9), reference[1:], silent(reference))
-    assert run.factors[-1] == pytest.approx([1.2, 0.9], rel=0.02)
+    assert run.factors[-1] == pytest.approx([1.2, 0.9], rel=0.03)
 
 
 @pytest.mark.parametrize("sensor", Sensor)
@@ -145,37 +146,58 @@ def test_a_sensor_that_fails_for_a_while_changes_nothing(bench, reference):
     assert not (rest.status & TunerStatus.FROZEN).any()
 
 
-def test_a_wrong_model_is_said_and_starts_anew_at_rest(bench, reference):
-    """The load softens in mid-run, only friction is tuned; then the rig stops."""
-    tuning = bench.tuning(POSITION)
-    tuner, free = bench.tuner(tuning), (Tunable.MU, Tunable.LOAD_STIFFNESS)
+def broken(bench, tuner, reference):
+    """A rig whose load softens by a third after six seconds, and what came before; its friction is 20 % higher."""
+    free = (Tunable.MU, Tunable.LOAD_STIFFNESS)
     plant = TunedChain.of(bench.transmission, Level.PRESLIDING, free)
     rigs = [plant.with_factors({Tunable.MU: 1.2, Tunable.LOAD_STIFFNESS: load}) for load in (1.0, 0.67)]
-    rig, both = SimulatedRig(rigs[0], bench.step_s, 1, bench.start_N), np.concatenate([reference, reference[-2::-1]])
-    before = tuner.run(rig, both[1:6001], np.zeros(6000))
+    rig = SimulatedRig(rigs[0], bench.step_s, 1, bench.start_N)
+    before = tuner.run(rig, reference[1:6001], np.zeros(6000))
     assert not (before.status & TunerStatus.FROZEN).any()
     rig.change(rigs[1])
+    return rig, rigs[0]
+
+
+PAIR = (Tunable.MU_PULL, Tunable.MU_RELEASE)  # has no parameter that explains another load
+
+
+def test_a_wrong_model_keeps_what_held_last_and_starts_anew_at_rest(bench, reference):
+    both = np.concatenate([reference, reference[-2::-1]])
+    tuner = bench.tuner(bench.tuning(POSITION, PAIR))
+    rig, _ = broken(bench, tuner, both)
     moving = tuner.run(rig, both[6001:], np.zeros(2000))
-    assert (moving.status[500:] & TunerStatus.FROZEN).all()
+    frozen = (moving.status & TunerStatus.FROZEN) > 0
+    assert frozen[500:].all()
+    assert moving.factors[frozen][-1] == pytest.approx([1.2, 1.2], rel=0.02)  # not the scenario's
     rest = tuner.run(rig, np.full(2500, reference[0]), np.zeros(2500))  # the tendon creeps for a second
     assert not rest.status[-1] & TunerStatus.FROZEN
-    assert rest.factors[-1, 0] == pytest.approx(1.2, rel=0.02)  # what was safe
+    assert rest.factors[-1] == pytest.approx([1.2, 1.2], rel=0.02)
 
 
-def test_a_sensor_that_sticks_is_said_and_followed_nowhere(bench, reference, percent):
-    """Its value stays where it was: against the plain inverse over all of the run."""
-    tensions = []
-    for measured in (bench.start_N, np.nan):
-        tuner, rig = bench.tuner(bench.tuning(TENSION)), bench.rigs.Rig(bench.transmission, 30.0, step_s=2e-5, mu=1.2)
-        tension, force = [30.0], 30.0
-        for wanted in reference[1:]:
-            new = tuner.step(wanted, measured)
-            rig.advance(force, new, bench.step_s)
-            force = new
-            tension.append(rig.tension_N)
-        tensions.append(np.array(tension))
-        assert bool(tuner.status & TunerStatus.FROZEN) == (measured == bench.start_N)
-    assert percent(tensions[0]) < 1.3 * percent(tensions[1])
+def test_a_model_that_explains_the_data_again_thaws_without_a_rest(bench, reference):
+    both = np.concatenate([reference, reference[-2::-1]])
+    tuner = bench.tuner(bench.tuning(POSITION, PAIR))
+    rig, good = broken(bench, tuner, both)
+    assert tuner.run(rig, both[6001:7501], np.zeros(1500)).status[-1] & TunerStatus.FROZEN
+    rig.change(good)
+    tuner.run(rig, both[7501:], np.zeros(500))
+    more = tuner.run(rig, both[1:4001], np.zeros(4000))
+    assert not (more.status[-1000:] & TunerStatus.FROZEN).any()
+    assert more.factors[-1] == pytest.approx([1.2, 1.2], rel=0.02)
+
+
+@pytest.mark.parametrize("sensor", Sensor)
+@pytest.mark.parametrize("stuck_at", [0, 4300])
+def test_a_sensor_that_sticks_is_said_and_teaches_nothing(bench, reference, sensor, stuck_at):
+    """Its value stays where it was, to the bit; the prediction goes on. What was learnt before stays."""
+    both = np.concatenate([reference, reference[-2::-1]])
+    tuner, rig = bench.tuner(bench.tuning(sensor)), own_rig(bench, mu=1.2)
+    before = tuner.run(rig, both[1 : stuck_at + 1], np.zeros(stuck_at)).factors[-1:, 0] if stuck_at else [1.0]
+    frozen = rig.struct.output if sensor is TENSION else float(rig.x[-2]) - rig.struct.start
+    for wanted in both[stuck_at + 1 : stuck_at + 2001]:
+        tuner.step(wanted, frozen)
+        assert tuner.factors[0] == pytest.approx(before[-1], rel=0.02)
+    assert tuner.status & TunerStatus.FROZEN
 
 
 def test_a_bound_that_binds_is_said(bench, reference):

@@ -47,6 +47,7 @@ def rubbing(rig: Mechanism) -> Mechanism:
     return replace(rig, joints=(replace(rig.joint, coulomb_N_m=0.01, stiffness_N_m_per_rad=0.05, rest_rad=0.2),))
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("change", [lambda rig: rig, bent, tables, different, rubbing])
 @pytest.mark.parametrize("kind", [LOOP, PAIR])
 @pytest.mark.parametrize("level", [Level.ELASTIC, Level.PRESLIDING])

@@ -13,6 +13,7 @@ from tendonff.ocp.simulate import simulate
 FINE = 1e-5
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("level", Level)
 @pytest.mark.parametrize("name", ["bowden", "finger", "finger_fast", "surgical", "finger_stribeck"])
 def test_an_example_at_its_own_step_is_within_a_twentieth_of_a_percent(examples: Path, name: str, level: Level) -> None:

@@ -38,6 +38,7 @@ def swing(amplitude_N: float, step_s: float = 1e-3, seconds: float = 1.5) -> Arr
     return 30 + amplitude_N * np.sin(2 * np.pi * time) * np.minimum(time / 0.2, 1)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("level", Level)
 @pytest.mark.parametrize("n", [1, 6, 7, 40])
 def test_engines_agree_to_a_nanonewton(generic: Transmission, level: Level, n: int) -> None:

@@ -87,6 +87,7 @@ def with_friction(scenario, pull, release, adhesion):
     return replace(scenario.transmission, friction=other)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize(("precision", "tolerance"), [(Precision.DOUBLE, 1e-8), (Precision.FLOAT, 0.02)])
 @pytest.mark.parametrize("example", ["finger", "finger_stribeck"])
 def test_the_inverse_is_that_of_the_friction_that_is_set(play, examples, example, precision, tolerance):

@@ -59,6 +59,18 @@ def test_a_sine_is_the_formula_of_the_contract(finger: Scenario) -> None:
         assert reference.tension_N[k] == pytest.approx(30 + min(t / 0.5, 1) * waves, rel=1e-14)
 
 
+def test_a_smooth_fade_has_no_corner_and_is_half_way_in_the_middle(finger: Scenario) -> None:
+    """Against 10 u^3 - 15 u^4 + 6 u^5; the linear fade has a corner of amplitude/fade_in_s at its end."""
+    fast = {"amplitudes_N": (10.0,), "frequencies_Hz": (5.0,), "duration_s": 1.0, "fade_in_s": 0.45}  # ends on a crest
+    linear, smooth = (sampled(finger, SineReference(initial_tension_N=30.0, fade=f, **fast)) for f in Shape)
+    u = np.minimum(smooth.time_s / 0.45, 1)
+    fade = 10 * u**3 - 15 * u**4 + 6 * u**5
+    assert smooth.tension_N == pytest.approx(30 + fade * 10 * np.sin(10 * np.pi * smooth.time_s), abs=1e-12)
+    corner = [abs(np.diff(r.tension_N, 2)[449]) / 1e-3 for r in (linear, smooth)]  # jump of the rate at 0.45 s
+    assert corner[0] > 20
+    assert corner[1] < 11  # what a crest of 10 N at 5 Hz turns in a millisecond: (2 pi 5)^2 10 N/s^2
+
+
 def test_without_fade_in_a_sine_has_its_full_amplitude_at_once(finger: Scenario) -> None:
     spec = SineReference(
         initial_tension_N=30.0, amplitudes_N=(7.0,), frequencies_Hz=(1.0,), duration_s=1.0, fade_in_s=0.0

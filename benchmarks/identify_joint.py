@@ -1,0 +1,94 @@
+"""Identify hidden loops from motor signals, design from what was found, and run the design on the hidden plant.
+
+    python -m benchmarks.identify_joint [--rigs 20] [--first 0] [--rounds 1]
+
+Each loop is the explicit plant of `tests/joint_plant.py`, 40 masses a tendon and steps of 2 us, with numbers drawn by
+`tests/hidden_loop.py`: 12-bit motor angle, 100 Hz, 3 mA noise, torque constant 10 % off, friction of the gear 5 to 30 %
+of 2 a T, every fourth with an efficiency below one, a stop of 60 to 200 N m/rad, every other with an encoder. Prints
+errors in %, whether the 95 % interval holds (+ or !), and the RMS error of the joint after design from fitted.toml.
+"""
+
+import argparse
+import math
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from tendonff.compensator.identification.joint.estimates import derived
+from tendonff.compensator.identification.joint.output import JointIdentification
+from tendonff.compensator.identification.joint.run import identify_joint
+from tendonff.compensator.joint.design import design_joint
+from tendonff.compensator.joint.scenario import load_joint_scenario
+from tests.hidden_loop import FINE_S, HiddenLoop, hidden, scenario, write_log
+
+
+def truth(loop: HiddenLoop) -> dict[str, float]:
+    """True values of what is estimated, forces as the motor measures them."""
+    first, drive, joint = loop.mechanism.tendons[0], loop.mechanism.drive, loop.mechanism.joint
+    exponent, ratio, lost, friction = derived(loop.mechanism, 0.0).tolist()
+    return {
+        "mu_theta": exponent,
+        "tension_over_stiffness_m": ratio,
+        "lost_motion_rad": lost,
+        "drive_torque_N_m": friction * loop.scale,
+        "pretension_N": (drive.pretension_N or 0.0) * loop.scale,
+        "stiffness_N_per_m": first.tendon.stiffness_N_per_m * loop.scale,
+        "soft_bristle_stiffness_N_per_m": first.friction.soft_bristle_stiffness_N_per_m * loop.scale,
+        "coulomb_N_m": drive.coulomb_N_m * loop.scale,
+        "gravity_N_m": joint.gravity_N_m * loop.scale,
+        "stop_high_rad": joint.stop_high_rad or 0.0,
+    }
+
+
+def tracking_deg(loop: HiddenLoop, found: JointIdentification, folder: Path) -> tuple[float, float]:
+    """RMS error of the joint on the hidden plant: exact inverse designed from fitted.toml, and the ratio alone."""
+    found.write(folder)
+    design = design_joint(load_joint_scenario(folder / "fitted.toml"))
+    time = design.sampled.run_time_s
+    fine = np.arange(round(time[-1] / FINE_S) + 1) * FINE_S
+    errors = []
+    for name in ("inverse", "linear"):
+        motor = np.interp(fine, time, design.profiles[name].motor_rad[:, 0])
+        reached = loop.follow(motor).angle_rad
+        errors.append(
+            math.degrees(float(np.sqrt(np.mean((reached - np.interp(fine, time, design.sampled.wanted)) ** 2))))
+        )
+    return errors[0], errors[1]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rigs", type=int, default=20)
+    parser.add_argument("--first", type=int, default=0)
+    asked = parser.parse_args()
+    errors: dict[str, list[float]] = {}
+    held, count = 0, 0
+    tracking = []
+    for seed in range(asked.first, asked.first + asked.rigs):
+        loop = hidden(seed)
+        with tempfile.TemporaryDirectory() as folder:
+            log = write_log(loop, Path(folder) / "log.csv", encoder=seed % 2 == 1)
+            found = identify_joint(scenario(), [log])
+            parts = []
+            for name, value in truth(loop).items():
+                estimate = found.estimate(name)
+                off = 100 * (estimate.value / value - 1)
+                errors.setdefault(name, []).append(abs(off))
+                mark = " "
+                if estimate.interval is not None:
+                    inside = estimate.interval[0] <= value <= estimate.interval[1]
+                    held, count, mark = held + inside, count + 1, "+" if inside else "!"
+                parts.append(f"{off:+6.1f}{mark}")
+            own, ratio = tracking_deg(loop, found, Path(folder) / "fit")
+        tracking.append(own)
+        print(f"{seed:3d} {' '.join(parts)}  tracking {own:.3f} deg (ratio {ratio:.2f})  {found.law}", flush=True)
+    print("names: ", ", ".join(errors))
+    print("median:", ", ".join(f"{name} {np.median(values):.2f} %" for name, values in errors.items()))
+    print("worst: ", ", ".join(f"{name} {np.max(values):.2f} %" for name, values in errors.items()))
+    print(f"intervals that hold: {held} of {count}, {100 * held / max(count, 1):.1f} %")
+    print(f"tracking: median {np.median(tracking):.3f}, worst {np.max(tracking):.3f} deg")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Identification of a joint between tendons from what its motor feels."""

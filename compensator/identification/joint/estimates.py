@@ -1,0 +1,191 @@
+"""Estimates from a fitted mechanism: each number with its interval, and what follows from all of them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import t as student
+
+from tendonff.compensator.identification.constants import TUNED
+from tendonff.compensator.identification.joint.mechanism_law import MechanismLaw
+from tendonff.compensator.identification.joint.parameters import NUMBERS, JointNumber
+from tendonff.compensator.identification.measured import Array
+from tendonff.compensator.identification.result import Estimate
+from tendonff.compensator.joint.scenario import JointScenario
+from tendonff.models.joint.closed_form import GrossSliding, data_sheet
+from tendonff.models.joint.parameters import Mechanism
+from tendonff.ocp.fits.least_squares import Solution
+
+N = JointNumber
+
+DERIVED = {
+    "mu_theta": "-",
+    "tension_over_stiffness_m": "m",
+    "lost_motion_rad": "rad",
+    "drive_torque_N_m": "N m",
+}
+"""Numbers that follow, and their units: a, T/k, half the lost motion of the joint, 2 a T at the motor."""
+
+_BY_A_STOP = (N.MU, N.TENSION, N.STIFFNESS)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Found:
+    """A fitted law.
+
+    Attributes
+    ----------
+    law : MechanismLaw
+    solution : Solution
+    covariance : ndarray, shape (k, k)
+        Of the solution's values, with the floor of the method.
+    tried : tuple of (JointNumber, float, bool)
+        Effects beside the core: gain of log-likelihood, and whether it was taken up.
+    kept_because : str
+        Why mu theta is the scenario's; empty where it was free.
+    """
+
+    law: MechanismLaw
+    solution: Solution
+    covariance: Array
+    tried: tuple[tuple[JointNumber, float, bool], ...]
+    kept_because: str
+
+    @property
+    def names(self) -> tuple[JointNumber, ...]:
+        """Numbers that were free."""
+        return tuple(JointNumber(name) for name in self.solution.values)
+
+    @property
+    def reach(self) -> float:
+        """Half-width of an interval in standard errors."""
+        return float(student.ppf(0.975, max(self.solution.degrees, 1)))
+
+
+def derived(mechanism: Mechanism, start_rad: float) -> Array:
+    """The numbers of `DERIVED` for a mechanism, shape (4,)."""
+    law = GrossSliding.of(mechanism, start_rad)
+    first = law.tendons[0]
+    sheet = data_sheet(law, 0.0)
+    exponent = abs(first.signed_exponent(1 if first.arm_m > 0 else -1))
+    ratio = law.tension_N / first.stiffness_N_per_m
+    return np.array([exponent, ratio, sheet.lost_motion_rad, sheet.drive_torque_N_m / mechanism.drive.gear_ratio])
+
+
+def estimates_of(
+    scenario: JointScenario, found: Found, *, described: bool
+) -> tuple[tuple[Estimate, ...], tuple[str, ...], Array]:
+    """Estimates of all numbers and of what follows, the names of the free ones, and their correlation."""
+    values = {JointNumber(k): v for k, v in found.solution.values.items()}
+    deviation = np.sqrt(np.diag(found.covariance))
+    rows = []
+    for number in NUMBERS:
+        if number in values:
+            error = float(deviation[found.names.index(number)])
+            rows.append(_free(scenario, number, values[number], error, found, described=described))
+        elif number in found.law.fixed:
+            rows.append(_kept(scenario, number, f"{found.kept_because}; {number.spec.advice}"))
+    rows += _derived(found, values, described=described)
+    if described:
+        rows.append(_scale(scenario, values, found))
+    safe = np.where(np.isfinite(deviation) & (deviation > 0), deviation, np.inf)
+    correlation = np.nan_to_num(found.covariance / np.outer(safe, safe))
+    np.fill_diagonal(correlation, 1.0)
+    return tuple(rows), tuple(str(n) for n in found.names), correlation
+
+
+def _own(scenario: JointScenario, number: JointNumber) -> float | None:
+    return number.of(scenario.mechanism) if number.spec.key else None
+
+
+def _free(
+    scenario: JointScenario, number: JointNumber, value: float, error: float, found: Found, *, described: bool
+) -> Estimate:
+    size = abs(value) if number.spec.logarithmic or number.spec.of_force else max(abs(value), number.spec.step)
+    told = described and error < TUNED.identifiable_share * size
+    by_stop = bool(found.kept_because) and number in (*_BY_A_STOP, N.BRISTLE, N.COULOMB)
+    why = "fit of the whole mechanism"
+    if by_stop:
+        why = f"belongs to the scenario's mu_dynamic: {found.kept_because}; {number.spec.advice}"
+    elif not told:
+        why = f"its standard error is {error:.2g} {number.spec.unit}; {number.spec.advice or 'longer files'}"
+    elif number.spec.of_force:
+        why += ", as measured by the motor: as good as the torque constant"
+    return Estimate(
+        name=str(number),
+        value=value,
+        standard_error=error if np.isfinite(error) else None,
+        interval=_interval(value, error, found) if told and not by_stop else None,
+        identifiable=told and not by_stop,
+        why=why,
+        scenario=_own(scenario, number),
+        fitted=described,
+    )
+
+
+def _kept(scenario: JointScenario, number: JointNumber, why: str) -> Estimate:
+    own = number.of(scenario.mechanism)
+    return Estimate(name=str(number), value=own, why=why, scenario=own)
+
+
+def _interval(value: float, error: float, found: Found) -> tuple[float, float]:
+    return value - found.reach * error, value + found.reach * error
+
+
+def _derived(found: Found, values: Mapping[JointNumber, float], *, described: bool) -> list[Estimate]:
+    """Estimates that follow from the numbers, with the errors that they share."""
+    start, law = found.law.logs[0].run.start_rad, found.law
+    middle = derived(law.at(values), start)
+    before = derived(replace(law, fixed={}).at({}), start)
+    slopes = np.zeros((len(middle), len(values)))
+    for k, (number, value) in enumerate(values.items()):
+        if number in (*_BY_A_STOP, N.ADHESION, N.SECOND_SIDE):
+            step = 1e-4 * (abs(value) or number.spec.step)
+            slopes[:, k] = (derived(law.at({**values, number: value + step}), start) - middle) / step
+    used = np.abs(slopes).sum(axis=0) > 0
+    covariance = slopes[:, used] @ found.covariance[np.ix_(used, used)] @ slopes[:, used].T
+    rows = []
+    for k, name in enumerate(DERIVED):
+        error = float(np.sqrt(covariance[k, k]))
+        alone = bool(found.kept_because) and name in ("mu_theta", "tension_over_stiffness_m")
+        told = described and not alone and error < TUNED.identifiable_share * abs(middle[k])
+        why = "follows from the fit"
+        if alone:
+            why = f"{found.kept_because}; {N.MU.spec.advice}"
+        elif not told:
+            why = "follows from numbers that are not identifiable"
+        rows.append(
+            Estimate(
+                name=name,
+                value=float(middle[k]),
+                standard_error=error if told else None,
+                interval=_interval(float(middle[k]), error, found) if told else None,
+                identifiable=told,
+                why=why,
+                scenario=float(before[k]),
+                fitted=described,
+            )
+        )
+    return rows
+
+
+def _scale(scenario: JointScenario, values: Mapping[JointNumber, float], found: Found) -> Estimate:
+    """Measured torque over true torque, if the scenario's gravity is right."""
+    own, name = scenario.mechanism.joint.gravity_N_m, "torque_scale"
+    if own == 0 or N.GRAVITY not in values:
+        why = "nothing of known torque moves; hang a known weight on the joint, and give gravity_N_m"
+        return Estimate(name=name, value=1.0, why=why)
+    value = values[N.GRAVITY] / own
+    error = float(np.sqrt(found.covariance[(k := found.names.index(N.GRAVITY)), k])) / abs(own)
+    told = error < TUNED.identifiable_share
+    return Estimate(
+        name=name,
+        value=value,
+        standard_error=error,
+        interval=_interval(value, error, found) if told else None,
+        identifiable=told,
+        why="measured gravity over the scenario's: torque constant over the true one, if gravity_N_m is right"
+        if told
+        else "gravity is too weak beside the friction; hang a known weight on the joint",
+        scenario=1.0,
+    )

@@ -1,0 +1,179 @@
+"""The whole mechanism as a law: torque of the motor and angle of the joint from the motor's angle, fitted to logs."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tendonff.compensator.identification.joint.log import JointLog
+from tendonff.compensator.identification.joint.parameters import EXTRAS, JointNumber, put_into
+from tendonff.compensator.identification.measured import Array
+from tendonff.models.errors import ParameterError
+from tendonff.models.joint.parameters import Mechanism
+from tendonff.ocp.errors import SolveError
+from tendonff.ocp.fits.least_squares import Blocks, Residuals, Solution, block_covariance, solve
+from tendonff.ocp.fits.mechanism import GEAR_SLIP_RAD, MotorResponse, differences, respond
+
+COARSE_MASSES, FINE_MASSES = 6, 12
+"""Of each tendon while laws are compared, and at the end."""
+
+TORQUE_SHARE, JOINT_RAD = 0.008, 2e-3
+"""Residuals count linearly beyond this share of the torque's range, and beyond this angle of the joint."""
+
+STEP = 5e-3
+"""Difference that slopes are taken over, in usual steps of a search."""
+
+BLOCK_S = 0.5
+"""Rows this far apart are taken as independent: about a reversal."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MechanismLaw:
+    """A mechanism with numbers to find.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Where all other numbers come from.
+    logs : sequence of JointLog
+    fixed : mapping
+        Numbers that are held at a value.
+    segments, refinement : int
+        Masses of each tendon, and steps in one row.
+    """
+
+    mechanism: Mechanism
+    logs: Sequence[JointLog]
+    fixed: Mapping[JointNumber, float]
+    segments: int = COARSE_MASSES
+    refinement: int = 1
+
+    def at(self, values: Mapping[JointNumber, float]) -> Mechanism:
+        """The mechanism at given values."""
+        held: dict[JointNumber, float] = {
+            k: v for k, v in {**self.fixed, **values}.items() if k is not JointNumber.OFFSET
+        }
+        return put_into(self.mechanism, held)
+
+    def respond(self, log: JointLog, values: Mapping[JointNumber, float]) -> MotorResponse:
+        """Simulate a log; SolveError or ParameterError where it cannot be."""
+        found = {**self.fixed, **values}
+        mechanism, offset = self.at(values), found.get(JointNumber.OFFSET, 0.0)
+        slip = found.get(JointNumber.GEAR_SLIP, GEAR_SLIP_RAD)
+        held = None
+        if mechanism.drive.backlash_rad > 0:
+            held = log.torque_N_m - offset - mechanism.drive.coulomb_N_m * log.run.way(slip)
+        answer = respond(
+            mechanism,
+            log.run,
+            segments=self.segments,
+            refinement=self.refinement,
+            slip_rad=slip,
+            backlash_held_N_m=held,
+        )
+        return replace(answer, torque_N_m=answer.torque_N_m + offset)
+
+    def errors(self, values: Mapping[JointNumber, float]) -> list[tuple[Array, Array | None]]:
+        """Predicted less measured torque and joint angle of each log, with no zero of the encoder."""
+        found = []
+        for log in self.logs:
+            answer = self.respond(log, values)
+            angle = None
+            if log.joint_rad is not None:
+                off = answer.angle_rad - log.joint_rad
+                angle = off - off[log.counted].mean()
+            found.append((answer.torque_N_m - log.torque_N_m, angle))
+        return found
+
+    def _weighted(self, values: Mapping[JointNumber, float]) -> Array:
+        """Residuals in units of their expected size, then those of what is known before."""
+        parts = []
+        for log, (torque, angle) in zip(self.logs, self.errors(values), strict=True):
+            size = max(log.noise_N_m, TORQUE_SHARE * float(np.ptp(log.torque_N_m)))
+            parts.append(torque[log.counted] / size)
+            if angle is not None:
+                parts.append(angle[log.counted] / JOINT_RAD)
+        known = [n for n in values if n.spec.prior]
+        before = [np.log(values[n] / n.of(self.mechanism)) / n.spec.prior for n in known if n.of(self.mechanism) > 0]
+        return np.concatenate([*parts, np.array(before)])
+
+    def _blocks(self, rows: int) -> Blocks:
+        """Which rows of the residuals belong together: a stretch of time, of torque and angle alike."""
+        found, first = [], 0
+        for log in self.logs:
+            time = log.time_s[log.counted]
+            own = first + (time / BLOCK_S).astype(int)
+            first = int(own[-1]) + 1
+            found.append(own)
+            if log.joint_rad is not None:
+                found.append(own)
+        blocks = np.concatenate(found)
+        return np.concatenate([blocks, first + np.arange(rows - len(blocks))])
+
+    def evaluate(self, values: Mapping[JointNumber, float], over: Sequence[JointNumber]) -> Residuals:
+        """Residuals with slopes over some of the values."""
+        start = np.array([values[n] for n in over])
+
+        def predict(x: Array) -> Array:
+            return self._weighted({**values, **dict(zip(over, x.tolist(), strict=True))})
+
+        steps = [STEP * n.spec.step * (values[n] if n.spec.logarithmic else 1.0) for n in over]
+        steps = [-s if v + s > n.spec.high else s for s, v, n in zip(steps, start.tolist(), over, strict=True)]
+        residuals, slopes = differences(predict, start, steps)
+        return Residuals(values=residuals, slopes=slopes, blocks=self._blocks(len(residuals)))
+
+    def fit(self, start: Mapping[JointNumber, float], *, most: int = 15, tolerance: float = 1e-4) -> Solution:
+        """Least squares over the numbers of `start`; SolveError where the start has no answer."""
+        free = tuple(start)
+
+        def evaluate(values: Mapping[str, float]) -> Residuals:
+            return self.evaluate({n: values[n] for n in free}, free)
+
+        try:
+            return solve(evaluate, [n.unknown(start[n]) for n in free], most=most, tolerance=tolerance)
+        except ParameterError as error:
+            raise SolveError(str(error)) from None
+
+
+def gains(law: MechanismLaw, solution: Solution, tried: Sequence[JointNumber] = EXTRAS) -> dict[JointNumber, float]:
+    """Gain in the logarithm of the error that one more number promises, by a Gauss-Newton step from a solution.
+
+    Times the number of independent blocks over two it is a difference of log-likelihoods.
+    """
+    values = {JointNumber(n): v for n, v in solution.values.items()}
+    own = list(values)
+    extras = [n for n in tried if n not in own]
+    start = {n: law.fixed.get(n, n.of(law.mechanism)) for n in extras}
+    found = law.evaluate({**values, **start}, [*own, *extras])
+    before = _left(found, list(range(len(own))))
+    promised = {}
+    for k, number in enumerate(extras):
+        columns = [*range(len(own)), len(own) + k]
+        left, step = _stepped(found, columns)
+        low = number.spec.low if not number.spec.logarithmic else 0.0
+        feasible = low <= start[number] + step <= number.spec.high
+        promised[number] = float(np.log(before / left)) if feasible else 0.0
+    return promised
+
+
+def _left(found: Residuals, columns: list[int]) -> float:
+    return _stepped(found, columns)[0]
+
+
+def _stepped(found: Residuals, columns: list[int]) -> tuple[float, float]:
+    """Weighted squares after a Gauss-Newton step over some columns, and the last column's step."""
+    weight = 1 / (1 + found.values**2) ** 0.25
+    slopes = found.slopes[:, columns] * weight[:, None]
+    scale = np.maximum(np.sqrt((slopes**2).sum(axis=0)), 1e-300)
+    step = np.linalg.lstsq(slopes / scale, -found.values * weight, rcond=None)[0]
+    left = found.values * weight + (slopes / scale) @ step
+    return float(left @ left), float(step[-1] / scale[-1])
+
+
+def covariance_of(law: MechanismLaw, solution: Solution) -> Array:
+    """Covariance of the values, with the floor of the method; infinite where the data do not tell, shape (k, k)."""
+    names = [JointNumber(n) for n in solution.values]
+    values = {n: solution.values[n] for n in names}
+    covariance, _ = block_covariance(law.evaluate(values, names), robust=True)
+    floor = np.array([n.floor(values[n]) for n in names])
+    return np.asarray(covariance + np.diag(floor**2))

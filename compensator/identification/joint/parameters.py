@@ -1,0 +1,346 @@
+"""The numbers of a joint that identification looks for: each is one entry, which fit, file, report and advice read."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from enum import Enum, StrEnum
+from typing import Any, Self
+
+import numpy as np
+
+from tendonff.models.errors import ParameterError
+from tendonff.models.joint.parameters import JointTendon, Mechanism
+from tendonff.ocp.fits.least_squares import Unknown
+from tendonff.ocp.fits.mechanism import GEAR_SLIP_RAD
+
+
+class Role(StrEnum):
+    """When a number is free."""
+
+    CORE = "always"
+    STOP = "where the joint ran into a stop"
+    EXTRA = "where the data support it"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointSpec:
+    """Everything that is particular to one number.
+
+    Parameters
+    ----------
+    unit : str
+    role : Role
+    key : str
+        Its place in the scenario, "table.key", joint for that of the driven joint; empty where it has none.
+    logarithmic : bool
+        Searched by its logarithm.
+    factor : float
+        How far either way, then.
+    low, high : float
+        Bounds of the others.
+    step : float
+        Usual step of the search; of the logarithm for the logarithmic ones.
+    start : float
+        Where an extra number starts that the scenario does not have.
+    prior : float
+        Standard deviation that is known before, of the logarithm; 0 for none.
+    floor : float
+        Standard error of the method itself: a share of what is positive or a force, else in the number's unit.
+    of_force : bool
+        It is a force or torque: known as well as the scale of the measured torque.
+    effect : str
+        What the law gains with it, for names of laws.
+    advice : str
+        Which move would identify it.
+    """
+
+    unit: str
+    role: Role
+    key: str = ""
+    logarithmic: bool = False
+    factor: float = 30.0
+    low: float = -np.inf
+    high: float = np.inf
+    step: float = 0.2
+    start: float = 0.0
+    prior: float = 0.0
+    floor: float = 0.0
+    of_force: bool = False
+    effect: str = ""
+    advice: str = ""
+
+
+_PUSH = "push slowly against a stop until a tendon is slack, and on as far again"
+_STROKE = "add strokes over the whole range, both ways"
+
+
+class _Specified(str):
+    """A name that carries what is particular to it."""
+
+    __slots__ = ("spec",)
+
+    spec: JointSpec
+
+    def __new__(cls, name: str, spec: JointSpec | None = None) -> Self:
+        member = str.__new__(cls, name)
+        if spec is not None:
+            member.spec = spec
+        return member
+
+
+class JointNumber(_Specified, Enum):
+    """The list; values are names of estimates, in the order of the report."""
+
+    def __str__(self) -> str:
+        return str.__str__(self)
+
+    def __format__(self, format_spec: str) -> str:
+        return str.__format__(self, format_spec)
+
+    MU = (
+        "mu_dynamic",
+        JointSpec(unit="-", role=Role.CORE, key="friction.mu_dynamic", logarithmic=True, floor=0.012, advice=_PUSH),
+    )
+    TENSION = (
+        "pretension_N",
+        JointSpec(
+            unit="N",
+            role=Role.CORE,
+            key="drive.pretension_N",
+            logarithmic=True,
+            floor=0.012,
+            of_force=True,
+            advice=_PUSH,
+        ),
+    )
+    STIFFNESS = (
+        "stiffness_N_per_m",
+        JointSpec(
+            unit="N/m",
+            role=Role.CORE,
+            key="tendon.stiffness_N_per_m",
+            logarithmic=True,
+            floor=0.008,
+            of_force=True,
+            advice=_PUSH,
+        ),
+    )
+    BRISTLE = (
+        "soft_bristle_stiffness_N_per_m",
+        JointSpec(
+            unit="N/m",
+            role=Role.CORE,
+            key="friction.soft_bristle_stiffness_N_per_m",
+            logarithmic=True,
+            factor=8.0,
+            step=0.7,
+            prior=1.0,
+            floor=0.03,
+            of_force=True,
+            advice="add small reversals in free motion",
+        ),
+    )
+    COULOMB = (
+        "coulomb_N_m",
+        JointSpec(
+            unit="N m",
+            role=Role.CORE,
+            key="drive.coulomb_N_m",
+            low=0.0,
+            step=0.02,
+            floor=0.04,
+            of_force=True,
+            advice="add small reversals in free motion",
+        ),
+    )
+    GEAR_SLIP = (
+        "gear_slip_rad",
+        JointSpec(
+            unit="rad",
+            role=Role.CORE,
+            logarithmic=True,
+            start=GEAR_SLIP_RAD,
+            factor=5.0,
+            step=0.5,
+            prior=0.7,
+            floor=0.3,
+            advice="it has little effect: not needed",
+        ),
+    )
+    GRAVITY = (
+        "gravity_N_m",
+        JointSpec(unit="N m", role=Role.CORE, key="joint.gravity_N_m", step=0.02, of_force=True, advice=_STROKE),
+    )
+    STOP_HIGH = (
+        "stop_high_rad",
+        JointSpec(unit="rad", role=Role.STOP, key="joint.stop_high_rad", step=0.05, floor=1e-3),
+    )
+    STOP_LOW = (
+        "stop_low_rad",
+        JointSpec(unit="rad", role=Role.STOP, key="joint.stop_low_rad", step=0.05, floor=1e-3),
+    )
+    STOP_STIFFNESS = (
+        "stop_stiffness_N_m_per_rad",
+        JointSpec(
+            unit="N m/rad",
+            role=Role.STOP,
+            key="joint.stop_stiffness_N_m_per_rad",
+            logarithmic=True,
+            factor=4.0,
+            step=0.7,
+            prior=0.5,
+            floor=0.5,
+            of_force=True,
+            advice="it gives way less than the tendons: not needed",
+        ),
+    )
+    OFFSET = (
+        "torque_offset_N_m",
+        JointSpec(unit="N m", role=Role.EXTRA, step=0.01, of_force=True, effect="offset of the torque"),
+    )
+    EFFICIENCY = (
+        "gear_efficiency",
+        JointSpec(
+            unit="-",
+            role=Role.EXTRA,
+            key="drive.gear_efficiency",
+            low=0.3,
+            high=1.0,
+            step=0.05,
+            start=1.0,
+            floor=0.005,
+            effect="efficiency of the gear",
+        ),
+    )
+    JOINT_COULOMB = (
+        "joint_coulomb_N_m",
+        JointSpec(
+            unit="N m",
+            role=Role.EXTRA,
+            key="joint.coulomb_N_m",
+            low=0.0,
+            step=0.01,
+            of_force=True,
+            effect="dry friction of the joint",
+        ),
+    )
+    ADHESION = (
+        "adhesion_N",
+        JointSpec(
+            unit="N",
+            role=Role.EXTRA,
+            key="friction.adhesion_N",
+            low=0.0,
+            step=1.0,
+            of_force=True,
+            effect="load-independent friction",
+        ),
+    )
+    BACKLASH = (
+        "backlash_rad",
+        JointSpec(
+            unit="rad", role=Role.EXTRA, key="drive.backlash_rad", low=0.0, step=5e-3, effect="backlash of the gear"
+        ),
+    )
+    SECOND_SIDE = (
+        "second_side_softer",
+        JointSpec(
+            unit="-",
+            role=Role.EXTRA,
+            logarithmic=True,
+            start=1.0,
+            step=0.3,
+            effect="a softer second tendon, as behind a spring",
+        ),
+    )
+
+    def of(self, mechanism: Mechanism) -> float:
+        """The mechanism's value; a start where it has none."""
+        if not self.spec.key:
+            return self.spec.start
+        table, _, key = self.spec.key.partition(".")
+        first = mechanism.tendons[0]
+        holder: object = {
+            "friction": first.friction,
+            "tendon": first.tendon,
+            "drive": mechanism.drive,
+            "joint": mechanism.joint,
+        }[table]
+        value = getattr(holder, key)
+        return self.spec.start if value is None else float(value)
+
+    def unknown(self, start: float) -> Unknown:
+        """Bounds and step of its search."""
+        spec = self.spec
+        if not spec.logarithmic:
+            at = min(max(start, spec.low), spec.high)
+            return Unknown(name=self, start=at, low=spec.low, high=spec.high, scale=spec.step)
+        safe = max(start, 1e-9)
+        return Unknown(
+            name=self, start=safe, low=safe / spec.factor, high=safe * spec.factor, scale=spec.step, logarithmic=True
+        )
+
+    def floor(self, value: float) -> float:
+        """Standard error of the method itself."""
+        share = self.spec.logarithmic or self.spec.of_force
+        return self.spec.floor * (abs(value) if share else 1.0)
+
+
+NUMBERS = tuple(JointNumber)
+CORE, EXTRAS = (tuple(n for n in NUMBERS if n.spec.role is role) for role in (Role.CORE, Role.EXTRA))
+Values = Mapping[JointNumber, float]
+
+
+def put_into(mechanism: Mechanism, values: Values) -> Mechanism:
+    """The mechanism with values put in; tendons that differ keep their ratio to the first."""
+    n = JointNumber
+    tables: dict[str, dict[str, Any]] = {"drive": {}, "joint": {}}
+    for number, value in values.items():
+        table, _, key = number.spec.key.partition(".")
+        if table in tables:
+            tables[table][key] = value
+    ratio = {str(k): values[k] / k.of(mechanism) for k in (n.MU, n.STIFFNESS, n.BRISTLE) if k in values}
+    softer = values.get(n.SECOND_SIDE, 1.0)
+    tendons = tuple(
+        _scaled(tendon, ratio, values.get(n.ADHESION), softer if k else 1.0)
+        for k, tendon in enumerate(mechanism.tendons)
+    )
+    return replace(
+        mechanism,
+        joints=(replace(mechanism.joint, **tables["joint"]),),
+        tendons=tendons,
+        drive=replace(mechanism.drive, **tables["drive"]),
+    )
+
+
+def _scaled(given: JointTendon, ratio: Mapping[str, float], adhesion_N: float | None, softer: float) -> JointTendon:
+    n = JointNumber
+    friction, tendon, path = given.friction, given.tendon, given.path
+    mu = ratio.get(n.MU, 1.0)
+    coefficients = ("mu_dynamic", "mu_static", "mu_dynamic_release", "mu_static_release")
+    changed = {name: mu * value for name in coefficients if (value := getattr(friction, name)) is not None}
+    soft = friction.soft_bristle_stiffness_N_per_m * ratio.get(n.BRISTLE, 1.0)
+    changed |= {
+        "soft_bristle_stiffness_N_per_m": soft,
+        "bristle_stiffness_N_per_m": max(friction.bristle_stiffness_N_per_m, soft),
+        "adhesion_N": friction.adhesion_N if adhesion_N is None else adhesion_N,
+    }
+    sections = tuple(
+        replace(s, **{name: mu * value for name in coefficients if (value := getattr(s, name)) is not None})
+        for s in path.sections
+    )
+    stiffer = ratio.get(n.STIFFNESS, 1.0) / softer
+    return replace(
+        given,
+        friction=replace(friction, **changed),
+        tendon=tendon.scaled(stiffer),
+        path=replace(path, sections=sections) if sections else path,
+    )
+
+
+def require_loop(mechanism: Mechanism, file: str) -> None:
+    """Refuse a mechanism that is no loop."""
+    if mechanism.drive.kind != "loop":
+        raise ParameterError(
+            f"{file}: identification of a joint is for a loop; of a pair, identify each tendon by itself from the "
+            "current and angle of its motor"
+        )

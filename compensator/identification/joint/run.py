@@ -1,0 +1,303 @@
+"""`identify` of a joint: parameters of a loop, with confidence intervals, from angle and torque of its motor."""
+
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.identification.constants import TUNED
+from tendonff.compensator.identification.joint.estimates import Found, estimates_of
+from tendonff.compensator.identification.joint.first_look import FirstLook, look
+from tendonff.compensator.identification.joint.fitted import fitted_text
+from tendonff.compensator.identification.joint.log import JointLog, read_logs
+from tendonff.compensator.identification.joint.mechanism_law import (
+    FINE_MASSES,
+    MechanismLaw,
+    covariance_of,
+    gains,
+)
+from tendonff.compensator.identification.joint.output import JointIdentification
+from tendonff.compensator.identification.joint.parameters import EXTRAS, JointNumber, put_into, require_loop
+from tendonff.compensator.identification.joint.result import DESCRIBED_PERCENT, JointComparison
+from tendonff.compensator.identification.joint.sensor import SensorFit, fit_sensor
+from tendonff.compensator.joint.scenario import JointScenario
+from tendonff.compensator.scenario.measurement import Measurement
+from tendonff.models.errors import ParameterError
+from tendonff.models.joint.parameters import Mechanism
+from tendonff.ocp.errors import SolveError
+from tendonff.ocp.fits.least_squares import Solution
+
+N = JointNumber
+
+STOP_STIFFNESS_N_M_PER_RAD = 100.0
+"""Of a stop that the scenario does not have, before the fit."""
+
+MOST_EXTRAS = 3
+FIRST_STEPS, STEPS, FINE_STEPS = 5, 15, 4
+"""Evaluations of a start, of the best one, and on the finer mechanism."""
+
+
+def identify_joint(
+    scenario: JointScenario,
+    data: Sequence[str | os.PathLike[str]],
+    validate: Sequence[str | os.PathLike[str]] = (),
+    *,
+    how: Measurement | None = None,
+    say: Callable[[str], None] = lambda _: None,
+) -> JointIdentification:
+    """Fit the loop of a scenario to what its motor felt.
+
+    Parameters
+    ----------
+    scenario : JointScenario
+        Geometry, inertia and whatever the files do not tell are taken from it.
+    data : sequence of str or path
+        Files with the columns time_s, motor_rad, motor_torque_N_m or motor_current_A, and where there is an encoder
+        joint_rad.
+    validate : sequence of str or path, optional
+        Files that judge the law.
+    how : Measurement, optional
+        Other names and scales of the columns: input is the torque, input_position the motor, output_position the joint.
+    say : callable, optional
+        Callback for messages on the work in progress.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be used, or the joint has no loop.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> scenario = tf.load_joint_scenario("examples/hand_joint.toml")
+    >>> fit = tf.identify_joint(scenario, ["log.csv"])  # doctest: +SKIP
+    >>> print(fit.headline)  # doctest: +SKIP
+    """
+    try:
+        require_loop(scenario.mechanism, scenario.source.name)
+    except ParameterError as error:
+        raise InputError(str(error)) from None
+    files, judging = tuple(map(Path, data)), tuple(map(Path, validate))
+    given = how or Measurement()
+    with threadpool_limits(limits=1, user_api="blas"):
+        logs, judges = read_logs(scenario, files, given), read_logs(scenario, judging, given)
+        _require_motion(logs)
+        say("first look")
+        looks = [one for log in logs if (one := look(log, scenario.mechanism)) is not None]
+        mechanism, touched = _with_stops(scenario.mechanism, looks)
+        found = _fitted(mechanism, logs, looks, touched, say)
+        sensor = None
+        if _percent(found) > DESCRIBED_PERCENT and all(log.joint_rad is not None for log in (*logs, *judges)):
+            say("virtual sensor")
+            sensor = fit_sensor(logs, judges)
+        say("intervals")
+        return _answer(scenario, found, looks, judges, (*files, *judging), sensor)
+
+
+def _percent(found: Found) -> float:
+    """RMS error of the torque in % of its range, the worst of the files."""
+    errors = found.law.errors(_values(found.solution))
+    pairs = zip(errors, found.law.logs, strict=True)
+    return max(100 * float(np.sqrt(np.mean(e[log.counted] ** 2)) / np.ptp(log.torque_N_m)) for (e, _), log in pairs)
+
+
+def _require_motion(logs: Sequence[JointLog]) -> None:
+    for log in logs:
+        if not (np.ptp(log.run.motor_rad) > 0 and np.ptp(log.torque_N_m) > 0):
+            raise InputError(
+                f"{log.name}: angle or torque of the motor never changes, so there is nothing to identify; move it"
+            )
+
+
+def _with_stops(mechanism: Mechanism, looks: Sequence[FirstLook]) -> tuple[Mechanism, tuple[JointNumber, ...]]:
+    """The mechanism with those stops alone that were touched, and the numbers of these."""
+    ways = {push.way for found in looks for push in found.pushes}
+    joint, stops = mechanism.joint, {"stop_low_rad": -1, "stop_high_rad": 1}
+    start = next((found.start(mechanism, 0.0) for found in looks if found.pushes), {})
+    places = {
+        name: (getattr(joint, name) if getattr(joint, name) is not None else start.get(N(name), float(way)))
+        if way in ways
+        else None
+        for name, way in stops.items()
+    }
+    stiffness = (joint.stop_stiffness_N_m_per_rad or STOP_STIFFNESS_N_M_PER_RAD) if ways else 0.0
+    joint = replace(joint, **places, stop_stiffness_N_m_per_rad=stiffness)  # type: ignore[arg-type]
+    numbers = tuple(N(name) for name, way in stops.items() if way in ways)
+    return replace(mechanism, joints=(joint,)), (*numbers, N.STOP_STIFFNESS) if numbers else ()
+
+
+def _fitted(
+    mechanism: Mechanism,
+    logs: Sequence[JointLog],
+    looks: Sequence[FirstLook],
+    touched: tuple[JointNumber, ...],
+    say: Callable[[str], None],
+) -> Found:
+    """The law that explains the logs best."""
+    free = [N.MU, N.TENSION, N.STIFFNESS, N.BRISTLE, N.COULOMB, N.GEAR_SLIP, *touched]
+    if mechanism.joint.gravity_N_m:
+        free.append(N.GRAVITY)
+    kept, note = {}, ""
+    if not touched:
+        kept, note = {N.MU: N.MU.of(mechanism)}, "no push against a stop in these files"
+    law = MechanismLaw(mechanism=mechanism, logs=logs, fixed=kept)
+    say("whole mechanism")
+    if all(log.joint_rad is not None for log in logs) and (poor := _loaded(law, free, looks)) is not None:
+        return poor
+    solution = _from_starts(law, free, looks)
+    if touched and not _slack(law, solution):
+        note = "the pushes end before a tendon is slack"
+        law = replace(law, fixed={N.MU: N.MU.of(mechanism)})
+        solution = _from_starts(law, free, looks)
+    solution, tried = _with_extras(law, solution, say)
+    say("finer mechanism")
+    fine = replace(law, segments=FINE_MASSES, refinement=2)
+    solution = fine.fit(_values(solution), most=FINE_STEPS)
+    return Found(law=fine, solution=solution, covariance=covariance_of(fine, solution), tried=tried, kept_because=note)
+
+
+def _loaded(law: MechanismLaw, free: Sequence[JointNumber], looks: Sequence[FirstLook]) -> Found | None:
+    """A fit of the first file alone, where it shows that no mechanism explains the torque; else None."""
+    one = replace(law, logs=law.logs[:1])
+    solution = _from_starts(one, free, looks, most=FIRST_STEPS)
+    found = Found(law=one, solution=solution, covariance=np.full((len(free),) * 2, np.inf), tried=(), kept_because="")
+    return replace(found, law=law) if _percent(found) > 2 * DESCRIBED_PERCENT else None
+
+
+def _from_starts(
+    law: MechanismLaw, free: Sequence[JointNumber], looks: Sequence[FirstLook], most: int = STEPS
+) -> Solution:
+    """The best fit from the scenario's own values and from those of the first look."""
+    own = {n: n.of(law.mechanism) for n in free if n not in law.fixed}
+    if own[N.COULOMB] == 0 and looks:
+        own[N.COULOMB] = 0.1 * looks[0].drive_torque_N_m
+    starts = [
+        own,
+        *({**own, **_known(found.start(law.mechanism, law.logs[0].run.start_rad), own)} for found in looks[:1]),
+    ]
+    tried = []
+    for start in starts:
+        try:
+            tried.append(law.fit(start, most=FIRST_STEPS))
+        except SolveError as error:
+            failure = error
+    if not tried:
+        raise SolveError(f"the mechanism cannot follow the log from any start: {failure}")
+    best = min(tried, key=lambda s: s.cost)
+    return law.fit(_values(best), most=most)
+
+
+def _known(values: Mapping[JointNumber, float], names: Mapping[JointNumber, float]) -> dict[JointNumber, float]:
+    return {n: v for n, v in values.items() if n in names}
+
+
+def _values(solution: Solution) -> dict[JointNumber, float]:
+    return {N(name): value for name, value in solution.values.items()}
+
+
+def _slack(law: MechanismLaw, solution: Solution) -> bool:
+    return any(law.respond(log, _values(solution)).slack for log in law.logs)
+
+
+def _with_extras(
+    law: MechanismLaw, solution: Solution, say: Callable[[str], None]
+) -> tuple[Solution, tuple[tuple[JointNumber, float, bool], ...]]:
+    """Take up effects one by one as long as the data support another."""
+    tried: dict[JointNumber, tuple[float, bool]] = {}
+    for _ in range(MOST_EXTRAS):
+        extras = [n for n in EXTRAS if n not in solution.values]
+        blocks = len(np.unique(solution.residuals.blocks))
+        worth = {n: gain * blocks / 2 for n, gain in gains(law, solution, extras).items()}
+        tried |= {n: (gain, False) for n, gain in worth.items()}
+        best = max(worth, key=lambda n: worth[n])
+        if worth[best] < TUNED.worth_a_constant:
+            break
+        say(f"with {best.spec.effect}")
+        start = law.fixed.get(best, best.of(law.mechanism))
+        nudged = start - best.spec.step / 2 if start >= best.spec.high else start + best.spec.step / 10
+        more = law.fit({**_values(solution), best: nudged}, most=STEPS)
+        if blocks / 2 * np.log(solution.cost / more.cost) < TUNED.worth_a_constant:
+            break
+        solution, tried[best] = more, (worth[best], True)
+    return solution, tuple((n, gain, taken) for n, (gain, taken) in tried.items())
+
+
+def _answer(
+    scenario: JointScenario,
+    found: Found,
+    looks: Sequence[FirstLook],
+    judges: Sequence[JointLog],
+    inputs: tuple[Path, ...],
+    sensor: SensorFit | None,
+) -> JointIdentification:
+    law, values = found.law, _values(found.solution)
+    comparisons = [
+        _compared(log, role, law, values) for role, some in (("fit", law.logs), ("validate", judges)) for log in some
+    ]
+    described = all(c.torque_percent <= DESCRIBED_PERCENT for c in comparisons if c.role == "fit")
+    estimates, correlation_names, correlation = estimates_of(scenario, found, described=described)
+    if sensor is not None:
+        estimates = sensor.estimates  # those of a mechanism that explains nothing say nothing
+    taken = [n.spec.effect for n, _, taken in found.tried if taken]
+    name = ", ".join(("loop with presliding", *taken)) if sensor is None else "virtual sensor of a loop"
+    warnings = list(_warnings(found, described=described, joint=any(log.joint_rad is not None for log in law.logs)))
+    mechanism = put_into(scenario.mechanism, {**law.fixed, **values})
+    text = fitted_text(scenario, mechanism, estimates) if described else scenario.text
+    return JointIdentification(
+        asked=scenario,
+        text=text,
+        law=name,
+        sensor=sensor,
+        described=described,
+        estimates=estimates,
+        looks=tuple(looks),
+        comparisons=tuple(comparisons),
+        laws=tuple((n.spec.effect, gain, taken) for n, gain, taken in found.tried),
+        correlation_names=correlation_names,
+        correlation=correlation,
+        values=values,
+        warnings=tuple(warnings),
+        inputs=inputs,
+    )
+
+
+def _compared(log: JointLog, role: str, law: MechanismLaw, values: Mapping[JointNumber, float]) -> JointComparison:
+    answer = law.respond(log, values)
+    model = None
+    if log.joint_rad is not None:
+        off = (answer.angle_rad - log.joint_rad)[log.counted].mean()
+        model = answer.angle_rad - off
+    return JointComparison(
+        name=log.name,
+        role=role,
+        time_s=log.time_s,
+        motor_rad=log.run.motor_rad,
+        torque_N_m=log.torque_N_m,
+        model_N_m=answer.torque_N_m,
+        joint_rad=log.joint_rad,
+        model_rad=model,
+        counted=log.counted,
+        findings=log.findings,
+    )
+
+
+def _warnings(found: Found, *, described: bool, joint: bool) -> Iterator[str]:
+    if not described:
+        yield (
+            "the mechanism does not explain the torque: something else loads the joint, or signs, units, moment_arm_m, "
+            "drum_radius_m or gear_ratio are wrong; fitted.toml is the scenario"
+        )
+        return
+    if found.kept_because:
+        yield (
+            f"{found.kept_because}: only (T/k) tanh(mu theta/2) and 2 mu theta T by the motor are identified; "
+            "mu_dynamic is the scenario's, and pretension_N and stiffness_N_per_m belong to it"
+        )
+    if found.solution.at_bound:
+        yield f"{', '.join(found.solution.at_bound)} ended at a bound of the search; check the scenario's value"
+    if not joint:
+        yield ("no encoder: angles of the joint count from where the reference of the scenario starts")

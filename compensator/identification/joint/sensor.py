@@ -1,0 +1,248 @@
+"""The loop as a virtual sensor: angle of the joint from angle and torque of the motor, whatever loads the joint.
+
+Where something else loads the joint, no mechanism predicts the torque, but the torque determines the elongation of the
+tendons. So the law is q = gain theta + compliance T + elongation mean(T along the path) + zero, with the memory of
+friction in the mean (`models.joint.quasi_static`). It needs an encoder while it is fitted, and none afterwards.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tendonff.compensator.identification.constants import TUNED
+from tendonff.compensator.identification.joint.log import JointLog
+from tendonff.compensator.identification.measured import Array
+from tendonff.compensator.identification.result import Estimate
+from tendonff.models.capstan import CapstanLaw
+from tendonff.models.joint.quasi_static import LoopSensor
+from tendonff.ocp.errors import SolveError
+from tendonff.ocp.fits.least_squares import Residuals, Solution, Unknown, solve
+from tendonff.ocp.fits.mechanism import differences
+
+ROW_S = 0.05
+"""Distance of the rows that are fitted: the law is quasi-static."""
+
+BLOCK_S = 2.5
+"""Rows this far apart are taken as independent."""
+
+SIZE_RAD, STEP = 0.01, 1e-4
+STARTS = (0.3, 1.0)
+UNITS = {
+    "pull_exponent": "-",
+    "release_exponent": "-",
+    "preload_N_m": "N m",
+    "gain": "-",
+    "compliance_rad_per_N_m": "rad/(N m)",
+    "elongation_rad_per_N_m": "rad/(N m)",
+    "zero_rad": "rad",
+}
+_LOGARITHMIC = ("pull_exponent", "release_exponent", "preload_N_m")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SensorFile:
+    """Angle of the joint in a file, by the sensor.
+
+    Attributes
+    ----------
+    name, role : str
+        Of the file; fit or validate.
+    time_s, joint_rad, model_rad : ndarray, shape (rows,)
+    """
+
+    name: str
+    role: str
+    time_s: Array
+    joint_rad: Array
+    model_rad: Array
+
+    @property
+    def error_rad(self) -> Array:
+        """Predicted less measured, shape (rows,)."""
+        return self.model_rad - self.joint_rad
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SensorFit:
+    """A fitted virtual sensor.
+
+    Attributes
+    ----------
+    sensor : LoopSensor
+        Torque in N m.
+    estimates : tuple of Estimate
+    files : tuple of SensorFile
+    own_zero_files : tuple of SensorFile
+        The same by the sensor fitted with a zero for each file, and with that zero.
+    band_rad : float or None
+        Half-width that holds 95 % of the rows of a file that was left out of the fit; None of a single file.
+    """
+
+    sensor: LoopSensor
+    estimates: tuple[Estimate, ...]
+    files: tuple[SensorFile, ...]
+    own_zero_files: tuple[SensorFile, ...]
+    band_rad: float | None
+
+    def rms_deg(self, role: str, *, own_zero: bool = False) -> float | None:
+        """RMS error over all files of a role, with one zero or with one for each; None without such files."""
+        errors = [f.error_rad for f in (self.own_zero_files if own_zero else self.files) if f.role == role]
+        return float(np.degrees(np.sqrt(np.mean(np.concatenate(errors) ** 2)))) if errors else None
+
+    def as_json(self) -> dict[str, float | None]:
+        """Errors, for `fit.json`."""
+        errors = {
+            f"{role}_rms_deg{'_own_zero' if own else ''}": self.rms_deg(role, own_zero=own)
+            for role in ("fit", "validate")
+            for own in (False, True)
+        }
+        return {**errors, "band_95_deg": None if self.band_rad is None else math.degrees(self.band_rad)}
+
+    @property
+    def sentence(self) -> str:
+        """Its error, for the user."""
+        role = "validate" if any(f.role == "validate" for f in self.files) else "fit"
+        one, own = self.rms_deg(role), self.rms_deg(role, own_zero=True)
+        where = "files that were not fitted" if role == "validate" else "the fitted files"
+        band = "" if self.band_rad is None else f", 95 % within {math.degrees(self.band_rad):.2g} deg"
+        return (
+            f"as a virtual sensor the motor gives the joint's angle to {one:.2f} deg RMS on {where}{band}, "
+            f"{own:.2f} deg with a zero for each file"
+        )
+
+
+def fit_sensor(logs: Sequence[JointLog], judges: Sequence[JointLog]) -> SensorFit:
+    """Fit a virtual sensor to logs that all have the joint's angle; SolveError where none can be."""
+    seen = [_thinned(log) for log in logs]
+    solution = _fitted(seen)
+    sensor = _sensor(solution.values)
+    band = None
+    if len(seen) > 1:
+        start = solution.values
+        left: list[Array] = []
+        for k, (_, drum, torque, joint) in enumerate(seen):
+            others = _solved([f for j, f in enumerate(seen) if j != k], start)
+            left.append(_sensor(others.values).angle_rad(drum, torque) - joint)
+        band = float(np.quantile(np.abs(np.concatenate(left)), 0.95))
+    rows = [("fit", log.name, f) for log, f in zip(logs, seen, strict=True)]
+    rows += [("validate", log.name, _thinned(log)) for log in judges]
+    centred = _sensor(_solved(seen, solution.values, own_zero=True).values)
+    return SensorFit(
+        sensor=sensor,
+        estimates=_estimates(solution),
+        files=tuple(_file(name, role, sensor, f) for role, name, f in rows),
+        own_zero_files=tuple(_file(name, role, _zeroed(centred, f), f) for role, name, f in rows),
+        band_rad=band,
+    )
+
+
+def _zeroed(sensor: LoopSensor, file: "_File") -> LoopSensor:
+    """The sensor with the zero of a file."""
+    _, drum, torque, joint = file
+    off = float(np.mean(sensor.angle_rad(drum, torque) - joint))
+    return replace(sensor, zero_rad=sensor.zero_rad - off)
+
+
+def _file(name: str, role: str, sensor: LoopSensor, file: "_File") -> SensorFile:
+    time, drum, torque, joint = file
+    return SensorFile(name=name, role=role, time_s=time, joint_rad=joint, model_rad=sensor.angle_rad(drum, torque))
+
+
+_File = tuple[Array, Array, Array, Array]
+
+
+def _thinned(log: JointLog) -> _File:
+    """Time, motor's angle as read, torque and the joint's angle at rows `ROW_S` apart."""
+    if log.joint_rad is None:
+        raise SolveError(f"{log.name}: no angle of the joint")
+    every = max(1, round(ROW_S / log.run.step_s))
+    motor = log.run.motor_rad + log.zero_rad
+    return log.time_s[::every], motor[::every], log.torque_N_m[::every], log.joint_rad[::every]
+
+
+def _sensor(values: Mapping[str, float]) -> LoopSensor:
+    """Sensor of values; without a zero, one of none."""
+    return LoopSensor(
+        law=CapstanLaw(
+            pull_exponent=values["pull_exponent"],
+            release_exponent=values["release_exponent"],
+            adhesion_N=values["preload_N_m"],
+        ),
+        gain=values["gain"],
+        compliance=values["compliance_rad_per_N_m"],
+        elongation=values["elongation_rad_per_N_m"],
+        zero_rad=values.get("zero_rad", 0.0),
+    )
+
+
+def _fitted(files: Sequence[_File]) -> Solution:
+    """The best of several starts, whose linear numbers are those of least squares."""
+    torque = np.concatenate([f[2] for f in files])
+    preload = 0.8 * float(np.ptp(torque))
+    tried = []
+    for exponent in STARTS:
+        memory = {"pull_exponent": exponent, "release_exponent": exponent, "preload_N_m": preload}
+        rows = np.vstack([_columns(memory, f) for f in files])
+        joint = np.concatenate([f[3] for f in files])
+        linear, *_ = np.linalg.lstsq(rows, joint, rcond=None)
+        names = ("gain", "compliance_rad_per_N_m", "elongation_rad_per_N_m", "zero_rad")
+        start = {**memory, **dict(zip(names, linear.tolist(), strict=True))}
+        tried.append(_solved(files, start))
+    return min(tried, key=lambda s: s.cost)
+
+
+def _columns(memory: Mapping[str, float], file: _File) -> Array:
+    """Columns of the linear numbers."""
+    _, drum, torque, _ = file
+    plain = {"gain": 0.0, "compliance_rad_per_N_m": 0.0, "elongation_rad_per_N_m": 1.0, "zero_rad": 0.0}
+    mean = _sensor({**memory, **plain}).angle_rad(drum, torque)
+    return np.column_stack([drum, torque, mean, np.ones(len(drum))])
+
+
+def _solved(files: Sequence[_File], start: Mapping[str, float], *, own_zero: bool = False) -> Solution:
+    names = tuple(n for n in start if not (own_zero and n == "zero_rad"))
+    blocks = np.concatenate([1000 * k + (f[0] / BLOCK_S).astype(int) for k, f in enumerate(files)])
+
+    def evaluate(values: Mapping[str, float]) -> Residuals:
+        def predict(x: Array) -> Array:
+            sensor = _sensor({"zero_rad": 0.0, **dict(zip(names, x.tolist(), strict=True))})
+            errors = [sensor.angle_rad(f[1], f[2]) - f[3] for f in files]
+            return np.concatenate([e - e.mean() if own_zero else e for e in errors]) / SIZE_RAD
+
+        at = np.array([values[n] for n in names])
+        found, slopes = differences(predict, at, [STEP * max(abs(v), 1e-3) for v in at.tolist()])
+        return Residuals(values=found, slopes=slopes, blocks=blocks)
+
+    unknowns = [
+        Unknown(
+            name=n,
+            start=start[n],
+            low=start[n] / 20 if n in _LOGARITHMIC else -np.inf,
+            high=start[n] * 20 if n in _LOGARITHMIC else np.inf,
+            scale=0.3 if n in _LOGARITHMIC else max(abs(start[n]), 1e-3),
+            logarithmic=n in _LOGARITHMIC,
+        )
+        for n in names
+    ]
+    return solve(evaluate, unknowns, robust=False, most=20, tolerance=1e-4)
+
+
+def _estimates(solution: Solution) -> tuple[Estimate, ...]:
+    rows = []
+    for name, value in solution.values.items():
+        error = solution.standard_error(name)
+        told = error < TUNED.identifiable_share * max(abs(value), 1e-12)
+        rows.append(
+            Estimate(
+                name=f"sensor_{name}",
+                value=value,
+                standard_error=error if np.isfinite(error) else None,
+                interval=solution.interval(name) if np.isfinite(error) else None,
+                identifiable=told,
+                why="fit of the virtual sensor" if told else f"its standard error is {error:.2g} {UNITS[name]}",
+                fitted=True,
+            )
+        )
+    return tuple(rows)

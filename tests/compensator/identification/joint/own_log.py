@@ -1,0 +1,35 @@
+"""Logs of the mechanism's own simulation: cheap, for what does not need an independent plant."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from tendonff.compensator.files.writing import write_csv
+from tendonff.compensator.identification.joint.routine import suggest_routine
+from tendonff.compensator.joint.scenario import JointScenario
+from tendonff.models.joint.parameters import Mechanism
+from tendonff.ocp.fits.mechanism import MotorRun, respond
+from tests.hidden_loop import hidden, scenario
+
+
+def other(**drive: float) -> Mechanism:
+    """A loop that is not the scenario's."""
+    true = hidden(6).mechanism
+    return replace(true, drive=replace(true.drive, **drive))  # type: ignore[arg-type]
+
+
+def write(folder: Path, true: Mechanism, asked: JointScenario | None = None, *, encoder: bool = False) -> Path:
+    """Log of the suggested routine, with the noise of a current."""
+    routine = suggest_routine(asked or scenario())
+    run = MotorRun(motor_rad=routine.motor_rad, step_s=0.01, start_rad=0.0)
+    answer = respond(true, run, segments=16, refinement=4)
+    noise = 1e-3 * np.random.default_rng(1).standard_normal(len(routine.time_s))
+    columns = {
+        "time_s": routine.time_s,
+        "motor_rad": routine.motor_rad,
+        "motor_torque_N_m": answer.torque_N_m + noise,
+        "joint_rad": answer.angle_rad,
+    }
+    write_csv(folder / "log.csv", columns if encoder else {k: v for k, v in columns.items() if k != "joint_rad"})
+    return folder / "log.csv"

@@ -1,0 +1,44 @@
+"""A joint on the interactive page; the page itself is that of a tension."""
+
+from pathlib import Path
+
+import pytest
+
+from tendonff.compensator.explore.joint import JointExplorer
+from tendonff.compensator.joint.compensators import JointTask, joint_compensator
+from tendonff.compensator.joint.scenario import load_joint_scenario
+from tendonff.models.errors import TendonffError
+
+pytestmark = pytest.mark.compiler
+
+
+@pytest.fixture(scope="module", params=["hand_joint", "instrument_pair"])
+def explorer(request: pytest.FixtureRequest, examples: Path) -> JointExplorer:
+    return JointExplorer(load_joint_scenario(examples / f"{request.param}.toml"))
+
+
+def test_where_the_knobs_start_the_curves_are_those_of_the_scenario(explorer: JointExplorer) -> None:
+    start = {knob.key: knob.value for knob in explorer.knobs}
+    shown = explorer.explore(start, design_knows=False, curves=explorer.fast)
+    task = JointTask.of(explorer._task.scenario)
+    plant = task.plant(task.mechanism, task.level)
+    reached = plant.reached(plant.respond(joint_compensator("inverse").command_rad(task)))
+    assert shown.courses["inverse"].score.peak_error == pytest.approx(abs(reached - task.wanted).max())
+    assert set(shown.courses) == {"linear", "static", "inverse"}
+    assert abs(shown.courses["linear"].given).max() < 1e-9
+
+
+def test_a_design_that_knows_other_friction_stays_good_and_the_other_does_not(explorer: JointExplorer) -> None:
+    values = {knob.key: knob.value for knob in explorer.knobs} | {"mu": 1.5}
+    knowing, blind = (
+        explorer.explore(values, design_knows=knows, curves=explorer.fast).courses["inverse"].score.rmse
+        for knows in (True, False)
+    )
+    assert knowing < blind / 2
+    assert "deg RMS" in explorer.worst_case(values, design_knows=True)
+
+
+def test_what_is_out_of_bounds_is_refused(explorer: JointExplorer) -> None:
+    values = {knob.key: knob.value for knob in explorer.knobs} | {"stiffness": -1.0}
+    with pytest.raises(TendonffError):
+        explorer.explore(values, design_knows=True, curves=explorer.fast)

@@ -1,0 +1,84 @@
+"""Drift of a joint over its use: the right name soon, and silence where nothing drifts."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tendonff.compensator.cli import run
+from tendonff.compensator.files.writing import write_csv, write_text
+from tendonff.compensator.identification.joint.fitted import fitted_text
+from tendonff.compensator.identification.joint.parameters import JointNumber
+from tendonff.compensator.watch.chart import DRIFTS, courses_of
+from tendonff.compensator.watch.windows import WATCHED, Window
+from tests.hand_in_use import HandInUse, known
+from tests.hidden_loop import hidden, scenario
+
+N = JointNumber
+WEAK = np.array([[1.0, -0.96, 0.0], [-0.96, 1.0, 0.0], [0.0, 0.0, 0.2]]) * 0.15**2
+"""Free strokes: friction and pre-tension by their product alone."""
+
+SURE = np.diag([0.02, 0.02, 0.05]) ** 2
+
+
+def course(hours: float, moved, covariance, seed: int = 0) -> tuple[float | None, ...]:
+    """Windows of 30 s with errors of a covariance about a drift; first alarm of each number [s]."""
+    draw = np.random.default_rng(seed)
+    root, windows = np.linalg.cholesky(covariance), []
+    for k in range(round(hours * 120)):
+        used = 30.0 * (k + 1)
+        logs = np.log([0.2, 15.0, 0.02]) + moved(used) + root @ draw.standard_normal(3)
+        values = dict(zip(WATCHED, np.exp(logs).tolist(), strict=True))
+        windows.append(Window(name="day", used_s=used, values=values, covariance=covariance))
+    return tuple(None if c.alarm is None else c.alarm.used_s for c in courses_of(windows))
+
+
+@pytest.mark.parametrize("covariance", [WEAK, SURE], ids=["strokes alone", "with pushes"])
+@pytest.mark.parametrize("which", range(3))
+def test_each_change_raises_its_own_alarm_first_and_within_five_minutes(covariance, which):
+    aim = DRIFTS[which].direction
+    for seed in range(10):
+        alarms = course(0.5, lambda t: aim * (t > 600), covariance, seed)
+        assert alarms[which] is not None
+        assert alarms[which] <= 900
+        assert all(other is None or other > alarms[which] for k, other in enumerate(alarms) if k != which)
+
+
+@pytest.mark.parametrize("covariance", [WEAK, SURE], ids=["strokes alone", "with pushes"])
+def test_no_alarm_in_three_days_without_drift(covariance):
+    for seed in range(3):
+        assert course(24, lambda _: np.zeros(3), covariance, seed) == (None, None, None)
+
+
+def test_one_window_that_is_far_off_raises_none():
+    alarms = course(1, lambda t: DRIFTS[0].direction * 3 * (t == 1200), SURE)
+    assert alarms == (None, None, None)
+
+
+@pytest.mark.compiler
+@pytest.mark.slow
+def test_a_pre_tension_that_falls_between_two_days_is_named_and_written(tmp_path, capsys):
+    true = hidden(1).mechanism
+    hand = HandInUse(mechanism=replace(true, drive=replace(true.drive, gear_efficiency=1.0)))
+    asked = scenario()
+    text = fitted_text(asked, known(hand.mechanism), [])
+    write_text(tmp_path / "fitted.toml", text)
+    arguments = ["watch", str(tmp_path / "fitted.toml"), "--out", str(tmp_path / "out")]
+    for day, changed in enumerate(({}, {N.TENSION: 0.8})):
+        seconds = 60.0 + 60.0 * day
+        write_csv(tmp_path / f"day{day}.csv", hand.log(day, seconds, changed))
+        arguments += ["--data", str(tmp_path / f"day{day}.csv")]
+    assert run(arguments) == 0
+    told = json.loads((tmp_path / "out" / "summary.json").read_text("utf-8"))
+    assert [alarm["key"] for alarm in told["alarms"]] == ["pretension_N"]
+    assert told["alarms"][0]["change"] == pytest.approx(-0.2, abs=0.06)
+    assert told["alarms"][0]["file"] == "day1.csv"
+    assert "pre-tension down by" in capsys.readouterr().err
+    page = (tmp_path / "out" / "report.html").read_text("utf-8")
+    assert "tension the loop again" in page
+
+
+def test_the_scenario_of_a_tendon_is_refused_with_the_way_out(tmp_path, examples, capsys):
+    assert run(["watch", str(examples / "finger.toml"), "--data", "x.csv", "--out", str(tmp_path / "o")]) == 2
+    assert "tendonff identify with several --data" in capsys.readouterr().err
