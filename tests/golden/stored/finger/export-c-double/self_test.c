@@ -1,6 +1,6 @@
 /* self_test.c: what the modules answer, what they must never do, and whether their data are whole.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 416ccb25f27050fb, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 6b567c7d1473e421, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * The licence of tendonff does not cover what it writes: this file is yours.
  * Golden vectors come from the Python model: first the scenario's reference, 5 samples in one so that the

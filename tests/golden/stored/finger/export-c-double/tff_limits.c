@@ -1,6 +1,6 @@
 /* tff_limits.c: see tff_limits.h.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 416ccb25f27050fb, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 6b567c7d1473e421, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * The licence of tendonff does not cover what it writes: this file is yours.
  */
@@ -135,7 +135,8 @@ tff_real tff_entry_take(tff_entry *self, tff_real reference)
 
     if (self->lost != 0) {
         const tff_real most = (tff_real)TFF_RE_ENTRY;
-        const tff_real asked = (tff_real)(TFF_RE_ENTRY_SHARE * self->lost);
+        const int32_t share = TFF_RE_ENTRY_SHARE * self->lost;
+        const tff_real asked = (tff_real)share;
         const tff_real span = (asked > self->left) ? asked : self->left; /* never shorter than the way that it was on */
         self->span = (span < most) ? span : most;
         self->left = self->span;

@@ -1,6 +1,6 @@
 /* tff_stream.h: force for a reference that arrives live, sample by sample.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 416ccb25f27050fb, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 6b567c7d1473e421, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * The licence of tendonff does not cover what it writes: this file is yours.
  * The reference is clamped to a range (the scenario's and a margin, or what `use` says), held where it is not a number, led back smoothly when it arrives again, freed of
