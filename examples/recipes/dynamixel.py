@@ -26,6 +26,6 @@ def write(port: Any, handler: Any, home_counts: Mapping[int, int], commands_rad:
 def cycle(
     joints: Mapping[int, tf.Runtime], angles_rad: Mapping[int, float], dt: float, port: Any, handler: Any, home: Any
 ) -> int:
-    """Run one cycle of a hand: the runtime of each servo's joint, its wanted angle [rad], the time since the last [s]."""
+    """Run a cycle of a hand: runtime and wanted angle [rad] of each servo's joint, time since the last cycle [s]."""
     commands = {servo: float(runtime.step(angles_rad[servo], dt=dt)) for servo, runtime in joints.items()}
     return write(port, handler, home, commands)
