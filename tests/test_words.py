@@ -1,4 +1,4 @@
-"""The manual, the README, docstrings and messages use the field's terms."""
+"""The manual, the README, docstrings, messages and templates use the field's terms."""
 
 import ast
 import re
@@ -31,6 +31,13 @@ SOURCES = [
     path
     for top in ("models", "ocp", "compensator", "benchmarks", "examples", "docs")
     for path in sorted((ROOT / top).rglob("*.py"))
+]
+
+TEMPLATES = [
+    path
+    for top in ("ocp", "compensator", "examples")
+    for path in sorted((ROOT / top).rglob("*"))
+    if path.suffix in {".j2", ".toml"}
 ]
 
 
@@ -91,6 +98,12 @@ def test_messages_have_no_house_words() -> None:
         for path in SOURCES
         for line, text in messages(path)
         for word in refused(text)
+    ] == []
+
+
+def test_templates_and_example_scenarios_have_no_house_words() -> None:
+    assert [
+        f"{path.relative_to(ROOT)}: {word}" for path in TEMPLATES for word in refused(path.read_text(encoding="utf-8"))
     ] == []
 
 

@@ -16,21 +16,7 @@ PLANTS = (*(level.value for level in Level), CAPSTAN_PLANT)  # names of the plan
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComparisonData(MatrixData):
-    """All compensators on all levels.
-
-    Attributes
-    ----------
-    scenario : Scenario
-        The scenario it was made for.
-    reference : Reference
-        What was to be delivered, sampled.
-    traits : dict of str to LevelTraits
-        What each level and the static law do differently.
-    costs : dict of str to LevelCost
-        What each level and the static law cost, by name.
-    ignored : IgnoredMotion or None
-        What it would cost to ignore that joints move; None where none does.
-    """
+    """All compensators on all levels. `Comparison` documents its fields."""
 
     scenario: Scenario
     reference: Reference

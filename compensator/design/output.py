@@ -26,7 +26,33 @@ from tendonff.ocp.tracking.result import Tracking
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Design(DesignData):
-    """A design that can be written."""
+    """A design that can be written.
+
+    Attributes
+    ----------
+    scenario : Scenario
+        The scenario it was made for.
+    reference : Reference
+        What was to be delivered, sampled.
+    compensators : tuple of Compensator
+        In the order in which they are shown.
+    profiles : dict of str to Profile
+        By name of the compensator.
+    failed : dict of str to str
+        What ended the computation of other profiles, by name of the compensator.
+    verified : tuple of Verified
+        Every compensator on every level.
+    proof : tuple of Verified
+        Every compensator on the design level with more masses and a smaller step.
+    stick_slip : StickSlipPrediction
+        Where friction that weakens with speed makes feedforward fail.
+    expectation : Expectation
+        What to expect on a rig, and the profile that does best there.
+    ignored : IgnoredMotion or None
+        What it would cost to ignore that joints move; None where none does.
+    warnings : tuple of str
+        What the user should know.
+    """
 
     def write(self, folder: str | os.PathLike[str], *, interactive: bool = False, pdf: bool = False) -> None:
         """Write `profile.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder.

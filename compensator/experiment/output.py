@@ -17,7 +17,27 @@ from tendonff.compensator.reporting.page import write_pages
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExperimentResult(ExperimentData):
-    """A test that can be written."""
+    """A test that can be written.
+
+    Attributes
+    ----------
+    scenario : Scenario
+        The scenario it was made for.
+    plan : Plan
+        The test: rig, states and commands.
+    lead : Level
+        On which the machine ran.
+    runs : dict of Level to ExperimentRun
+        All three levels, on the path's own number of masses.
+    fine : ExperimentRun
+        The leading level with more masses.
+    quasi_static : ExperimentRun
+        The elastic level with a stiffer bristle, no viscous friction and no Stribeck effect: nearest to the static law.
+    quasi_static_factor : float
+        By how much its bristle is stiffer.
+    measured : MeasuredTensions or None
+        Measured tensions beside it, where a file was given.
+    """
 
     def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
         """Write `experiment_<level>.csv`, `summary.json`, figures and `report.html`, all or nothing; makes

@@ -104,27 +104,7 @@ class MeasuredTensions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExperimentData:
-    """The test on all models.
-
-    Attributes
-    ----------
-    scenario : Scenario
-        The scenario it was made for.
-    plan : Plan
-        The test: rig, states and commands.
-    lead : Level
-        On which the machine ran.
-    runs : dict of Level to ExperimentRun
-        All three levels, on the path's own number of masses.
-    fine : ExperimentRun
-        The leading level with more masses.
-    quasi_static : ExperimentRun
-        The elastic level with a stiffer bristle, no viscous friction and no Stribeck effect: nearest to the static law.
-    quasi_static_factor : float
-        By how much its bristle is stiffer.
-    measured : MeasuredTensions or None
-        Measured tensions beside it, where a file was given.
-    """
+    """The test on all models. `ExperimentResult` documents its fields."""
 
     scenario: Scenario
     plan: Plan

@@ -126,7 +126,7 @@ def _answered(followed: Problem, table: LookupTable | None, precision: Precision
             exported = CompensationTable(table) if is_table else compensator
             columns[module.name] = exported.profile(followed).force_N
             if servo_of(followed) is not None:
-                columns[module.name] = told(followed, followed.inversion, columns[module.name])
+                columns[module.name] = commanded(followed, followed.inversion, columns[module.name])
     return Course(
         reference_N=followed.reference.tension_N,
         plant_force_N=rounded(columns["inverse"], precision),
@@ -278,7 +278,7 @@ def _live(problem: Problem, stream: StreamDesign, course_N: FloatArray, chain: C
     force, step = stream_force(stream, replace(problem, model=chain), rough), problem.reference.step_s
     exact = invert(chain, smoothed(stream, rough, start), step, initial_tension_N=start, record=True)
     if servo_of(problem) is not None:
-        force = told(problem, exact, force)
+        force = commanded(problem, exact, force)
     scale = float(np.abs(exact.force_N).max())
     return Course(reference_N=rough, plant_force_N=force, columns={"stream": force}, scale_N=scale, chain=chain)
 
@@ -288,7 +288,7 @@ def servo_of(problem: Problem) -> float | None:
     return problem.transmission.actuator.servo_stiffness_N_per_m
 
 
-def told(problem: Problem, inversion: Inversion, force_N: FloatArray) -> FloatArray:
+def commanded(problem: Problem, inversion: Inversion, force_N: FloatArray) -> FloatArray:
     """Command of a position drive as exported code tells it [m].
 
     The travel of the inverse, whose states are needed, plus the stretch of the force within the limits.

@@ -169,33 +169,29 @@ class PieceComparison:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IdentificationData:
-    """Everything that a set of measurements identifies of a scenario."""
+    """Everything that a set of measurements identifies of a scenario. `Identification` documents its fields."""
 
-    scenario: Scenario  # with what was identified put in
-    asked: Measurement  # how the files were to be read
-    conditions: Mapping[str, str]  # labels by file name
-    explain: Explain  # channel that the model explains
-    described: bool  # the chosen law describes the device
+    scenario: Scenario
+    asked: Measurement
+    conditions: Mapping[str, str]
+    explain: Explain
+    described: bool
     estimates: tuple[Estimate, ...]
-    # correlation_names, correlation: shape (k, k); of the values that were free
     correlation_names: tuple[str, ...]
     correlation: Array
     laws: tuple[CandidateLaw, ...]
     files: tuple[FileResult, ...]
-    # fit_percent, validation_percent: RMS error over all files of that role in percent of their common range; None
-    # without validation files
     fit_percent: float
     validation_percent: float | None
-    # the same for `scenario`, simulated again over the fitted files; None where no law describes the device
     replay_percent: float | None
     sliding: tuple[SlidingRatio, ...]
     warnings: tuple[str, ...]
     comparisons: tuple[PieceComparison, ...]
-    inputs: tuple[Path, ...]  # the measured files
-    by_file: tuple[ByFile, ...] = ()  # what each of several files says alone
-    output_delay_s: float | None = None  # how much later the output is read than the input
-    sections: tuple[SectionFriction, ...] = ()  # friction between tension cells, where there are more than two
-    comparable: bool = True  # the tensions are of the scenario's size; else no excitation is suggested
+    inputs: tuple[Path, ...]
+    by_file: tuple[ByFile, ...] = ()
+    output_delay_s: float | None = None
+    sections: tuple[SectionFriction, ...] = ()
+    comparable: bool = True
 
     @property
     def law(self) -> str:

@@ -18,8 +18,8 @@ def driven(drive: JointDrive, command_rad: FloatArray, step_s: float) -> FloatAr
     time = np.arange(len(command)) * step_s
     if drive.command_interval_s is not None and drive.command_interval_s > step_s:
         at = np.arange(0.0, time[-1] + drive.command_interval_s, drive.command_interval_s)
-        told = np.column_stack([rounded(np.interp(at, time, c), drive.resolution_rad) for c in command.T])
-        command = np.column_stack([np.interp(time, at, c) for c in told.T])
+        sampled = np.column_stack([rounded(np.interp(at, time, c), drive.resolution_rad) for c in command.T])
+        command = np.column_stack([np.interp(time, at, c) for c in sampled.T])
     else:
         command = rounded(command, drive.resolution_rad)
     if drive.servo_time_s == 0:

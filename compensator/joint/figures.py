@@ -6,9 +6,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tendonff.compensator.joint.result import JointDesignData
+from tendonff.compensator.joint.scenario import JointScenario
 from tendonff.compensator.reporting.colours import BLUE, GREY, INK
 from tendonff.compensator.reporting.expected import contributions_figure
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure, thinned
+from tendonff.models.joint.parameters import DriveKind
 
 
 def joint_figures(result: JointDesignData) -> dict[str, Figure]:
@@ -57,7 +59,7 @@ def motor_figure(result: JointDesignData) -> Figure:
     """Motor angle beyond that of the ratio alone, and the motors' torque."""
     figure, axes = new_figure(2, 1, share_x=True, height_in=4.6)
     time = result.sampled.run_time_s
-    rows, names = thinned(len(time)), motor_names(result)
+    rows, names = thinned(len(time)), motor_names(result.scenario)
     top, bottom = axes[:, 0]
     base = result.profiles["linear"].motor_rad
     for each in (c for c in result.compensators if c.name in ("static", "inverse")):
@@ -95,6 +97,7 @@ def pretension_figure(result: JointDesignData) -> Figure:
     return figure
 
 
-def motor_names(result: JointDesignData) -> tuple[str, ...]:
+def motor_names(scenario: JointScenario) -> tuple[str, ...]:
     """Names of the motors: one of a loop, else by tendon."""
-    return ("motor",) if result.is_loop else tuple(tendon.name for tendon in result.scenario.mechanism.tendons)
+    mechanism = scenario.mechanism
+    return ("motor",) if mechanism.drive.kind is DriveKind.LOOP else tuple(t.name for t in mechanism.tendons)

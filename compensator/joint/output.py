@@ -16,7 +16,35 @@ from tendonff.compensator.reporting.page import summary_head, write_pages
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class JointDesign(JointDesignData):
-    """A design of a joint that can be written."""
+    """A design of a joint that can be written.
+
+    Attributes
+    ----------
+    scenario : JointScenario
+        The scenario it was made for.
+    sampled : SampledJoint
+        Its reference, sampled.
+    compensators : tuple of JointCompensator
+        In the order in which they are shown.
+    profiles : dict of str to JointProfile
+        By name of the compensator.
+    inversion : JointInversion
+        The exact inverse before the drive.
+    homing_rad : ndarray, shape (rows, motors)
+        Commands of the homing stroke, which the profiles go on from; empty without one.
+    sheet : DataSheet or None
+        Closed forms of a loop.
+    sheets : tuple of (float, DataSheet)
+        Of a loop: the same over pre-tensions.
+    expectation : Expectation
+        What to expect on a rig, and the profile that does best there.
+    middle : Mechanism or None
+        What the robust profile is designed for; None where there is none.
+    masses, refinement : int
+        Of the verifying mechanism: masses a tendon, and its steps in one of the design.
+    warnings : tuple of str
+        What the user should know.
+    """
 
     def write(self, folder: str | os.PathLike[str]) -> None:
         """Write `profile.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
@@ -33,7 +61,7 @@ def profile_columns(result: JointDesignData) -> dict[str, FloatArray]:
     sampled = result.sampled
     wanted = sampled.wanted[sampled.lead :]
     columns = {"time_s": sampled.run_time_s, f"reference_{result.scenario.reference.unit}": wanted}
-    inverse, names = result.profiles["inverse"], motor_names(result)
+    inverse, names = result.profiles["inverse"], motor_names(result.scenario)
     if result.is_loop:
         columns |= {f"motor_{name}_rad": p.motor_rad[:, 0] for name, p in result.profiles.items()}
         columns["motor_torque_inverse_N_m"] = result.inversion.motor_torque_N_m[:, 0]
@@ -51,7 +79,7 @@ def homing_columns(result: JointDesignData) -> dict[str, FloatArray]:
     """Columns of `homing.csv`: time, joint angle, and the motors' commands; the profile goes on from there."""
     sampled = result.sampled
     rows = slice(0, sampled.lead)
-    names = ("motor_rad",) if result.is_loop else tuple(f"motor_{name}_rad" for name in motor_names(result))
+    names = ("motor_rad",) if result.is_loop else tuple(f"motor_{name}_rad" for name in motor_names(result.scenario))
     columns = {"time_s": sampled.time_s[rows], "reference_rad": sampled.wanted[rows]}
     return columns | {name: result.homing_rad[:, k] for k, name in enumerate(names)}
 

@@ -50,8 +50,8 @@ class JointPlant:
         Of a reference that repeats, its last cycle after some. SolveError where the simulation fails.
         """
         sampled, step, fine = self.sampled, self.scenario.run.step_s, self.refinement
-        wish = self.scenario.reference
-        repeats = 1 + _SETTLING_CYCLES if wish.periodic else 1
+        spec = self.scenario.reference
+        repeats = 1 + _SETTLING_CYCLES if spec.periodic else 1
         time = sampled.time_s
         span = float(time[-1])
         motor = driven(self.mechanism.drive, command_rad, step)
@@ -62,7 +62,7 @@ class JointPlant:
         if repeats > 1:  # from rest: the motor starts where it stands
             columns = [column * np.minimum(inner / (0.1 * span), 1.0) + 0 * column for column in columns]
         contact = np.interp(within, time, sampled.contact_N_m)
-        led = np.interp(within, time, sampled.angle_rad) if wish.quantity is JointQuantity.TORQUE else None
+        led = np.interp(within, time, sampled.angle_rad) if spec.quantity is JointQuantity.TORQUE else None
         problem = joint_problem(
             self.mechanism, self.level or self.scenario.run.level, sampled.motion, segments=self.masses
         )

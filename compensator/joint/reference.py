@@ -32,7 +32,7 @@ _UNIT = {JointQuantity.ANGLE: RADIAN, JointQuantity.TORQUE: NEWTON_METRE}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Wish:
+class _JointRequest:
     quantity: JointQuantity = JointQuantity.ANGLE
     periodic: bool = False
 
@@ -65,7 +65,7 @@ class _Wish:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class JointSine(_Wish):
+class JointSine(_JointRequest):
     """offset + fade(t) sum_i amplitudes[i] sin(2 pi frequencies_Hz[i] t), with a fade whose rate has no jumps.
 
     Parameters
@@ -118,7 +118,7 @@ class JointSine(_Wish):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class JointWaypoints(_Wish):
+class JointWaypoints(_JointRequest):
     """Angles or torques at given times, joined by lines or smooth steps.
 
     Parameters
@@ -153,7 +153,7 @@ class JointWaypoints(_Wish):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class JointCsv(_Wish):
+class JointCsv(_JointRequest):
     """Samples from a file with the columns time_s and angle_rad, or torque_N_m.
 
     Parameters

@@ -78,7 +78,7 @@ def _robustness(result: JointDesignData) -> tuple[Block, ...]:
             note += " State what is uncertain in [robust.spread], the stiffness too: then a further profile is designed"
             note += " for the middle of the compliances."
         return table, Text(note)
-    stiffness = ", ".join(f"{t.name} {t.tendon.stiffness_N_per_m:.4g} N/m" for t in middle.tendons)
+    stiffness = ", ".join(f"{t.name} {t.tendon.stiffness_N_per_m:.6g} N/m" for t in middle.tendons)
     return table, Text(
         f"For {found.doubt}. Lost motion is proportional to the compliance of the tendons, so a design for the middle "
         f"of the compliances has the least error at the worse end, and more than the others where the stiffness is "

@@ -54,32 +54,7 @@ class JointProfile:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class JointDesignData:
-    """A design of a joint.
-
-    Attributes
-    ----------
-    scenario : JointScenario
-    sampled : SampledJoint
-    compensators : tuple of JointCompensator
-        In the order in which they are shown.
-    profiles : dict of str to JointProfile
-        By name of the compensator.
-    inversion : JointInversion
-        The exact inverse before the drive.
-    homing_rad : ndarray, shape (rows, motors)
-        Commands of the homing stroke, which the profiles go on from; empty without one.
-    sheet : DataSheet or None
-        Closed forms of a loop.
-    sheets : tuple of (float, DataSheet)
-        Of a loop: the same over pre-tensions.
-    expectation : Expectation
-        What to expect on a rig, and the profile that does best there.
-    middle : Mechanism or None
-        What the robust profile is designed for; None where there is none.
-    masses, refinement : int
-        Of the verifying mechanism: masses a tendon, and its steps in one of the design.
-    warnings : tuple of str
-    """
+    """A design of a joint. `JointDesign` documents its fields."""
 
     scenario: JointScenario
     sampled: SampledJoint

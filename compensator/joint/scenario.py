@@ -28,6 +28,7 @@ from tendonff.models.path import JointMotion
 
 _PARTS: dict[str, type] = {"path": TendonPath, "tendon": Tendon, "friction": Friction}
 _TABLES = ("joints", "tendons", "drive", "reference", "run", "robust", *_PARTS)
+_MERGED = ("path", "tendon", "friction", "drive", "run", "robust")
 _TENDON_KEYS = ("name", "moment_arm_m", "lengths", *_PARTS)
 _NOT_FOR_A_JOINT = {
     "actuator": "the motors stand in [drive]",
@@ -78,8 +79,8 @@ class JointScenario:
 
     def reference_start_rad(self) -> float:
         """Angle of the joint at which the reference starts."""
-        wish = self.reference if self.motion is None else self.motion
-        return float(wish.sample(np.zeros(1), self.source.parent)[0])
+        spec = self.reference if self.motion is None else self.motion
+        return float(spec.sample(np.zeros(1), self.source.parent)[0])
 
     def to_toml(self) -> str:
         """The text of the file."""
@@ -154,12 +155,13 @@ def parse_joint_scenario(text: str, source: str | os.PathLike[str] = "scenario.t
         raw = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise InputError(f"{file}: not valid TOML: {error}") from None
+    inputs: list[Path] = []
+    raw = _with_base(raw, source, inputs)
     _check_tables(raw, file)
     driven, others = _split_joints(raw.get("joints"), file)
     name = raw.get("name", source.stem)
     if not isinstance(name, str):
         raise InputError(f'{file}: name must be text in quotes ("..."), got {show(name)}')
-    inputs: list[Path] = []
     tendons = _tendons(raw, driven.name, source, inputs)
     drive = _drive(raw.get("drive"), file)
     try:
@@ -192,18 +194,18 @@ def parse_joint_scenario(text: str, source: str | os.PathLike[str] = "scenario.t
 def sample_joint(scenario: JointScenario) -> SampledJoint:
     """Reference at the steps of the run; InputError where it has no meaning."""
     folder, step, file = scenario.source.parent, scenario.run.step_s, scenario.source.name
-    wish, joint = scenario.reference, scenario.mechanism.joint.name
-    length = wish.length_s(folder)
+    spec, joint = scenario.reference, scenario.mechanism.joint.name
+    length = spec.length_s(folder)
     time = np.arange(math.ceil(length / step - 1e-9) + 1, dtype=np.float64) * step
     if len(time) < 3:
         raise InputError(f"{file}: the reference lasts {length:g} s, less than two steps of {step:g} s")
-    wanted = wish.sample(time, folder)
-    torque = wish.quantity is JointQuantity.TORQUE
+    wanted = spec.sample(time, folder)
+    torque = spec.quantity is JointQuantity.TORQUE
     angle = scenario.motion.sample(time, folder) if torque and scenario.motion is not None else wanted
     contact = wanted if torque else np.zeros_like(wanted)
     if not np.ptp(wanted) > 0:
         raise InputError(f"{file} [reference]: it never changes, so there is nothing to design; let it move")
-    if wish.periodic:
+    if spec.periodic:
         for each in (wanted, angle):
             off = abs(float(each[-1] - each[0]))
             if off > 1e-3 * float(np.ptp(each)):
@@ -226,7 +228,7 @@ def sample_joint(scenario: JointScenario) -> SampledJoint:
         names=(joint, *scenario.joints),
         time_s=time,
         angle_rad=np.column_stack([angle, *columns]),
-        period_s=float(time[-1]) if wish.periodic else None,
+        period_s=float(time[-1]) if spec.periodic else None,
     )
     return SampledJoint(time_s=time, angle_rad=angle, contact_N_m=contact, wanted=wanted, motion=motion, lead=lead)
 
@@ -245,6 +247,30 @@ def _homing(scenario: JointScenario, start_rad: float, torque: bool) -> FloatArr
     times = (0.0, quarter, 3 * quarter, 4 * quarter)
     stroke = along_waypoints(times, (0.0, size, -size, 0.0), Shape.SMOOTH, np.arange(0.0, times[-1] - step / 2, step))
     return start_rad + stroke
+
+
+def _with_base(raw: dict[str, object], source: Path, inputs: list[Path]) -> dict[str, object]:
+    """A scenario with what it leaves to its base, a file that several joints share.
+
+    Keys of `_MERGED` tables are taken one by one, other tables as a whole.
+    """
+    if "base" not in raw:
+        return raw
+    if not isinstance(name := raw["base"], str):
+        raise InputError(f"{source.name}: base must be the name of a file, got {show(name)}")
+    path = source.parent / name
+    try:
+        base = tomllib.loads(read_text(path))
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path.name}: not valid TOML: {error}") from None
+    if "base" in base:
+        raise InputError(f"{path.name}: a base has no base of its own; put all into one file")
+    inputs.append(path)
+    own = {key: value for key, value in raw.items() if key != "base"}
+    for key in _MERGED:
+        if isinstance(shared := base.get(key), Mapping) and isinstance(given := own.get(key), Mapping):
+            own[key] = {**shared, **given}
+    return {**base, **own}
 
 
 def _check_tables(raw: Mapping[str, object], file: str) -> None:

@@ -116,6 +116,8 @@ class SineReference(Request):
         Time in which the oscillation grows to its full amplitude [s], >= 0.
     fade : Shape, optional
         Course of that growth: linear, min(t/fade_in_s, 1), or smooth, whose rate has no jump.
+    quantity, periodic, hold, least_tension_N
+        As in `Request`.
     """
 
     initial_tension_N: float
@@ -162,6 +164,8 @@ class WaypointReference(Request):
         Course between them: linear or smooth.
     initial_tension_N : float, optional
         Tension at rest before the start [N], > 0; default: the first waypoint's.
+    quantity, periodic, hold, least_tension_N
+        As in `Request`.
     """
 
     times_s: tuple[float, ...]
@@ -215,6 +219,8 @@ class CsvReference(Request):
         Columns of the file; default: time_s and tension_N (position_m), or what their names and units tell.
     interpolation : Interpolation, optional
         Course between the samples: monotone (default) or linear.
+    quantity, periodic, hold, least_tension_N
+        As in `Request`.
     """
 
     file: str

@@ -147,7 +147,7 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
     if {"tendons", "drive"} & raw.keys():
         raise InputError(
             f"{file} describes a driven joint between tendons, this command works on the tension of one; "
-            '"tendonff design", simulate, compare, sweep, explore and export-c take it'
+            '"tendonff design", simulate, compare, sweep, table, explore, identify, watch and export-c take it'
         )
     _check_names(raw, file)
     _check_removed(raw.get("optimal"), file)

@@ -17,7 +17,31 @@ from tendonff.models.capstan import Branch
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tables(TablesData):
-    """Tables that can be written."""
+    """Tables that can be written.
+
+    Attributes
+    ----------
+    scenario : Scenario
+        The scenario it was made for.
+    level : Level
+        Fidelity level of the sweeps.
+    reference : Reference
+        What was to be delivered, sampled.
+    tables : tuple of AngleTable
+        One for each wrap angle and rate.
+    axes : tuple of str
+        Further columns of the file.
+    scores : dict of Level to Score
+        What the scenario's own table delivers on each level, within the actuator's limits.
+    expectation : Expectation
+        Of "table" beside "none" and "frictionless", over what may be the real transmission.
+    options : str
+        Options of the command that would make the same, for the report.
+    warnings : tuple of str
+        What the user should know.
+    harm : tuple of str
+        Why the table must not be used as it is: its error is above that of no compensation.
+    """
 
     def write(self, folder: str | os.PathLike[str], *, prefix: str = "tff", pdf: bool = False) -> None:
         """Write `table.csv`, `table.json`, `table.h`, a figure and `report.html`, all or nothing; makes the folder.

@@ -39,28 +39,7 @@ class AngleTable:
 class TablesData:
     """Tables of a scenario: the first for its own wrap angle and rate, or for the requested axes.
 
-    Attributes
-    ----------
-    scenario : Scenario
-        The scenario it was made for.
-    level : Level
-        Fidelity level of the sweeps.
-    reference : Reference
-        What was to be delivered, sampled.
-    tables : tuple of AngleTable
-        One for each wrap angle and rate.
-    axes : tuple of str
-        Further columns of the file.
-    scores : dict of Level to Score
-        What the scenario's own table delivers on each level, within the actuator's limits.
-    expectation : Expectation
-        Of "table" beside "none" and "frictionless", over what may be the real transmission.
-    options : str
-        Options of the command that would make the same, for the report.
-    warnings : tuple of str
-        What the user should know.
-    harm : tuple of str
-        Why the table must not be used as it is: its error is above that of no compensation.
+    `Tables` documents its fields.
     """
 
     scenario: Scenario

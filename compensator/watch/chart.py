@@ -129,19 +129,19 @@ class Course:
 
 def courses_of(windows: Sequence[Window], drifts: Sequence[Drift] = DRIFTS) -> tuple[Course, ...]:
     """Course of each number, empty where no window tells anything."""
-    told = [w for w in windows if w.values]
-    if not told:
+    fitted = [w for w in windows if w.values]
+    if not fitted:
         return ()
-    used = np.array([w.used_s for w in told])
-    logs = np.array([[math.log(w.values[n]) for n in WATCHED] for w in told])
-    first = (used <= max(BASE_S, used[0])) & np.array([w.name == told[0].name for w in told])
+    used = np.array([w.used_s for w in fitted])
+    logs = np.array([[math.log(w.values[n]) for n in WATCHED] for w in fitted])
+    first = (used <= max(BASE_S, used[0])) & np.array([w.name == fitted[0].name for w in fitted])
     base = np.median(logs[first], axis=0)
     moved = logs - base
     scatter = np.diag(FLOOR**2)
     if first.sum() >= _LEAST_BASE:
         scatter = scatter + np.cov(moved[first].T)
-    covariance = [w.covariance + scatter for w in told]
-    return tuple(_course(drift, told, used, moved, covariance, base, int(first.sum())) for drift in drifts)
+    covariance = [w.covariance + scatter for w in fitted]
+    return tuple(_course(drift, fitted, used, moved, covariance, base, int(first.sum())) for drift in drifts)
 
 
 def _course(

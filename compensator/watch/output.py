@@ -28,7 +28,7 @@ from tendonff.compensator.watch.windows import WATCHED, Window
 
 _CAPTIONS = {
     "history": "Friction, pre-tension and gear friction over those of the first minutes, each window of use with its "
-    "95 % band; dotted: the change that raises an alarm; vertical lines: files.",
+    "95 % band; dotted: the change that is looked for; vertical lines: files.",
     "test": "Sum of the sequential test over the one that raises the alarm.",
 }
 
@@ -116,16 +116,16 @@ def _late(course: Course) -> float:
 
 
 def _columns(found: Watch) -> dict[str, np.ndarray]:
-    told = [w for w in found.windows if w.values]
+    fitted = [w for w in found.windows if w.values]
     names = [path.name for path in found.inputs]
     columns = {
-        "used_s": np.array([w.used_s for w in told]),
-        "file": np.array([float(names.index(w.name) + 1) for w in told]),
-        "torque_percent_of_range": np.array([w.percent for w in told]),
+        "used_s": np.array([w.used_s for w in fitted]),
+        "file": np.array([float(names.index(w.name) + 1) for w in fitted]),
+        "torque_percent_of_range": np.array([w.percent for w in fitted]),
     }
     for k, number in enumerate(WATCHED):
-        values = np.array([w.values[number] for w in told])
-        reach = np.exp(1.96 * np.sqrt([w.covariance[k, k] for w in told]))
+        values = np.array([w.values[number] for w in fitted])
+        reach = np.exp(1.96 * np.sqrt([w.covariance[k, k] for w in fitted]))
         columns |= {str(number): values, f"{number}_low": values / reach, f"{number}_high": values * reach}
     return columns
 
@@ -153,7 +153,7 @@ def watch_figures(found: Watch) -> dict[str, Figure]:
         for course, colour in zip(found.courses, (BLUE, ORANGE, INK), strict=True):
             panels[0, 0].plot(course.used_s / 3600, course.total, color=colour, label=course.drift.label)
         panels[0, 0].axhline(1, color=GREY, linestyle=":")
-        panels[0, 0].set(xlabel="time of use [h]", ylabel="sum over that of an alarm [-]")
+        panels[0, 0].set(xlabel="time of use [h]", ylabel="sum of the test [-]")
         legend_below(test, panels[0, 0])
         return {"history": figure, "test": test}
 
@@ -222,5 +222,5 @@ def watch_report(found: Watch, figures: dict[str, Figure]) -> Report:
 
 
 def _row(name: str, windows: list[Window]) -> tuple[str, int, int, float | None]:
-    told = [w.percent for w in windows if w.values]
-    return name, len(windows), len(told), float(np.median(told)) if told else None
+    fitted = [w.percent for w in windows if w.values]
+    return name, len(windows), len(fitted), float(np.median(fitted)) if fitted else None

@@ -96,8 +96,8 @@ def fit_window(
     if not np.isfinite(own).all():
         return replace(nothing, percent=percent, why="the motor moves too little"), kept
     watched = {n: float(x) for n, x in zip(WATCHED, size, strict=True)}
-    told = replace(nothing, values=watched, covariance=own, percent=percent)
-    return told, values
+    fitted = replace(nothing, values=watched, covariance=own, percent=percent)
+    return fitted, values
 
 
 def first_values(mechanism: Mechanism) -> dict[JointNumber, float]:

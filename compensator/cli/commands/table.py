@@ -16,6 +16,7 @@ from tendonff.compensator.cli.options import (
     option,
 )
 from tendonff.compensator.cli.progress import progress, say, warn
+from tendonff.compensator.files.text import InputError
 from tendonff.ocp.errors import SolveError
 
 _MANY_NODES = 5000
@@ -53,6 +54,14 @@ def table(
     The axes are the reference, the branch and the tension since the last reversal. A table whose error is above that of
     no compensation is not written, unless forced.
     """
+    from tendonff.compensator.joint.detect import is_joint_file
+
+    if is_joint_file(scenario):
+        for name, given in (("--level", level), ("--bound", bound), ("--angles", angles), ("--rates", rates)):
+            if given is not None or pose:
+                raise InputError(f"{scenario.name}: {name if given is not None else '--pose'} is for a tension")
+        _table_joint(scenario, out, force=force, pdf=pdf)
+        return
     angles_of_joints = dict(named_numbers("--pose", pose or [], "NAME=ANGLE", "wrist=0.5", is_named=True))
     angle_axis, rate_axis = _numbers(angles, "--angles"), _numbers(rates, "--rates")
     with opened(scenario, out) as (loaded, folder):
@@ -83,3 +92,20 @@ def table(
         f"(bound {built.bound_N:.3g} N); RMS error with exactly the scenario's parameters on level {result.level}: "
         f"{own.rmse_percent_of_range:.2g} % of range"
     )
+
+
+def _table_joint(scenario: Path, out: Path, *, force: bool, pdf: bool) -> None:
+    from tendonff.compensator.files.writing import atomic_directory
+    from tendonff.compensator.joint.scenario import load_joint_scenario
+    from tendonff.compensator.tables.joint import tabulate_joint
+
+    loaded = load_joint_scenario(scenario)
+    with atomic_directory(out) as folder, progress("tabulating"):
+        result = tabulate_joint(loaded)
+        worst = result.expectation.worst_percent
+        if worst["table"] > worst["linear"] and not force:
+            raise SolveError(
+                f"{result.headline}: worse than the ratio; nothing was written, --force writes it all the same"
+            )
+        result.write(folder, pdf=pdf)
+    say(result.headline)

@@ -263,7 +263,7 @@ def _context(
         "steps": accepted_steps(step),
         **_start_context(chain),
         "servo": servo,
-        "told": "command" if servo else "force",
+        "actuation": "command" if servo else "force",
         **parameter_context(problem),
         "exp": "expf" if precision is Precision.FLOAT else "exp",
         "modules": modules,

@@ -6,17 +6,21 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+from tendonff.compensator.identification.joint.parameters import JointNumber, key_in
 from tendonff.compensator.identification.result import Estimate
 from tendonff.compensator.joint.scenario import JointScenario
 from tendonff.compensator.scenario.scenario import relative_to_folder
 from tendonff.compensator.scenario.tables import toml_value
 from tendonff.models.joint.parameters import JointTendon, Mechanism
+from tendonff.models.parameters.numbers import FACTORS, keys_of
 
 _PARTS = ("path", "tendon", "friction")
+WITH_SPREAD = (JointNumber.MU, JointNumber.TENSION, JointNumber.STIFFNESS, JointNumber.GRAVITY)
+"""Numbers whose intervals a design is judged with."""
 
 
 def fitted_text(scenario: JointScenario, mechanism: Mechanism, estimates: Sequence[Estimate]) -> str:
-    """Text of the scenario with a mechanism's numbers, and the intervals of mu and stiffness as their uncertainty."""
+    """Text of the scenario with a mechanism's numbers, and its intervals as [robust.spread]."""
     raw = tomllib.loads(scenario.text)
     raw["name"] = f"{scenario.name}, fitted"
     name, joint = mechanism.joint.name, _keys(mechanism.joint)
@@ -30,14 +34,23 @@ def fitted_text(scenario: JointScenario, mechanism: Mechanism, estimates: Sequen
             row.pop(part, None)
             if getattr(tendon, part) != getattr(first, part):
                 row[part] = _part(tendon, part)
-    spread = {"mu": "mu_dynamic", "stiffness": "stiffness_N_per_m"}
-    known = {e.name: e for e in estimates}
-    for key, number in spread.items():
-        if number in known and (interval := known[number].interval) is not None:
-            half = (interval[1] - interval[0]) / 2 / abs(known[number].value)
-            raw.setdefault("robust", {})[key] = round(min(half, 0.99), 4)
+    if spread := _spread(mechanism, estimates):
+        robust = {key: value for key, value in raw.get("robust", {}).items() if key not in FACTORS}
+        raw["robust"] = {**robust, "spread": {**robust.get("spread", {}), **spread}}
     raw["run"]["level"] = "presliding"
     return to_toml(raw)
+
+
+def _spread(mechanism: Mechanism, estimates: Sequence[Estimate]) -> dict[str, float]:
+    """Relative half-widths of the intervals of numbers that the scenario has, by their keys."""
+    known, found = keys_of(mechanism), {}
+    for number in WITH_SPREAD:
+        one = next((e for e in estimates if e.name == number and e.interval is not None), None)
+        key = key_in(mechanism, number)
+        if one is not None and one.interval is not None and one.value and key in known:
+            half = (one.interval[1] - one.interval[0]) / 2 / abs(one.value)
+            found[key] = round(min(max(half, 1e-4), 0.99), 4)
+    return found
 
 
 def moved_files(text: str, source: Path, folder: Path) -> str:
@@ -87,8 +100,13 @@ def _lines(table: Mapping[str, object], name: str) -> list[str]:
             for each in value:
                 later += [f"\n[[{path}]]\n", *_lines(each, path)]
         else:
-            lines.append(f"{key} = {toml_value(_tuples(value))}\n")
+            lines.append(f"{_bare(key)} = {toml_value(_tuples(value))}\n")
     return lines + later
+
+
+def _bare(key: str) -> str:
+    """A key as TOML writes it."""
+    return key if key.replace("-", "_").isidentifier() else toml_value(key)
 
 
 def _tuples(value: object) -> object:

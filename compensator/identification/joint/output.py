@@ -17,7 +17,37 @@ from tendonff.compensator.reporting.plots import save_figure
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class JointIdentification(JointIdentificationData):
-    """An identification that can be written."""
+    """An identification that can be written.
+
+    Attributes
+    ----------
+    asked : JointScenario
+        The scenario whose joint was to be identified.
+    text : str
+        `fitted.toml`: the scenario with the identified values.
+    law : str
+        Name of the chosen law.
+    sensor : SensorFit or None
+        Virtual sensor of the joint's angle, where an encoder was logged and the law does not describe the device.
+    described : bool
+        Whether the law describes the device.
+    estimates : tuple of Estimate
+        Numbers of the scenario, then what follows from them.
+    looks : tuple of FirstLook
+        Closed forms of each file.
+    comparisons : tuple of JointComparison
+        Measurement and model of each file.
+    laws : tuple of (str, float, bool)
+        Effects that were tried: name, gain of log-likelihood that each promised, and whether it was taken up.
+    correlation_names, correlation : tuple of str and ndarray, shape (k, k)
+        Of the fitted values.
+    values : mapping
+        Fitted values by number.
+    warnings : tuple of str
+        What the user should know.
+    inputs : tuple of Path
+        The measured files.
+    """
 
     @property
     def scenario(self) -> JointScenario:

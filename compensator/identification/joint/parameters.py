@@ -3,12 +3,13 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import Enum, StrEnum
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
 from tendonff.models.errors import ParameterError
-from tendonff.models.joint.parameters import JointTendon, Mechanism
+from tendonff.models.joint.parameters import Mechanism
+from tendonff.models.parameters.numbers import with_numbers
 from tendonff.ocp.fits.least_squares import Unknown
 from tendonff.ocp.fits.mechanism import GEAR_SLIP_RAD
 
@@ -98,7 +99,7 @@ class JointNumber(_Specified, Enum):
 
     MU = (
         "mu_dynamic",
-        JointSpec(unit="-", role=Role.CORE, key="friction.mu_dynamic", logarithmic=True, floor=0.012, advice=_PUSH),
+        JointSpec(unit="-", role=Role.CORE, key="friction.mu_dynamic", logarithmic=True, floor=0.008, advice=_PUSH),
     )
     TENSION = (
         "pretension_N",
@@ -107,7 +108,7 @@ class JointNumber(_Specified, Enum):
             role=Role.CORE,
             key="drive.pretension_N",
             logarithmic=True,
-            floor=0.012,
+            floor=0.008,
             of_force=True,
             advice=_PUSH,
         ),
@@ -119,7 +120,7 @@ class JointNumber(_Specified, Enum):
             role=Role.CORE,
             key="tendon.stiffness_N_per_m",
             logarithmic=True,
-            floor=0.008,
+            floor=0.006,
             of_force=True,
             advice=_PUSH,
         ),
@@ -286,61 +287,43 @@ class JointNumber(_Specified, Enum):
 
 
 NUMBERS = tuple(JointNumber)
-CORE, EXTRAS = (tuple(n for n in NUMBERS if n.spec.role is role) for role in (Role.CORE, Role.EXTRA))
+EXTRAS = tuple(n for n in NUMBERS if n.spec.role is Role.EXTRA)
 Values = Mapping[JointNumber, float]
+
+
+_FACTORS = {JointNumber.MU: "mu", JointNumber.STIFFNESS: "stiffness", JointNumber.BRISTLE: "bristle_stiffness"}
+"""Numbers that tendons share up to a factor."""
+
+
+def key_in(mechanism: Mechanism, number: JointNumber) -> str:
+    """Dotted key of a number in the scenario; empty where it has none."""
+    table, _, key = number.spec.key.partition(".")
+    return f"joints.{mechanism.joint.name}.{key}" if table == "joint" else number.spec.key
 
 
 def put_into(mechanism: Mechanism, values: Values) -> Mechanism:
     """The mechanism with values put in; tendons that differ keep their ratio to the first."""
-    n = JointNumber
-    tables: dict[str, dict[str, Any]] = {"drive": {}, "joint": {}}
+    n, numbers = JointNumber, dict[str, float]()
     for number, value in values.items():
-        table, _, key = number.spec.key.partition(".")
-        if table in tables:
-            tables[table][key] = value
-    ratio = {str(k): values[k] / k.of(mechanism) for k in (n.MU, n.STIFFNESS, n.BRISTLE) if k in values}
-    softer = values.get(n.SECOND_SIDE, 1.0)
-    tendons = tuple(
-        _scaled(tendon, ratio, values.get(n.ADHESION), softer if k else 1.0)
-        for k, tendon in enumerate(mechanism.tendons)
-    )
-    return replace(
-        mechanism,
-        joints=(replace(mechanism.joint, **tables["joint"]),),
-        tendons=tendons,
-        drive=replace(mechanism.drive, **tables["drive"]),
-    )
-
-
-def _scaled(given: JointTendon, ratio: Mapping[str, float], adhesion_N: float | None, softer: float) -> JointTendon:
-    n = JointNumber
-    friction, tendon, path = given.friction, given.tendon, given.path
-    mu = ratio.get(n.MU, 1.0)
-    coefficients = ("mu_dynamic", "mu_static", "mu_dynamic_release", "mu_static_release")
-    changed = {name: mu * value for name in coefficients if (value := getattr(friction, name)) is not None}
-    soft = friction.soft_bristle_stiffness_N_per_m * ratio.get(n.BRISTLE, 1.0)
-    changed |= {
-        "soft_bristle_stiffness_N_per_m": soft,
-        "bristle_stiffness_N_per_m": max(friction.bristle_stiffness_N_per_m, soft),
-        "adhesion_N": friction.adhesion_N if adhesion_N is None else adhesion_N,
-    }
-    sections = tuple(
-        replace(s, **{name: mu * value for name in coefficients if (value := getattr(s, name)) is not None})
-        for s in path.sections
-    )
-    stiffer = ratio.get(n.STIFFNESS, 1.0) / softer
-    return replace(
-        given,
-        friction=replace(friction, **changed),
-        tendon=tendon.scaled(stiffer),
-        path=replace(path, sections=sections) if sections else path,
-    )
+        if number in _FACTORS:
+            numbers[_FACTORS[number]] = value / number.of(mechanism)
+        elif number is n.ADHESION:
+            numbers |= {f"tendons.{t.name}.friction.adhesion_N": value for t in mechanism.tendons}
+        elif number.spec.key:
+            numbers[key_in(mechanism, number)] = value
+    changed = with_numbers(mechanism, numbers)
+    if (softer := values.get(n.SECOND_SIDE, 1.0)) == 1.0:
+        return changed
+    first, second = changed.tendons
+    return replace(changed, tendons=(first, replace(second, tendon=second.tendon.scaled(1 / softer))))
 
 
 def require_loop(mechanism: Mechanism, file: str) -> None:
-    """Refuse a mechanism that is no loop."""
+    """Refuse a mechanism that is no loop, or has no friction to begin with."""
     if mechanism.drive.kind != "loop":
         raise ParameterError(
             f"{file}: identification of a joint is for a loop; of a pair, identify each tendon by itself from the "
             "current and angle of its motor"
         )
+    if not JointNumber.MU.of(mechanism) > 0:
+        raise ParameterError(f"{file} [friction]: mu_dynamic must be > 0 to begin with; 0.15 is a usual value")

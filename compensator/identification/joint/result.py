@@ -75,33 +75,7 @@ def _rms(values: Array) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class JointIdentificationData:
-    """Everything that logs of a motor identify of a joint.
-
-    Attributes
-    ----------
-    asked : JointScenario
-        The question.
-    text : str
-        The scenario with what was identified put in.
-    law : str
-        Name of the chosen law.
-    sensor : SensorFit or None
-        Virtual sensor of the joint's angle, where an encoder was logged and the law does not describe the device.
-    described : bool
-        It describes the device.
-    estimates : tuple of Estimate
-        Numbers of the scenario, then what follows from them.
-    looks : tuple of FirstLook
-        What closed forms say of each file.
-    comparisons : tuple of JointComparison
-    laws : tuple of (str, float, bool)
-        Effects that were tried: name, gain of log-likelihood that each promised, and whether it was taken up.
-    correlation_names, correlation : tuple of str and ndarray, shape (k, k)
-    values : mapping
-        Numbers that were free.
-    warnings : tuple of str
-    inputs : tuple of Path
-    """
+    """Everything that logs of a motor identify of a joint. `JointIdentification` documents its fields."""
 
     asked: JointScenario
     text: str

@@ -88,7 +88,7 @@ def identify_joint(
         _require_motion(logs)
         say("first look")
         looks = [one for log in logs if (one := look(log, scenario.mechanism)) is not None]
-        mechanism, touched = _with_stops(scenario.mechanism, looks)
+        mechanism, touched = _with_stops(scenario.mechanism, looks, logs[0].run.start_rad)
         found = _fitted(mechanism, logs, looks, touched, say)
         sensor = None
         if _percent(found) > DESCRIBED_PERCENT and all(log.joint_rad is not None for log in (*logs, *judges)):
@@ -113,11 +113,13 @@ def _require_motion(logs: Sequence[JointLog]) -> None:
             )
 
 
-def _with_stops(mechanism: Mechanism, looks: Sequence[FirstLook]) -> tuple[Mechanism, tuple[JointNumber, ...]]:
+def _with_stops(
+    mechanism: Mechanism, looks: Sequence[FirstLook], start_rad: float
+) -> tuple[Mechanism, tuple[JointNumber, ...]]:
     """The mechanism with those stops alone that were touched, and the numbers of these."""
     ways = {push.way for found in looks for push in found.pushes}
     joint, stops = mechanism.joint, {"stop_low_rad": -1, "stop_high_rad": 1}
-    start = next((found.start(mechanism, 0.0) for found in looks if found.pushes), {})
+    start = next((found.start(mechanism, start_rad) for found in looks if found.pushes), {})
     places = {
         name: (getattr(joint, name) if getattr(joint, name) is not None else start.get(N(name), float(way)))
         if way in ways

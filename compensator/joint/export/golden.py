@@ -96,9 +96,9 @@ def followed_course(
             raise SolveError(course.inversion.message)
         return course
     found, _ = inverse_of(scenario, sampled, problem)
-    told = commanded(scenario.mechanism.drive, found.motor_rad, scenario.run.step_s)
+    command = commanded(scenario.mechanism.drive, found.motor_rad, scenario.run.step_s)
     course = _course(scenario, sampled, problem, others, precision, slice(None), np.empty(0))
-    return replace(course, inversion=found, motor_rad=found.motor_rad, command_rad=told, tension_N=found.tension_N)
+    return replace(course, inversion=found, motor_rad=found.motor_rad, command_rad=command, tension_N=found.tension_N)
 
 
 def _course(
@@ -151,13 +151,13 @@ def golden_context(
 ) -> dict[str, object]:
     """Values for the self test's template; what float loses is taken from the compiled code's answers."""
     drive, step = scenario.mechanism.drive, scenario.run.step_s
-    rad, told, newton = _DOUBLE_RAD, 4 * _DOUBLE_RAD, _DOUBLE_N
+    rad, command, newton = _DOUBLE_RAD, 4 * _DOUBLE_RAD, _DOUBLE_N
     if precision is Precision.FLOAT:
         # A reversal that rounding tells a sample later crosses the play that much later.
-        rad, told, newton = _UNMEASURED_RAD, 4 * _UNMEASURED_RAD + drive.play_rad, _UNMEASURED_N
+        rad, command, newton = _UNMEASURED_RAD, 4 * _UNMEASURED_RAD + drive.play_rad, _UNMEASURED_N
         if found is not None:
             rad = 1e-5 + 3 * float(np.abs(found.motor_rad - course.motor_rad).max())
-            told = 1e-5 + 3 * float(np.abs(found.command_rad - course.command_rad).max())
+            command = 1e-5 + 3 * float(np.abs(found.command_rad - course.command_rad).max())
             newton = 1e-3 + 3 * float(np.abs(found.tension_N - course.tension_N).max())
     seen = 0
     limit = drive.speed_max_rad_per_s
@@ -181,7 +181,7 @@ def golden_context(
         "command_rad": course.command_rad,
         "tension_N": course.tension_N,
         "tolerance_rad": f"{rad:.3g}",
-        "tolerance_command": f"{told:.3g}",
+        "tolerance_command": f"{command:.3g}",
         "tolerance_N": f"{newton:.3g}",
         "change_rad": f"{1e30 if limit is None else limit * step:.9g}",
         "back_rad": f"{1e-3 + 2 * float(np.ptp(beyond)):.3g}",

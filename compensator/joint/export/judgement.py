@@ -42,7 +42,7 @@ class JudgedJoint:
         return f"{math.degrees(value):.2g} deg" if self.is_angle else f"{value:.2g} N m"
 
 
-def judge_joint(scenario: JointScenario, sampled: SampledJoint, told_rad: FloatArray) -> JudgedJoint:
+def judge_joint(scenario: JointScenario, sampled: SampledJoint, command_rad: FloatArray) -> JudgedJoint:
     """Simulate commands, and those of the ratio alone, on the mechanism that a design is verified on."""
     mechanism, step = scenario.mechanism, scenario.run.step_s
     plant = JointPlant(
@@ -54,7 +54,7 @@ def judge_joint(scenario: JointScenario, sampled: SampledJoint, told_rad: FloatA
     )
     plain = commanded(known_by_ratio(mechanism.drive), linear_motor_rad(scenario, sampled), step)
     errors = []
-    for command in (told_rad, plain):
+    for command in (command_rad, plain):
         error = (plant.reached(plant.respond(command)) - sampled.wanted)[sampled.lead :]
         errors.append(float(np.sqrt(np.mean(error**2))))
     judged = JudgedJoint(

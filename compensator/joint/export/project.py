@@ -97,10 +97,10 @@ def export_joints(
     found = run_courses(sources, prefix, precision, [*courses, *runs], list(range(len(scenarios))) * 2)
     judged = []
     for k, (scenario, each, problem) in enumerate(zip(scenarios, sampled, problems, strict=True)):
-        told = runs[k].command_rad
+        command = runs[k].command_rad
         if found is not None and not scenario.reference.periodic:
-            told = found[len(scenarios) + k].command_rad
-        judged.append(judge_joint(scenario, each, told))
+            command = found[len(scenarios) + k].command_rad
+        judged.append(judge_joint(scenario, each, command))
         joints[k] |= {
             "golden": golden_context(scenario, problem, courses[k], None if found is None else found[k], precision),
             "plain": judged[k].text(judged[k].plain_rms),

@@ -72,13 +72,13 @@ def test_what_is_saved_is_the_changed_scenario(scenario):
 
 @pytest.mark.compiler
 def test_self_tuning_recovers_most_of_what_a_design_for_other_friction_misses(scenario):
-    """Over the whole run, the time in which it learns included: two thirds; how well it settles is tested with it."""
+    """Over the whole run, the time in which it learns at a limited rate included: three fifths."""
     explorer = Explorer(scenario)
     changed = replace(explorer.start, mu=0.24)
     plain = explorer.at(changed, design_knows=False).courses["inverse"].score.rmse
     slow = explorer.at(changed, design_knows=False, curves=SLOW).courses
     assert set(slow) == {"smoothed", "optimal", "table", "self_tuning"}
-    assert slow["self_tuning"].score.rmse < plain / 3
+    assert slow["self_tuning"].score.rmse < plain / 2.5
     assert slow["optimal"].score.rmse > plain / 2
 
 

@@ -13,11 +13,13 @@ import pytest
 from tendonff.compensator.cli import run
 from tendonff.compensator.compare.joint import compare_joint
 from tendonff.compensator.design.sweep.run import sweep
+from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.joint.compensators import JointTask, joint_compensator
 from tendonff.compensator.joint.design import design_joint
-from tendonff.compensator.joint.scenario import JointScenario, load_joint_scenario
+from tendonff.compensator.joint.scenario import JointScenario, load_joint_scenario, parse_joint_scenario
+from tendonff.compensator.tables.joint import BOUND_SHARE, tabulate_joint
 from tendonff.models.fidelity import Level
-from tendonff.models.joint.parameters import Mechanism
+from tendonff.models.joint.parameters import DriveKind, Mechanism
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.ocp.joint.simulate import simulate_joint
 from tendonff.ocp.joint.start import joint_problem
@@ -158,6 +160,27 @@ def test_a_grid_designs_anew_at_every_point(tmp_path: Path) -> None:
     softer = replace(scenario, mechanism=with_numbers(scenario.mechanism, {"tendon.stiffness_N_per_m": 1e4}))
     command = joint_compensator("inverse").command_rad(JointTask.of(softer))
     assert float(soft[2]) == close(error_percent(softer, softer.mechanism, command))
+
+
+def test_a_table_is_the_quasi_static_law_and_judged_on_the_same_plants(scenario: JointScenario, tmp_path: Path) -> None:
+    found, task = tabulate_joint(scenario), JointTask.of(scenario)
+    static = task.expect({"static": joint_compensator("static").command_rad(task)}).best
+    assert found.error_rad <= BOUND_SHARE * np.ptp(task.wanted)
+    assert found.expectation.worst_percent["table"] == pytest.approx(
+        static.worst.rmse_percent_of_range, rel=0.1, abs=0.2
+    )
+    found.write(tmp_path / "t")
+    names, *rows = (tmp_path / "t" / "table.csv").read_text("utf-8").splitlines()
+    loop = scenario.mechanism.drive.kind is DriveKind.LOOP
+    assert names == ("angle_rad,branch,motor_rad" if loop else "angle_rad,branch,motor_flexor_rad,motor_extensor_rad")
+    assert len(rows) == 2 * len(found.angle_rad)
+
+
+def test_a_table_is_refused_where_it_has_no_meaning(tmp_path: Path) -> None:
+    text = written(tmp_path, *PAIRWISE[1]).source.read_text("utf-8").replace('joint = "q"', 'joint = "wrist"')
+    other = '[joints.wrist]\nkind = "sine"\namplitudes_rad = [0.1]\nfrequencies_Hz = [2.5]\n'
+    with pytest.raises(InputError, match="no table can hold a path that other joints move"):
+        tabulate_joint(parse_joint_scenario(text + other, tmp_path / "wrist.toml"))
 
 
 def test_comparison_and_sweep_write_their_pages(tmp_path: Path) -> None:

@@ -34,6 +34,25 @@ def test_new_names_the_joint(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert "have no driven joint" in capsys.readouterr().err
 
 
+def test_joints_of_a_hand_share_a_base(hand: str, tmp_path: Path) -> None:
+    base = hand.replace("[joints.knuckle]", "[joints.old]")
+    (tmp_path / "hand.toml").write_text(base, "utf-8")
+    own = 'schema = 1\nbase = "hand.toml"\n[joints.tip]\nkind = "driven"\ninertia_kg_m2 = 1.0e-5\n'
+    own += "[path]\ntotal_angle_rad = 4.0\n"
+    (tmp_path / "tip.toml").write_text(own, "utf-8")
+    found = load_joint_scenario(tmp_path / "tip.toml")
+    assert (found.mechanism.joint.name, found.mechanism.joint.gravity_N_m) == ("tip", 0.0)  # a joint is its own
+    path = found.mechanism.tendons[0].path
+    assert (path.total_angle_rad, path.segments) == (4.0, 6)
+    assert found.mechanism.drive.pretension_N == 5.0
+    before = found.digest()
+    (tmp_path / "hand.toml").write_text(base.replace("pretension_N = 5.0", "pretension_N = 6.0"), "utf-8")
+    assert load_joint_scenario(tmp_path / "tip.toml").digest() != before
+    (tmp_path / "loop.toml").write_text('schema = 1\nbase = "tip.toml"\n', "utf-8")
+    with pytest.raises(InputError, match="a base has no base of its own"):
+        load_joint_scenario(tmp_path / "loop.toml")
+
+
 def test_a_tendon_may_state_its_own_parts(hand: str) -> None:
     own = hand.replace(
         "moment_arm_m = -0.008 ",
@@ -106,7 +125,7 @@ def test_one_tendon_without_a_spring_is_refused(hand: str) -> None:
         parse_joint_scenario(pair)
 
 
-@pytest.mark.parametrize("command", ["table", "experiment", "adapt"])
+@pytest.mark.parametrize("command", ["experiment", "adapt"])
 def test_commands_of_a_tension_refuse_a_joint_and_say_why(
     command: str, tmp_path: Path, examples: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

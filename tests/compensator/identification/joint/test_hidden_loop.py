@@ -66,7 +66,15 @@ def test_a_design_from_the_file_tracks_on_the_plant(found, tmp_path, record_prop
     found.write(tmp_path / "fit")
     fitted = load_joint_scenario(tmp_path / "fit" / "fitted.toml")
     assert fitted.mechanism.tendons[0].friction.mu_dynamic == found.estimate("mu_dynamic").value
-    assert fitted.robust.mu > 0
+    spread = {each.name: each.half_width for each in fitted.robust.spread}
+    assert set(spread) == {
+        "friction.mu_dynamic",
+        "drive.pretension_N",
+        "tendon.stiffness_N_per_m",
+        "joints.knuckle.gravity_N_m",
+    }
+    low, high = found.estimate("pretension_N").interval
+    assert spread["drive.pretension_N"] == pytest.approx((high - low) / (high + low), abs=1e-4)
     design = design_joint(fitted)
     time = design.sampled.run_time_s
     fine = np.arange(round(time[-1] / FINE_S) + 1) * FINE_S
