@@ -62,7 +62,7 @@ tff_real tff_capstan_step(tff_capstan *self, tff_real reference)
         } else if (followed < self->last) {
             self->wanted = (lifted * self->release) - self->adhesion;
         } else {
-            /* the reference stands still: so does the force */
+            /* the reference is at rest: so is the force */
         }
         self->last = followed;
         force = tff_output_set(&self->output, self->wanted);

@@ -40,6 +40,6 @@ typedef double tff_real;
 #define TFF_RATE_LIMITED 4u  /* the force rate limit binds */
 #define TFF_WOULD_PUSH 8u    /* the reference falls faster than the tendon can follow, or a link is slack */
 #define TFF_FAILED 16u       /* no finite or no converged result: last good output held */
-#define TFF_ENDED 32u        /* the profile has been played to its end */
+#define TFF_ENDED 32u        /* the end of the profile was reached */
 
 #endif
