@@ -109,6 +109,14 @@ def test_calls_at_half_the_rate_follow_the_course_of_all_calls(tuned, kind):
     assert np.abs(half - every[: 2 * len(half) : 2]).max() < 0.01 * np.ptp(every)
 
 
+def test_steps_of_another_length_are_those_of_a_scenario_with_that_step(tuned):
+    """The exact inverse of every second sample, solved at twice the step."""
+    problem = Problem.of(tuned)
+    tension, step = problem.reference.tension_N[:801:2], 2 * problem.reference.step_s
+    found = commands(tf.Runtime(tuned, kind="inverse"), tension, dt=step)[:, 0]
+    assert found == pytest.approx(tf.invert(problem.chain, tension, step).force_N, abs=1e-8)
+
+
 @pytest.mark.parametrize("kind", ["inverse", "stream"])
 def test_a_runtime_has_the_numbers_of_the_exported_c(tuned, kind):
     tension = Problem.of(tuned).reference.tension_N[:500]
