@@ -31,7 +31,7 @@ COMMANDS = {
     "design finger_fast": ["design", str(EXAMPLES / "finger_fast.toml"), "--out", "out"],
     "compare exosuit": ["compare", str(EXAMPLES / "exosuit.toml"), "--out", "out"],
 }
-_ENTRY = "import sys; from tendonff.compensator.cli import run; sys.exit(run(sys.argv[1:]))"
+_ENTRY = "from tendonff.compensator.cli import main; main()"
 
 
 def cpu_s(arguments: list[str], folder: str) -> float:

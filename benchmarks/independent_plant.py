@@ -53,11 +53,17 @@ class Plant:
         Exponent of the bristle's law; 1 is Dahl's.
     concentration : float
         So many times the mean wrap angle per length in the first quarter of the length; 1 is an even path.
+    pulley : float
+        Share of the friction's exponent that one place in the middle carries, as a pulley's bearing does.
+    second_relaxation : tuple of float
+        Stiffness [N/m] and time [s] of a second relaxing element; a stiffness of 0 is none.
     """
 
     transmission: Transmission
     power: float = 1.0
     concentration: float = 1.0
+    pulley: float = 0.0
+    second_relaxation: tuple[float, float] = (0.0, 1.0)
     masses: int = field(default=MASSES)
 
     def respond(self, force_N: Array, sample_s: float, rest_N: float) -> Array:
@@ -69,11 +75,13 @@ class Plant:
             *(f.mu_dynamic, f.release_dynamic, f.mu_static / f.mu_dynamic - 1, f.stribeck_velocity_m_per_s),
             *(f.adhesion_N, self.power, t.actuator.mass_kg, t.actuator.damping_N_s_per_m),
             *(t.load.mass_kg, t.load.stiffness_N_per_m, t.load.damping_N_s_per_m),
+            *self.second_relaxation,
         )
         plant = (ctypes.c_double * len(numbers))(*numbers)
         place = (np.arange(self.masses) + 0.5) / self.masses
         dense = np.where(place < 0.25, self.concentration, (1 - 0.25 * self.concentration) / 0.75)
-        angle = t.path.total_angle_rad * dense / dense.sum()
+        angle = t.path.total_angle_rad * (1 - self.pulley) * dense / dense.sum()
+        angle[self.masses // 2] += t.path.total_angle_rad * self.pulley
         share = np.full(self.masses + 1, 1.0 / self.masses)
         share[[0, -1]] /= 2
         force = np.ascontiguousarray(force_N, dtype=np.float64)

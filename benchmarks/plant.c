@@ -9,6 +9,7 @@ typedef struct {
     double mass, viscous, k1, k2, tau, damping, sigma;           /* of the whole tendon */
     double mu_pull, mu_release, excess, omega, adhesion, power;  /* excess: mu_static/mu_dynamic - 1 */
     double actuator_mass, actuator_damping, load_mass, load_stiffness, load_damping;
+    double k3, tau3; /* second relaxing element; 0: none */
 } plant;
 
 /* angle[i]: wrap angle of mass i; share[j]: share of the length of link j, n + 1 of them.
@@ -16,15 +17,17 @@ typedef struct {
 int run(const plant *p, int n, const double *angle, const double *share, double rest, const double *force, int samples,
         double sample_s, int steps, double *out) {
     const int all = n + 2;
-    const double h = sample_s / steps, g = 1 / (1 + h / p->tau);
-    double *w = calloc((size_t)(13 * all), sizeof(double)), total = 0, anchor;
+    const double h = sample_s / steps, g = 1 / (1 + h / p->tau), g3 = 1 / (1 + h / p->tau3);
+    double *w = calloc((size_t)(15 * all), sizeof(double)), total = 0, anchor;
     if (!w) return 1;
     double *q = w, *v = q + all, *z = v + all, *fs = z + all, *a = fs + all, *b = a + all, *diag = b + all;
     double *rhs = diag + all, *f = rhs + all, *k1 = f + all, *k2 = k1 + all, *c = k2 + all, *grip = c + all;
+    double *k3 = grip + all, *z3 = k3 + all;
     for (int i = 0; i < n; i++) total += angle[i];
     for (int j = n; j >= 0; j--) {
         k1[j] = p->k1 / share[j], k2[j] = p->k2 / share[j], c[j] = p->damping / share[j];
-        z[j] = rest / k1[j], q[j] = q[j + 1] + z[j], f[j] = rest;
+        k3[j] = p->k3 / share[j];
+        z[j] = z3[j] = rest / k1[j], q[j] = q[j + 1] + z[j], f[j] = rest;
     }
     anchor = q[n + 1] - rest / p->load_stiffness;
     for (int row = 0; row < samples; row++) {
@@ -32,8 +35,8 @@ int run(const plant *p, int n, const double *angle, const double *share, double 
             const double u = force[row - 1] + (force[row] - force[row - 1]) * s / steps;
             for (int j = 0; j <= n; j++) {
                 const double e = q[j] - q[j + 1];
-                a[j] = k1[j] * e + k2[j] * g * (e - z[j]);
-                b[j] = h * (k1[j] + k2[j] * g) + c[j];
+                a[j] = k1[j] * e + k2[j] * g * (e - z[j]) + k3[j] * g3 * (e - z3[j]);
+                b[j] = h * (k1[j] + k2[j] * g + k3[j] * g3) + c[j];
                 if (a[j] + b[j] * (v[j] - v[j + 1]) <= 0) a[j] = b[j] = 0; /* slack */
             }
             for (int i = 1; i <= n; i++) {
@@ -66,6 +69,7 @@ int run(const plant *p, int n, const double *angle, const double *share, double 
             for (int j = 0; j <= n; j++) {
                 f[j] = a[j] + b[j] * (v[j] - v[j + 1]);
                 z[j] = (z[j] + h / p->tau * (q[j] - q[j + 1])) * g;
+                z3[j] = (z3[j] + h / p->tau3 * (q[j] - q[j + 1])) * g3;
             }
         }
         double *o = out + 4 * row;

@@ -1,6 +1,6 @@
 """Parts of a scenario's self-tuning: the recursion's numbers, the information of the reference, the interval."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,7 +20,10 @@ from tendonff.ocp.adaptation.tuning import GATE, Sensor, Tunable, Tuning
 from tendonff.ocp.simulate import simulate
 
 BOUND_SPREAD = 0.2
-"""Relative half-width of mu theta that the interval admits."""
+"""Relative half-width of mu theta of each direction that the interval admits, and of stiffness in its margin."""
+
+BOUND_MASSES = 40
+_BOUNDED = (Tunable.MU_PULL, Tunable.MU_RELEASE, Tunable.TENDON_STIFFNESS, Tunable.LOAD_STIFFNESS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,6 +56,7 @@ def tuning_of(problem: Problem, settings: Adaptation) -> Tuning:
         sensor=settings.sensor,
         parameters=settings.parameters,
         delay_samples=settings.delay_samples,
+        joint_delay_samples=settings.joint_delay_samples,
         noise=settings.noise,
         span=span,
         step_s=reference.step_s,
@@ -90,20 +94,22 @@ def learnt(problem: Problem, tuning: Tuning) -> Information:
 
 
 def certified(problem: Problem) -> Certified:
-    """The interval of two plays along the reference, with what the static law leaves out as its margin."""
-    pair = (Tunable.MU_PULL, Tunable.MU_RELEASE)
-    tuned = TunedChain.of(problem.transmission, problem.level, pair)
+    """The interval of two plays along the reference, with what the static law leaves out as its margin.
+
+    The margin is the largest over plants of 40 masses: at every corner of what friction of the two directions may be,
+    as the scenario, and with tendon, load and bristles all softer or all stiffer.
+    """
     start, step = problem.reference.initial_tension_N, problem.reference.step_s
     force = problem.limited(problem.inversion.force_N)
-    outputs = [
-        simulate(tuned.with_factors(factors), force, step, initial_tension_N=start).require().output_tension_N
-        for factors in (
-            {name: 1 + place * BOUND_SPREAD for name, place in zip(pair, places, strict=True)}
-            # The directions are off apart from each other as well: the corners where one is high and the other low
-            # are the widest.
-            for places in ((0, 0), (-1, -1), (-1, 1), (1, -1), (1, 1))
-        )
-    ]
+    plant = TunedChain.of(problem.transmission, problem.level, _BOUNDED, BOUND_MASSES)
+    name = "bristle_stiffness_N_per_m"
+    outputs = []
+    for elastic, bristle in ((1.0, 1.0), (1 - BOUND_SPREAD, 0.5), (1 + BOUND_SPREAD, 2.0)):
+        rig = replace(plant, whole=plant.whole.changed({name: bristle * plant.whole.value(name)}))
+        for places in ((0, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)):
+            factors = [*(1 + place * BOUND_SPREAD for place in places), elastic, elastic]
+            chain = rig.with_factors(dict(zip(_BOUNDED, factors, strict=True)))
+            outputs.append(simulate(chain, force, step, initial_tension_N=start).require().output_tension_N)
     bare = CertifiedInterval(law=CapstanLaw.of(problem.transmission), spread=BOUND_SPREAD, noise_N=0.0)
     interval = bare.with_margin_for(force, np.stack(outputs))
     low, high = interval.history_N(force, start)

@@ -3,6 +3,7 @@
 Exit codes: 0 success; 1 a solve failed, with its diagnosis; 2 bad input, with one message; 130 interrupted.
 """
 
+import gc
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any, cast
@@ -149,6 +150,7 @@ def run(arguments: Sequence[str]) -> int:
 def main() -> None:
     """Entry point of the program."""
     interrupts.install()
+    gc.set_threshold(50_000, 20, 100)  # importing and drawing make many objects that stay
     try:
         code = run(sys.argv[1:])
     except Exception:  # what is interrupted while a compiled module is loaded may fail in any way

@@ -84,9 +84,13 @@ def design(
     verified: list[Verified] = []
     proof: list[Verified] = []
     plants = [*((Plant(transmission, each), verified) for each in Level), (Plant.fine(transmission, level), proof)]
+    first: dict[bytes, str] = {}  # of equal profiles: they are tried once
     for name, profile in profiles.items():
+        told = profile.force_N if profile.command_m is None else profile.command_m
+        equal = first.setdefault(told.tobytes(), name)
         for plant, found in plants:
-            found.append(verify(plant, name, profile, reference))
+            tried = next((v for v in found if v.compensator == equal and v.plant is plant), None)
+            found.append(verify(plant, name, profile, reference) if tried is None else replace(tried, compensator=name))
             parts.done()
     judged = [v for v in verified if v.plant.level is level]
     warnings += harm_warnings({v.compensator: v.score for v in judged}, reference.tension_N)

@@ -136,6 +136,8 @@ class ExplorerPage:
         if self._document is None:
             self._add_slow(shown, wanted)
         else:  # in the next round, so that the fast ones are seen meanwhile
+            asked = [curve.label for curve in wanted] + ["worst case"] * bool(self._worst.active)
+            self._scores.text += f"<p role='status'>Computing: {escape(', '.join(asked))}</p>"
             self._document.add_next_tick_callback(lambda: self._add_slow(shown, wanted, values))
 
     def _add_slow(self, fast: Exploration, wanted: list[Curve], asked: dict[str, float] | None = None) -> None:

@@ -112,7 +112,8 @@ def _bounds(bounds: Certified) -> dict[str, object]:
         "narrow": math.exp(-interval.margin),
         "wide": math.exp(interval.margin),
     }
-    return {"interval": interval, "bound_ratios": ratios}
+    width_N = float(np.mean(bounds.high_N - bounds.low_N))
+    return {"interval": interval, "bound_ratios": ratios, "bound_width_N": width_N}
 
 
 def adaptive_golden(problem: Problem, settings: Adaptation, course: Course, precision: Precision) -> AdaptiveGolden:
@@ -122,9 +123,16 @@ def adaptive_golden(problem: Problem, settings: Adaptation, course: Course, prec
     moved = replace(problem.transmission, motion=course.chain.motion)
     tuned = TunedChain.of(moved, problem.level, tuning.parameters)
     rig = SimulatedRig(tuned.with_factors({_main(settings): _RIG}), step, 1, start)
-    run = SelfTuner(tuned, step, tuning, problem.limits, start).run(rig, reference_N, np.zeros(len(reference_N)))
+    late_s = (
+        -tuning.joint_delay_samples * step
+    )  # the test passes the angles as they are: what it finds is ahead of them
+
+    def tuner_of() -> SelfTuner:
+        return SelfTuner(tuned, step, tuning, problem.limits, start, joints_late_s=late_s)
+
+    run = tuner_of().run(rig, reference_N, np.zeros(len(reference_N)))
     measured = rounded(run.measured, precision)
-    tuner = SelfTuner(tuned, step, tuning, problem.limits, start)
+    tuner = tuner_of()
     force = [tuner.step(float(r), float(m)) for r, m in zip(reference_N, measured, strict=True)]
     low = high = np.empty(0)
     if course.chain.motion is None:

@@ -16,7 +16,7 @@ class Tuned:
     coarse_masses, fine_masses : int
         Masses of the chain while laws are compared, and at the end (method: discretisation error below 0.1 %).
     coarse_step_s, fine_step_s : float
-        Longest steps of the same (method).
+        Longest steps of the same; the samples are thinned to the first (method).
     robust_share, static_robust_share : float
         Residuals of the chain, and of the static laws, beyond this share of the range count linearly (recordings:
         outliers; the static laws leave presliding out).
@@ -29,10 +29,8 @@ class Tuned:
         Held-out parts of the record, in turn (rule).
     bristle_starts, mu_starts : tuple of float
         Starts of the first fit, as factors of the scenario's values (rigs).
-    bristle_factor : float
-        Stiffnesses that are tried for a lower bound are smaller by this factor each (method).
-    exponent_starts : tuple of float
-        Starts of the static laws' mu theta (rigs).
+    exponent_starts, release_starts : tuple of float
+        Starts of the static laws' mu theta, and releasing as shares of pulling (rigs).
     most_exponent : float
         Largest mu theta that is searched (rule: a tension ratio of 3000).
     least_spread : float
@@ -58,8 +56,6 @@ class Tuned:
         directions, which systematic errors imitate (rigs).
     identifiable_share : float
         Standard error over value from which on a value counts as not identifiable (rule).
-    kept_free_share : float
-        The same from which on a speed term is taken out of the law again (rigs).
     insensitive_share : float
         A standard error of so many times the value is none: the data are insensitive to the value (rule).
     twins : float
@@ -73,6 +69,8 @@ class Tuned:
         the third is the share after a bridge (method: friction remembers extremes).
     small_piece : float
         Least range that counts, as a share of the widest file's (method: small moves may stay in presliding).
+    other_laws : float
+        Share of the variance between laws with one more effect that is doubt of the chosen one (rigs: coverage).
     adhesion_floor : float
         Standard error of the method for adhesion and offsets, as a share of the mean output tension (rigs).
     tried_concentration, uneven_from : float
@@ -80,16 +78,21 @@ class Tuned:
         uneven path is reported (rigs).
     least_files : int
         Files that show a scatter between them (rule).
-    scatter_share, drift_sigmas : float
-        Scatter between files, and drift in standard errors, from which on they are reported (rule).
+    kept_uncertainty : float
+        Half-width of the 95 % interval of the tendon's stiffness and relaxation where they are kept and nothing is said
+        of them (rule: rated values of fibres).
+    scatter_share : float
+        Scatter between files from which on it is reported (rule).
     explained_enough : float
         Share of the elongation's variance from which on the static law's tension explains it (rigs).
     hold_share : float
         A hold: the tension stays within this share of its range (rule).
-    most_delay_s, most_delay_share : float
-        A delay between the channels is at most this long and at most this share of the record (rule: a logger).
-    knot_s, least_knot_rows, window_knots, knots_before : float
-        Distance of the input's knots, their least number of samples, knots of a window, and before it (method).
+    least_delay_steps, most_delay_s, most_delay_share : float
+        A delay between the channels is at least so many samples, and at most this long and this share of the record
+        (rule: a logger).
+    knot_s, least_knot_rows, window_knots : float
+        Distance of the input's knots, their least number of samples, knots of a window; half of
+        them again before it (method).
     widest_correction : float
         A correction of the input where nothing was read, as behind a gap: usually so many times the noise (method).
     misfit_share : float
@@ -107,7 +110,7 @@ class Tuned:
 
     coarse_masses: int = 8
     fine_masses: int = 30
-    coarse_step_s: float = 2e-3
+    coarse_step_s: float = 5e-3
     fine_step_s: float = 1e-3
     robust_share: float = 0.02
     static_robust_share: float = 0.03
@@ -118,8 +121,8 @@ class Tuned:
     folds: int = 5
     bristle_starts: tuple[float, ...] = (0.1, 1.0, 10.0)
     mu_starts: tuple[float, ...] = (0.4, 1.0, 2.0)
-    bristle_factor: float = 2.0
-    exponent_starts: tuple[float, ...] = (0.02, 0.1, 0.3, 0.6, 1.2, 2.5, 4.0)
+    exponent_starts: tuple[float, ...] = (0.02, 0.1, 0.3, 0.6, 0.9, 1.2, 1.8, 2.5, 4.0)
+    release_starts: tuple[float, ...] = (1.0, 0.85, 0.7, 0.5)
     most_exponent: float = 8.0
     least_spread: float = 1e-3
     poor_percent: float = 10.0
@@ -133,7 +136,6 @@ class Tuned:
     sure: float = 2.0
     very_sure: float = 4.0
     identifiable_share: float = 0.35
-    kept_free_share: float = 0.5
     insensitive_share: float = 1e3
     twins: float = 0.985
     moving_share: float = 0.01
@@ -142,20 +144,21 @@ class Tuned:
     forget_most: float = 0.3
     forget_bridge: float = 0.85
     small_piece: float = 0.5
-    adhesion_floor: float = 0.0008
+    adhesion_floor: float = 0.0005
+    other_laws: float = 0.65
     tried_concentration: float = 0.3
     uneven_from: float = 3.0
     least_files: int = 3
+    kept_uncertainty: float = 0.5
     scatter_share: float = 0.02
-    drift_sigmas: float = 3.0
     explained_enough: float = 0.8
     hold_share: float = 0.02
+    least_delay_steps: float = 0.3
     most_delay_s: float = 0.1
     most_delay_share: float = 0.1
     knot_s: float = 0.05
     least_knot_rows: int = 4
     window_knots: int = 200
-    knots_before: int = 100
     widest_correction: float = 30.0
     misfit_share: float = 0.25
     large_residual: float = 3.0

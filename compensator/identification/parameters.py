@@ -129,11 +129,11 @@ class Parameter(_Specified, Enum):
 
     MU_PULL = (
         "mu_dynamic",
-        Spec(**_MU, floor=0.002, key="friction.mu_dynamic", static=StaticParameter.PULL),
+        Spec(**_MU, floor=0.0009, key="friction.mu_dynamic", static=StaticParameter.PULL),
     )
     MU_RELEASE = (
         "mu_dynamic_release",
-        Spec(**_MU, floor=0.003, key="friction.mu_dynamic_release", static=StaticParameter.RELEASE),
+        Spec(**_MU, floor=0.0013, key="friction.mu_dynamic_release", static=StaticParameter.RELEASE),
     )
     # mu_static/mu_dynamic - 1 in both directions
     STATIC_EXCESS = (
@@ -180,7 +180,7 @@ class Parameter(_Specified, Enum):
         Spec(
             unit="N/m",
             role=Role.CORE,
-            floor=0.015,
+            floor=0.004,
             alike=3.0,
             whole=Number.BRISTLE_STIFFNESS,
             key="friction.soft_bristle_stiffness_N_per_m",
@@ -213,7 +213,7 @@ class Parameter(_Specified, Enum):
             unit="N/m",
             role=Role.TENDON,
             step=0.2,
-            floor=0.002,
+            floor=0.0009,
             whole=Number.STIFFNESS,
             key="tendon.stiffness_N_per_m",
             advice="the elongation does not follow the tension; check the positions' units, sign and zero drift",
@@ -224,7 +224,7 @@ class Parameter(_Specified, Enum):
         Spec(
             unit="N/m",
             role=Role.TENDON,
-            floor=0.005,
+            floor=0.002,
             whole=Number.RELAXING_STIFFNESS,
             key="tendon.relaxing_stiffness_N_per_m",
             advice=_NO_RELAXATION,
@@ -235,7 +235,7 @@ class Parameter(_Specified, Enum):
         Spec(
             unit="s",
             role=Role.TENDON,
-            floor=0.01,
+            floor=0.004,
             whole=Number.RELAXATION_TIME,
             key="tendon.relaxation_time_s",
             advice=_NO_RELAXATION,

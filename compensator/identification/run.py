@@ -186,17 +186,18 @@ def elongation_of_the_tendon(study: Study) -> Study:
 
 def law_of_the_chain(study: Study) -> Study:
     """The chain, where its first fit comes near the data."""
-    coarse, records = study.coarse, study.records
+    coarse, records, how = study.coarse, study.records, study.scenario.measurement
     proximal = study.explain is Explain.POSITION
     if coarse is None or (not proximal and coarse.percent >= 3 * TUNED.poor_percent):
         return study
     chain = fit_dynamic(
         coarse,
+        records,
         _start(study),
         validation=study.judges,
         biases=study.stage is not None and _biased(study.stage, records),
-        gain_uncertainty=study.scenario.measurement.gain_uncertainty or 0.0,
-        kept_uncertainty=study.scenario.measurement.kept_uncertainty or 0.0,
+        gain_uncertainty=how.gain_uncertainty or 0.0,
+        kept_uncertainty=TUNED.kept_uncertainty if how.kept_uncertainty is None else how.kept_uncertainty,
         offsets=not proximal and not any(r.zeroed for r in records),
         say=study.say,
     )

@@ -21,6 +21,7 @@ from matplotlib.figure import Figure
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.writing import atomic_file
 from tendonff.compensator.reporting.colours import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, SKY, VERMILION
+from tendonff.compensator.reporting.layout import lay_out
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -42,6 +43,7 @@ _STYLE: dict[Any, Any] = {
     "axes.spines.top": False,
     "axes.titlelocation": "left",
     "axes.titlesize": 9,
+    "axes.titley": 1.0,  # not searched: nothing stands above a panel
     "figure.constrained_layout.use": True,
     "figure.dpi": 100,
     "figure.facecolor": "white",
@@ -168,16 +170,9 @@ def _drawn(figure: Figure, kind: str) -> bytes:
     buffer = io.BytesIO()
     # A layout engine, even one that does nothing, has all of it drawn once more to find the places.
     with figure_style(), mpl.rc_context({"figure.constrained_layout.use": False}):
-        _lay_out(figure)
+        lay_out(figure)
         figure.savefig(buffer, format=kind, metadata=UNDATED[kind])
     return buffer.getvalue()
-
-
-def _lay_out(figure: Figure) -> None:
-    """Find the places of panels and legends, once for all files."""
-    if (engine := figure.get_layout_engine()) is not None:
-        engine.execute(figure)
-        figure.set_layout_engine(None)
 
 
 def save_figure(figure: Figure, path: Path, formats: Sequence[str] = (), *, pdf: bool = False) -> list[Path]:

@@ -46,7 +46,8 @@ class Measurement:
         Half-width of the 95 % interval of each tension cell's gain as a share of it [-], >= 0; it widens the intervals
         of what is fitted.
     kept_uncertainty : float or None
-        The same for the tendon's values where the files do not tell them and the scenario's are kept [-], >= 0.
+        The same for the tendon's values where the files do not tell them and the scenario's are kept [-], >= 0;
+        default: 0.5.
     input_offset_N, output_offset_N : float or None
         Reading of the cell without tension, after the scale [N], which is subtracted; default: found from slack
         samples.
@@ -115,6 +116,8 @@ class Measurement:
             require_given(name, getattr(self, name), above=0, hint="leave it out where no column needs it")
         for name in ("gain_uncertainty", "kept_uncertainty"):
             require_given(name, getattr(self, name), least=0, hint="0.02 is +-2 %")
+            if (getattr(self, name) or 0.0) >= 1:
+                raise ParameterError(f"{name} must be < 1, got {getattr(self, name):g}; 0.02 is +-2 %")
         self._check_cells()
         if self.tare_s is not None and not 0 <= self.tare_s[0] < self.tare_s[1]:
             raise ParameterError(

@@ -78,6 +78,9 @@ class Adaptation:
         Standard deviation of the sensor [N or m], >= 0. Default 0.
     delay_samples : int, optional
         Age of a measurement when it arrives, in steps, 0 to 63. Default 0.
+    joint_delay_samples : int, optional
+        Age of the joint angles when they arrive, in steps, 0 to 63: the tuner takes them on at the rate of so many
+        steps. Default 0.
     parameters : tuple of Tunable, optional
         What is tuned, one or two: "mu", "mu_pull", "mu_release", "load_stiffness", "tendon_stiffness". Default mu_pull
         and mu_release from the output tension; mu from the position, from which the directions are separately
@@ -92,13 +95,15 @@ class Adaptation:
     sensor: Sensor
     noise: float = 0.0
     delay_samples: int = 0
+    joint_delay_samples: int = 0
     parameters: tuple[Tunable, ...] = ()
     range: tuple[float, ...] = (0.5, 2.0)
     integral_gain_per_s: float | None = None
 
     def __post_init__(self) -> None:
         require("noise", self.noise, least=0, hint="the standard deviation of the sensor in N or m")
-        require_whole("delay_samples", self.delay_samples, least=0, most=MAX_DELAY - 1, hint="the delay over step_s")
+        for name in ("delay_samples", "joint_delay_samples"):
+            require_whole(name, getattr(self, name), least=0, most=MAX_DELAY - 1, hint="the delay over step_s")
         if not self.parameters:
             pair = (Tunable.MU_PULL, Tunable.MU_RELEASE)
             default = (Tunable.MU,) if self.sensor is Sensor.ACTUATOR_POSITION else pair

@@ -1,7 +1,7 @@
 """The self-tuning inverse on the host: step by step, or many steps with a simulated rig in the loop."""
 
 import ctypes
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntFlag
 
 import numpy as np
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
+from tendonff.models.path import JointMotion
 from tendonff.ocp.adaptation.code import TunedChain, host_tuner, nuisances_of, rest_on_spring
 from tendonff.ocp.adaptation.tuning import Sensor, Tuning
 from tendonff.ocp.errors import SolveError
@@ -167,7 +168,7 @@ class SimulatedRig:
 class SelfTuner:
     """The exact inverse of a chain that tunes itself to a measurement, at rest under a uniform tension at first.
 
-    `joints_late_s` is how much too late it knows the joints' angles [s].
+    `joints_late_s` is how much later than stated the joints' angles arrive [s], below zero where it is earlier.
 
     Raises
     ------
@@ -206,7 +207,8 @@ class SelfTuner:
         self._memory = np.empty(2 * self._code.work_reals(n=tuned.chain.count))
         self._state = ctypes.create_string_buffer(self._code.size())
         self._first = 0.0 if tuning.sensor is Sensor.ACTUATOR_POSITION else initial_tension_N
-        self._delay, self._joints_late_s = tuning.delay_samples, joints_late_s
+        self._delay, self._joint_age = tuning.delay_samples, tuning.joint_delay_samples
+        self._joints_late_s = joints_late_s + self._joint_age * step_s
         self._code.begin(
             self=self._state,
             chain=ctypes.byref(self._numbers),
@@ -217,9 +219,21 @@ class SelfTuner:
         )
 
     def _places(self, first: int, name: str, rows: int = 0) -> dict[str, Array]:
-        """Argument that says where the path is from a row on; none where nothing moves."""
-        found = places_of(self._chain, first * self._step_s - self._joints_late_s, self._step_s, rows)
+        """Where the tuner takes the path to be from a row on, as an argument; none where nothing moves."""
+        chain, start_s = self._chain, first * self._step_s
+        if chain.motion is not None and (self._joint_age or self._joints_late_s):
+            chain = replace(chain, motion=self._known(chain.motion, start_s, rows))
+        found = places_of(chain, start_s, self._step_s, rows)
         return dict(zip((name,), found, strict=False))
+
+    def _known(self, motion: JointMotion, start_s: float, rows: int) -> JointMotion:
+        """Angles that arrive late, taken on by their age at the mean rate of as many samples."""
+        time = start_s + self._step_s * np.arange(-1.0, rows + 1)
+        now, before = (
+            motion.at(np.maximum(np.maximum(time - age * self._step_s, 0.0) - self._joints_late_s, 0.0))
+            for age in (0, self._joint_age)
+        )
+        return JointMotion(names=motion.names, time_s=time, angle_rad=now + (now - before))
 
     def step(self, reference_N: float, measured: float) -> float:
         """Force at the end of a step, where that output tension is wanted [N].

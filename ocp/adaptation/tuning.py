@@ -101,6 +101,7 @@ class Tuning:
     sensor: Sensor
     parameters: tuple[Tunable, ...]  # one or two
     delay_samples: int  # age of a measurement when it arrives, 0 to 63
+    joint_delay_samples: int  # age of the joint angles when they arrive, 0 to 63
     # lowest, highest: bounds of every factor [-]
     lowest: float
     highest: float
@@ -155,6 +156,7 @@ class Tuning:
         lowest: float = 0.5,
         highest: float = 2.0,
         integral_gain_per_s: float = 0.0,
+        joint_delay_samples: int = 0,
     ) -> "Tuning":
         """Numbers from what is known about the sensor and the reference.
 
@@ -182,6 +184,7 @@ class Tuning:
             sensor=sensor,
             parameters=parameters,
             delay_samples=delay_samples,
+            joint_delay_samples=joint_delay_samples,
             lowest=lowest,
             highest=highest,
             variance=deviation**2 * max(CORRELATION_S / step_s, 1.0),

@@ -241,7 +241,8 @@ def code_size(board: Board, source: Path, folder: Path) -> tuple[int, dict[str, 
         for line in target.with_suffix(".su").read_text().splitlines():
             where, size, _ = line.split("\t")
             stack[where.split(":")[-1]] = int(size)
-    inverse = stack["tff_inverse_step"] + stack["tff_output_set"]
+    inner = [size for name, size in stack.items() if name.startswith("tff_inverse_after")]  # where it is not inlined
+    inverse = stack["tff_inverse_step"] + max(inner, default=0) + stack["tff_output_set"]
     plant = stack["tff_plant_step"] + stack.get("tff_chain_solve", 0) + stack.get("tff_chain_evaluate", 0)
     return total, {"inverse": inverse, "plant": plant}
 

@@ -233,7 +233,7 @@ def _context(
         "bounds": _padded(4 * size + 4, size),
     }
     if design is not None and "stream" in names:
-        line = design.line + 3 + (2 * (design.ahead + 1) + 2 if ramp else 0)
+        line = design.line + 5 + (2 * (design.ahead + 1) + 2 if ramp else 0)
         places = _padded(4, size) + 8 if ramp else 4
         state["stream"] = _padded(output + state["inverse"] + line * size + entry + places, size)
     return _naming(scenario, problem.level, precision, prefix) | {

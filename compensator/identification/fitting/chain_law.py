@@ -158,14 +158,13 @@ def choose_law(
         _add_constants(search, constants)
     best = search.best
     chosen = replace(task, model=best.task.model, free=best.task.free, fixed=best.values)
-    candidates = tuple(replace(law, chosen=law.name == best.name) for law in search.candidates)
     solution = fit_free(chosen, chosen.fixed, span_N, 20, 1e-4)
     for _ in range(2):
         poor: list[Parameter] = [
             n
             for n in chosen.free
             if n not in (*CORE, *CONSTANTS, D.STRIBECK_VELOCITY)
-            and not solution.standard_error(n) < TUNED.kept_free_share * abs(solution.values[n])
+            and not TUNED.sure * solution.standard_error(n) < abs(solution.values[n])
         ]
         if not poor:
             break
@@ -175,6 +174,11 @@ def choose_law(
         known.update({n: scenario[n] for n in poor})
         chosen = replace(chosen, fixed=known, free=tuple(n for n in chosen.free if n not in poor))
         solution = fit_free(chosen, known, span_N, 20, 1e-4)
+    same_law = (
+        law.name for law in search.candidates if law.task.free == chosen.free and law.task.model == chosen.model
+    )
+    name = next(same_law, best.name)  # without the terms that were taken out again
+    candidates = tuple(replace(law, chosen=law.name == name) for law in search.candidates)
     judge = search.judge and replace(search.judge, model=chosen.model)
     return ChosenLaw(task=chosen, solution=solution, candidates=candidates, judge=judge)
 

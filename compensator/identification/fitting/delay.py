@@ -25,7 +25,7 @@ class Delay:
     seconds, error_s : float
         Delay and its standard error.
     identified : bool
-        Beyond doubt, and more than a sampling step: it was taken out.
+        Beyond doubt, and more than a part of a sampling step: it was taken out.
     """
 
     seconds: float
@@ -46,7 +46,8 @@ def align(
 
     A delay looks like viscous friction and hides adhesion, so it is found before the law is chosen.
     """
-    step, most = max(r.step_s for r in records), most_delay_s(records)
+    step = TUNED.least_delay_steps * max(r.step_s for r in records)
+    most = most_delay_s(records)
     found, shifted, total = coarse, tuple(records), 0.0
     seconds, error = at_first = _left_in(coarse)
     for _ in range(TUNED.rounds + 1):

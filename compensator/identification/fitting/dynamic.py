@@ -12,7 +12,7 @@ from tendonff.compensator.identification.fitting.chain_law import (
     fit_free,
 )
 from tendonff.compensator.identification.fitting.errors import Prediction
-from tendonff.compensator.identification.fitting.noisy_input import look_again
+from tendonff.compensator.identification.fitting.noisy_input import look_again, residuals_of
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece, fit_pieces, spans_of
 from tendonff.compensator.identification.fitting.uncertainty import (
     ByFile,
@@ -39,7 +39,7 @@ from tendonff.compensator.identification.parameters import (
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
-from tendonff.ocp.fits.least_squares import Solution
+from tendonff.ocp.fits.least_squares import Residuals, Solution
 
 D = Parameter
 
@@ -107,7 +107,7 @@ def fit_coarse(
     With `several` it starts from several stiffnesses of the bristle and, where nothing was measured at the far end
     (POSITION is explained), from several mu.
     """
-    pieces = fit_pieces(records, explain)
+    pieces = fit_pieces([r.decimated(TUNED.coarse_step_s) for r in records], explain)
     span, span_m = spans_of(pieces)
     span_N = max(float(np.ptp(_tension_N(pieces))), 1e-12)
     model = ParametricChain(
@@ -143,6 +143,7 @@ def fit_coarse(
 
 def fit_dynamic(
     coarse: CoarseFit,
+    records: Sequence[Record],
     start: Mapping[Parameter, float],
     *,
     validation: Sequence[Record] = (),
@@ -152,7 +153,7 @@ def fit_dynamic(
     kept_uncertainty: float = 0.0,
     say: Callable[[str], None] = lambda _: None,
 ) -> DynamicFit:
-    """Choose the law, then fit the chain at its presliding level, from coarse to fine.
+    """Choose the law on few masses and thinned samples, then move its values to those of many masses and all samples.
 
     The files of `validation` judge the laws, or without them parts of the fitted ones in turn. With `biases` the input
     cell's bias may be free, with `offsets` the output cell may have an offset that the files tell. The uncertainties
@@ -162,21 +163,32 @@ def fit_dynamic(
     transmission, explain, tension = task.model.transmission, task.pieces[0].explain, _tension_N(task.pieces)
     span_N, mean_N = max(float(np.ptp(tension)), 1e-12), float(np.mean(tension))
     say("dynamic stage: choice of the law")
-    law = choose_law(task, fit_pieces(validation, explain), start, span_N, mean_N, biases=biases)
-    say("dynamic stage: fine chain")
+    judges = fit_pieces([r.decimated(TUNED.coarse_step_s) for r in validation], explain)
+    law = choose_law(task, judges, start, span_N, mean_N, biases=biases)
+    search, solution, bounded = with_lower_bound(law.task.continued(law.solution), law.solution, span_N)
+    say("dynamic stage: fine chain, noise on the input")
     fine = replace(
-        law.task.model, count=max(TUNED.fine_masses, transmission.path.segments), longest_step_s=TUNED.fine_step_s
+        search.model, count=max(TUNED.fine_masses, transmission.path.segments), longest_step_s=TUNED.fine_step_s
     )
-    task = replace(law.task.continued(law.solution), model=fine)
-    solution = fit_free(task, task.fixed, span_N, 8, 1e-5)
-    task, solution, bounded = with_lower_bound(task, solution, span_N)
-    say("dynamic stage: noise on the input")
-    law, task, solution, caution = look_again(law, task, solution, offsets=offsets)
+    task = replace(search, model=fine, pieces=fit_pieces(records, explain))
+    solution = replace(solution, residuals=residuals_of(task, solution.values))
+
+    def seen(task: ChainResiduals, solution: Solution) -> tuple[ChainResiduals, Residuals, tuple[Parameter, ...]]:
+        """The task on few masses at a solution, residuals with slopes over all values, and their names."""
+        model = replace(search.model, symmetric=task.model.symmetric)
+        quick = replace(task, model=model, pieces=search.pieces, fixed=task.complete(solution.values))
+        every = (*task.free, *(n for n in D if n not in task.free))
+        return quick, slopes_over_all(quick, every), every
+
+    def with_granted(task: ChainResiduals, solution: Solution) -> Solution:
+        quick, slopes, every = seen(task, solution)
+        return with_taken_for_granted(
+            solution, slopes, every, quick, gain_uncertainty=gain_uncertainty, kept_uncertainty=kept_uncertainty
+        )
+
+    law, task, solution, caution = look_again(law, task, solution, offsets=offsets, with_granted=with_granted)
     say("dynamic stage: uncertainty")
-    coarse_model = replace(task.model, count=TUNED.coarse_masses, longest_step_s=TUNED.coarse_step_s)
-    quick = replace(task, model=coarse_model, fixed=task.complete(solution.values))
-    every = (*task.free, *(n for n in D if n not in task.free))
-    slopes = slopes_over_all(quick, every)
+    quick, slopes, every = seen(task, solution)
     files = file_estimates(quick, slopes, solution)
     solution, concentration = with_other_laws(with_common_errors(solution), slopes, every, quick)
     solution = with_floors(with_scatter(solution, files), mean_N)
@@ -210,11 +222,10 @@ def with_lower_bound(
         solution.standard_error(D.BRISTLE) < TUNED.identifiable_share * size and D.BRISTLE not in solution.at_bound
     ):
         return task, solution, frozenset()
-    model = replace(task.model, count=TUNED.coarse_masses, longest_step_s=TUNED.coarse_step_s)
-    quick, at = replace(task, model=model), task.complete(solution.values)
+    at = task.complete(solution.values)
     rows = task.independent_rows(solution.residuals)
-    tried = [size * TUNED.bristle_factor**k for k in (2, *range(0, -14, -1))]
-    errors = [quick.error_at({**at, D.BRISTLE: stiffness}).robust_rms for stiffness in tried]
+    tried = [size * 2.0**k for k in (2, *range(0, -14, -1))]
+    errors = [task.error_at({**at, D.BRISTLE: stiffness}).robust_rms for stiffness in tried]
     allowed = [2 * rows * np.log(max(error / min(errors), 1.0)) < TUNED.very_sure for error in errors]
     if not allowed[0]:
         return task, solution, frozenset()

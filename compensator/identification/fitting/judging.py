@@ -1,7 +1,7 @@
 """Held-out parts of the measured files, in turn: every law is judged on rows that it was not fitted to.
 
-Values without a part are one Gauss-Newton step from those of the whole fit: refits would cost as many fits as there are
-parts.
+Values of the chain without a part are one Gauss-Newton step from those of the whole fit: refits would cost as many fits
+as there are parts. The quasi-static laws are fitted again.
 """
 
 from collections.abc import Sequence

@@ -18,6 +18,7 @@ from tendonff.compensator.identification.fitting.static import (
     fit_static,
 )
 from tendonff.compensator.identification.measured.cleaning import Record
+from tendonff.compensator.identification.parameters import Parameter
 from tendonff.compensator.identification.result import CandidateLaw
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.models.parameters import Transmission
@@ -65,10 +66,10 @@ def _with_gains(fit: StaticFit, gain_uncertainty: float) -> StaticFit:
 
 
 def _is_beaten(fit: StaticFit, law: CandidateLaw, others: Sequence[tuple[StaticFit, CandidateLaw]]) -> bool:
-    """A law with more free values does better on held-out data: what this one lacks is there, and no doubt."""
+    """A law with more free values does clearly better on held-out data: what this one lacks is there, and no doubt."""
     return any(
         set(fit.model.free) < set(other.model.free)
-        and TUNED.simpler_within * wider.validation_percent < law.validation_percent
+        and TUNED.slightly * wider.validation_percent < law.validation_percent
         for other, wider in others
     )
 
@@ -94,7 +95,7 @@ def choose_explain(
     chain = None
     if signed or static_only:
         play = StaticModel(name="play", asymmetric=not signed, constants=True)
-        left = percent_of(fit_static(records, play, Explain.OUTPUT, most=15), records)
+        left = percent_of(fit_static(records, play, Explain.OUTPUT, most=15, hold_out=False), records)
     else:
         try:
             chain = fit_coarse(records, transmission, {})
@@ -104,7 +105,7 @@ def choose_explain(
     if wanted is Explain.OUTPUT or not positions or (left < TUNED.poor_percent and not signed):
         return Explain.OUTPUT, chain
     motion = StaticModel(name="motion", constants=True, presliding=True)
-    moved = percent_of(fit_static(records, motion, Explain.INPUT, most=15), records)
+    moved = percent_of(fit_static(records, motion, Explain.INPUT, most=15, hold_out=False), records)
     return (Explain.INPUT, None) if moved < TUNED.other_channel_below * left else (Explain.OUTPUT, chain)
 
 
@@ -123,7 +124,7 @@ def select_static(records: Sequence[Record], validation: Sequence[Record], expla
         )
         if model.spread:
             simpler = by_model[replace(model, name=model.name.rpartition(",")[0], spread=False)]
-        fit = by_model[model] = fit_static(records, model, explain, start=simpler)
+        fit = by_model[model] = fit_static(records, model, explain, start=simpler, hold_out=not validation)
         best_of[model.constants, model.presliding, model.guide] = fit
         law = CandidateLaw(
             name=model.name,
@@ -170,6 +171,6 @@ def _doubted(fit: StaticFit, others: Sequence[StaticFit]) -> StaticFit:
         if P(free) in moved:
             slopes = residuals.slopes[:, place]
             by_rows = np.sum((slopes * residuals.values) ** 2) / max(float(np.sum(slopes**4)), 1e-300)
-            doubt[place] = by_rows + moved[P(free)]
+            doubt[place] = by_rows + moved[P(free)] + (Parameter.MU_RELEASE.spec.floor * fit.values[P(free)]) ** 2
     factors = np.sqrt(1 + doubt / np.maximum(np.diag(solution.covariance), 1e-300))
     return replace(fit, solution=replace(solution, covariance=solution.covariance * np.outer(factors, factors)))

@@ -13,7 +13,7 @@ coefficients. With the input estimated their errors are five to ten times smalle
 fitted, and those that are not identifiable are removed again.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,16 +23,13 @@ from tendonff.compensator.identification.fitting.chain_law import ChosenLaw, can
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.smoothing import low_pass_piece
-from tendonff.compensator.identification.parameters import PARAMETERS, Parameter
+from tendonff.compensator.identification.parameters import PARAMETERS, SPEED_TERMS, Parameter
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.fits.chain import input_windows
+from tendonff.ocp.fits.chain import InputWindow, input_windows
 from tendonff.ocp.fits.least_squares import Blocks, Residuals, Solution
 
 D = Parameter
-
-STEP_S = 5e-3
-"""Of the coarse chain whose slopes are used."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,8 +55,6 @@ def with_input_estimated(
     The task is on many masses. With `signed`, what may vanish may fall below nothing: its scatter shows then.
     SolveError if the chain fails on the way, or values and input are not separately identifiable.
     """
-    if all(run.record.input_noise_N <= 0 for run in task.pieces):
-        return solution
     moved = solution
     for _ in range(rounds):
         try:
@@ -74,8 +69,8 @@ def with_input_estimated(
 
 
 def residuals_of(task: ChainResiduals, values: Mapping[str, float]) -> Residuals:
-    """Residuals without slopes, which cost most."""
-    return replace(task, free=()).evaluate(values)
+    """Residuals without slopes, which cost most; SolveError if the chain fails."""
+    return replace(task, free=()).differences(values)
 
 
 def _step(task: ChainResiduals, solution: Solution, *, signed: bool) -> tuple[Array, Array]:
@@ -150,7 +145,7 @@ def _windows(task: ChainResiduals, solution: Solution) -> Iterator[_Rows]:
     for run, left, (blocks, _) in zip(
         task.pieces, task.by_channel(found.values), task.by_channel(found.blocks), strict=True
     ):
-        if run.record.input_noise_N > 0 and len(blocks):
+        if len(blocks):
             yield from _windows_of(task, run, full, left, blocks, usual)
 
 
@@ -163,8 +158,8 @@ def _windows_of(
     usual: tuple[float, float],
 ) -> Iterator[_Rows]:
     """Windows of one piece; `left` are the residuals of the explained channel, and those of the elongation."""
-    model = replace(task.model, count=TUNED.coarse_masses, longest_step_s=STEP_S)
-    every = max(1, round(STEP_S / run.record.step_s))
+    model = replace(task.model, count=TUNED.coarse_masses, longest_step_s=TUNED.coarse_step_s)
+    every = max(1, round(TUNED.coarse_step_s / run.record.step_s))
     drive = replace(run.drive, input_N=run.drive.input_N[::every], step_s=run.record.step_s * every)
     response = model.predict(full, drive, task.free)
     proximal = run.explain is Explain.POSITION
@@ -177,10 +172,10 @@ def _windows_of(
     grid_s = np.asarray(np.arange(len(drive.input_N)) * drive.step_s, dtype=np.float64)
     off, noise_N = run.piece.read_N - run.drive.input_N, run.record.input_noise_N
     knot_s = max(TUNED.knot_s, TUNED.least_knot_rows * run.record.step_s)
-    window_s, before_s = TUNED.window_knots * knot_s, TUNED.knots_before * knot_s
-    for window in input_windows(
-        model, model.numbers_of(full), drive, knot_s=knot_s, window_s=window_s, before_s=before_s
-    ):
+    window_s, before_s = TUNED.window_knots * knot_s, TUNED.window_knots / 2 * knot_s
+    numbers = model.numbers_of(full)
+    windows = input_windows(model, numbers, drive, knot_s=knot_s, window_s=window_s, before_s=before_s)
+    for window in windows if noise_N > 0 else (_without_knots(grid_s),):
         at = (fitted >= window.first_s) & (fitted < window.time_s[-1])
         heard = (clock >= window.time_s[0]) & (clock < window.time_s[-1]) & run.piece.good
         if not at.any():
@@ -194,7 +189,7 @@ def _windows_of(
             zero = np.full((int(at.sum()), 1), float(k > 0 or proximal))
             channels.append([x / sizes[k] for x in (residuals[at] * units[k], values, np.hstack([knots, zero]))])
         residuals, values, knots = (np.concatenate(x) for x in zip(*channels, strict=True))
-        price, asked = _price(window.knots_s, clock[heard], off[heard] / noise_N, noise_N)
+        price, asked = _price(window.knots_s, clock[heard], off[heard], noise_N)
         yield _Rows(
             residuals=residuals,
             by_values=values,
@@ -208,14 +203,30 @@ def _windows_of(
         )
 
 
+def _without_knots(time_s: Array) -> InputWindow:
+    """A window of a whole piece whose input has no noise: nothing of it is estimated."""
+    none = np.zeros((len(time_s), 0))
+    return InputWindow(
+        time_s=time_s,
+        first_s=0.0,
+        knots_s=np.zeros(0),
+        output_slopes=none,
+        near_slopes=none,
+        elongation_slopes=none,
+    )
+
+
 def _price(knots_s: Array, time_s: Array, off: Array, noise_N: float) -> tuple[Array, Array]:
     """Cost of a correction at the knots by the cell's noise, and the correction implied by its readings.
 
     The last row and column are those of the positions' zero, which costs nothing.
     """
     count = len(knots_s)
+    if not count:
+        return np.full((1, 1), 1e-12), np.zeros(1)
     before = np.clip(np.searchsorted(knots_s, time_s, side="right") - 1, 0, count - 2)
     share = (time_s - knots_s[before]) / (knots_s[before + 1] - knots_s[before])
+    off = off / noise_N
     price, asked = np.zeros((count + 1, count + 1)), np.zeros(count + 1)
     for left, x in ((0, 1 - share), (1, share)):
         np.add.at(asked, before + left, x * off / noise_N)
@@ -236,13 +247,20 @@ def _sampled(slopes: Array, time_s: Array, at_s: Array, cutoff_Hz: float) -> Arr
 
 
 def look_again(
-    law: ChosenLaw, task: ChainResiduals, solution: Solution, *, offsets: bool
+    law: ChosenLaw,
+    task: ChainResiduals,
+    solution: Solution,
+    *,
+    offsets: bool,
+    with_granted: Callable[[ChainResiduals, Solution], Solution] = lambda _, solution: solution,
 ) -> tuple[ChosenLaw, ChainResiduals, Solution, str]:
     """The law, its task on many masses, with the constants that the data tell, and its values with the input
     estimated; where that fails all stay as they are, and the last says why.
+
+    `with_granted` adds to a solution's errors what is taken for granted.
     """
     try:
-        return *_looked_again(law, task, solution, offsets=offsets), ""
+        return *_looked_again(law, task, solution, offsets, with_granted), ""
     except SolveError as error:
         caution = (
             f"the noise of the input could not be taken out of the values ({error}): load-independent friction may be "
@@ -252,7 +270,11 @@ def look_again(
 
 
 def _looked_again(
-    law: ChosenLaw, task: ChainResiduals, solution: Solution, *, offsets: bool
+    law: ChosenLaw,
+    task: ChainResiduals,
+    solution: Solution,
+    offsets: bool,
+    with_granted: Callable[[ChainResiduals, Solution], Solution],
 ) -> tuple[ChosenLaw, ChainResiduals, Solution]:
     proximal = task.pieces[0].explain is Explain.POSITION
     if D.INPUT_BIAS in task.free or all(run.record.input_noise_N <= 0 for run in task.pieces):
@@ -265,6 +287,7 @@ def _looked_again(
     told = with_input_estimated(
         wide, replace(solution, values=at, residuals=residuals_of(wide, at)), rounds=1, signed=True
     )
+    told = with_granted(wide, told)
     own, dropped = task.model.values(), set[Parameter]()
     for name, sure in ((D.OUTPUT_BIAS, TUNED.very_sure), (D.ADHESION, TUNED.sure)):
         if name in free and own[name] == 0:
@@ -272,6 +295,11 @@ def _looked_again(
             if not size > sure * told.standard_error(name):
                 told = _without(told, name)
                 dropped.add(name)
+    for name in SPEED_TERMS:  # the coarse chain's long steps imitate them
+        if name in free and own[name] == 0 and not told.values[name] > TUNED.sure * told.standard_error(name):
+            for gone in (name, D.STRIBECK_VELOCITY) if name is D.STATIC_EXCESS else (name,):
+                told = _without(told, gone, by=told.values[gone] - own[gone])
+                dropped.add(gone)
     symmetric = task.model.symmetric and _is_symmetric(told)
     if symmetric:
         dropped.add(D.MU_RELEASE)
@@ -280,19 +308,19 @@ def _looked_again(
         task,
         model=replace(task.model, symmetric=symmetric),
         free=kept,
-        fixed={**full, **dict.fromkeys(dropped & {D.OUTPUT_BIAS, D.ADHESION}, 0.0)},
+        fixed={**full, **{name: own[name] for name in dropped - {D.MU_RELEASE}}},
     )
     at = {str(name): float(told.values[name]) for name in kept}
     found = with_input_estimated(chosen, replace(solution, values=at, residuals=residuals_of(chosen, at)))
     return _renamed(law, chosen, found), chosen, found
 
 
-def _without(solution: Solution, name: Parameter) -> Solution:
-    """Values and covariance of the others where one of them is nothing."""
+def _without(solution: Solution, name: Parameter, by: float | None = None) -> Solution:
+    """Values and covariance of the others where one of them is nothing, or less by so much."""
     place, covariance = list(solution.values).index(name), solution.covariance
-    share, size = covariance[:, place] / covariance[place, place], solution.values[name]
+    share, size = covariance[:, place] / covariance[place, place], solution.values[name] if by is None else by
     values = {
-        other: value - float(by) * size for (other, value), by in zip(solution.values.items(), share, strict=True)
+        other: value - float(along) * size for (other, value), along in zip(solution.values.items(), share, strict=True)
     }
     return replace(solution, values=values, covariance=covariance - np.outer(share, covariance[place]))
 

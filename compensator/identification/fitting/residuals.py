@@ -141,30 +141,34 @@ class ChainResiduals:
             self, fixed=self.complete(solution.values), output_unit=2 * output, elongation_unit_m=2 * elongation
         )
 
-    def evaluate(self, values: Mapping[str, float]) -> Residuals:
-        """Residuals and slopes over the free parameters; very large ones where the chain fails."""
+    def differences(self, values: Mapping[str, float]) -> Residuals:
+        """Residuals and slopes over the free parameters; SolveError where the chain fails."""
         full = self.complete(values)
         parts: list[tuple[Array, Array, Array]] = []
+        for number, run in enumerate(self.pieces):
+            response = self.model.predict(full, run.drive, self.free)
+            good = run.good
+            block = np.floor(run.piece.time_s[:: run.thin][good] / self.block_s) + self.BLOCKS_A_PIECE * number
+            prediction, by = run.predicted(response)
+            slopes = centred(run.shaped(by)[good], run.explain)
+            parts.append((run.off(prediction) / self.output_unit, slopes / self.output_unit, block))
+            if run.with_elongation:
+                moved = (run.shaped(response.elongation_m) - run.piece.elongation_m()[:: run.thin])[good]
+                slopes = run.shaped(response.elongation_slopes)[good]
+                # The zero of the positions is arbitrary.
+                moved, slopes = moved - moved.mean(), slopes - slopes.mean(axis=0)
+                parts.append((moved / self.elongation_unit_m, slopes / self.elongation_unit_m, block))
+        differences, slopes, blocks = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return Residuals(values=differences, slopes=slopes, blocks=blocks.astype(np.int64))
+
+    def evaluate(self, values: Mapping[str, float]) -> Residuals:
+        """The same; very large residuals where the chain fails."""
         try:
-            for number, run in enumerate(self.pieces):
-                response = self.model.predict(full, run.drive, self.free)
-                good = run.good
-                block = np.floor(run.piece.time_s[:: run.thin][good] / self.block_s) + self.BLOCKS_A_PIECE * number
-                prediction, by = run.predicted(response)
-                slopes = centred(run.shaped(by)[good], run.explain)
-                parts.append((run.off(prediction) / self.output_unit, slopes / self.output_unit, block))
-                if run.with_elongation:
-                    moved = (run.shaped(response.elongation_m) - run.piece.elongation_m()[:: run.thin])[good]
-                    slopes = run.shaped(response.elongation_slopes)[good]
-                    # The zero of the positions is arbitrary.
-                    moved, slopes = moved - moved.mean(), slopes - slopes.mean(axis=0)
-                    parts.append((moved / self.elongation_unit_m, slopes / self.elongation_unit_m, block))
+            return self.differences(values)
         except SolveError:
             rows = sum(int(r.good.sum()) * (2 if r.with_elongation else 1) for r in self.pieces)
             failed, slopes = np.full(rows, FAILED_RESIDUAL), np.zeros((rows, len(self.free)))
             return Residuals(values=failed, slopes=slopes, blocks=np.zeros(rows, dtype=np.int64))
-        differences, slopes, blocks = (np.concatenate(column) for column in zip(*parts, strict=True))
-        return Residuals(values=differences, slopes=slopes, blocks=blocks.astype(np.int64))
 
     def folds(self) -> list[Folds]:
         """Held-out part of every fitted row of the explained channel, piece by piece."""

@@ -12,12 +12,11 @@ from tendonff.compensator.identification.fitting.judging import (
     OutputError,
     error_of,
     folds_of,
-    values_without,
 )
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.cleaning import Piece, Record
 from tendonff.compensator.scenario.measurement import Explain
-from tendonff.ocp.fits.least_squares import Blocks, Residuals, Solution, Unknown, solve
+from tendonff.ocp.fits.least_squares import Blocks, Evaluate, Residuals, Solution, Unknown, solve
 from tendonff.ocp.fits.static import NEUTRAL, ORDER, Response, StaticParameter, input_from_output, output_from_input
 
 P = StaticParameter
@@ -146,14 +145,23 @@ def _runs(records: Sequence[Record], explain: Explain) -> Iterator[_Run]:
 
 
 def fit_static(
-    records: Sequence[Record], model: StaticModel, explain: Explain, *, most: int = 60, start: StaticFit | None = None
+    records: Sequence[Record],
+    model: StaticModel,
+    explain: Explain,
+    *,
+    most: int = 60,
+    start: StaticFit | None = None,
+    hold_out: bool = True,
 ) -> StaticFit:
-    """Fit one candidate to all records together, OUTPUT or INPUT explained; `start` is a simpler law's fit."""
-    fit = _fit(records, model, explain, most, start, model.free)
+    """Fit one candidate to all records together, OUTPUT or INPUT explained; `start` is a simpler law's fit.
+
+    With `hold_out` it is fitted without each part of the records as well.
+    """
+    fit = _fit(records, model, explain, most, start, model.free, hold_out=hold_out)
     if model.constants and explain is Explain.OUTPUT and P.ADHESION.value in fit.solution.at_bound:
         # The adhesion would have to be negative: both biases are free instead.
         biases = tuple(P.OUTPUT_BIAS if name is P.ADHESION else name for name in model.free)
-        split = _fit(records, model, explain, most, start, biases)
+        split = _fit(records, model, explain, most, start, biases, hold_out=hold_out)
         if split.solution.cost < 0.999 * fit.solution.cost:
             return split
     return fit
@@ -166,6 +174,8 @@ def _fit(
     most: int,
     start: StaticFit | None,
     free: Sequence[StaticParameter],
+    *,
+    hold_out: bool,
 ) -> StaticFit:
     runs, middle = list(_runs(records, explain)), middle_of(records)
     span = max(span_of(records, explain), 1e-12)
@@ -188,14 +198,12 @@ def _fit(
             by_free[:, 0] += by_all[:, ORDER.index(P.RELEASE)]
         return Residuals(values=np.concatenate(differences), slopes=by_free, blocks=blocks)
 
-    first = min(
-        (_with_exponent(unknowns, a) for a in (TUNED.exponent_starts if start is None else ())),
-        key=lambda us: float(np.sum(np.sqrt(1 + evaluate({u.name: u.start for u in us}).values ** 2))),
-        default=unknowns,
-    )
-    solution = solve(evaluate, first, most=most)
+    starts = [] if start is None else [unknowns]
+    if start is None or not (model.spread or model.presliding):
+        starts.append(_best_of_grid(evaluate, unknowns, model, start))
+    solution = min((solve(evaluate, first, most=most) for first in starts), key=lambda s: s.cost)
     values = complete(solution.values, model)
-    without = values_without(solution, np.concatenate(_folds(runs)))
+    without = _refitted(evaluate, unknowns, solution, np.concatenate(_folds(runs))) if hold_out else {}
     return StaticFit(
         model=model,
         explain=explain,
@@ -205,6 +213,34 @@ def _fit(
         middle_m=middle,
         without={fold: complete(some, model) for fold, some in without.items()},
     )
+
+
+def _best_of_grid(
+    evaluate: Evaluate, unknowns: Sequence[Unknown], model: StaticModel, start: StaticFit | None
+) -> list[Unknown]:
+    """The exponents on a grid that come nearest; a release that never slides shows in no slope, so it is tried too."""
+    tried = (*TUNED.exponent_starts, *(() if start is None else (start.values[P.PULL],)))
+    shares = TUNED.release_starts if model.asymmetric else (1.0,)
+    grid = [_with_exponents(unknowns, pull, share * pull) for pull in tried for share in shares]
+    return min(grid, key=lambda us: float(np.sum(np.sqrt(1 + evaluate({u.name: u.start for u in us}).values ** 2))))
+
+
+def _refitted(
+    evaluate: Evaluate, unknowns: Sequence[Unknown], solution: Solution, folds: Folds
+) -> dict[int, dict[str, float]]:
+    """Values of fits without each part of the rows, from those of the whole fit on."""
+    near = [replace(u, start=solution.values[u.name]) for u in unknowns]
+    without = {}
+    for fold in np.unique(folds).tolist():
+        rest = folds != fold
+
+        def on_the_rest(values: Mapping[str, float], rest: Mask = rest) -> Residuals:
+            found = evaluate(values)
+            return Residuals(values=found.values[rest], slopes=found.slopes[rest], blocks=found.blocks[rest])
+
+        refit = solve(on_the_rest, near, most=10, tolerance=1e-4) if rest.any() else None
+        without[fold] = (refit or solution).values
+    return without
 
 
 def _folds(runs: Sequence[_Run]) -> list[Folds]:
@@ -226,9 +262,9 @@ def complete(values: Mapping[str, float], model: StaticModel) -> dict[StaticPara
     return full
 
 
-def _with_exponent(unknowns: Sequence[Unknown], exponent: float) -> list[Unknown]:
-    names = (P.PULL.value, P.RELEASE.value)
-    return [replace(u, start=exponent) if u.name in names else u for u in unknowns]
+def _with_exponents(unknowns: Sequence[Unknown], pull: float, release: float) -> list[Unknown]:
+    starts = {P.PULL.value: pull, P.RELEASE.value: release}
+    return [replace(u, start=starts.get(u.name, u.start)) for u in unknowns]
 
 
 def _unknowns(

@@ -3,6 +3,7 @@
 Several files also say something about each other: a scatter, a drift over time, a difference between conditions.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -82,7 +83,7 @@ def with_other_laws(
     share = np.exp(np.array(evidence) - max(evidence))
     share /= share.sum()
     total = sum(s * (c + np.outer(m, m)) for s, c, m in zip(share, spreads, moves, strict=True))
-    doubt = np.clip(np.diag(total - own), 0, None)
+    doubt = TUNED.other_laws * np.clip(np.diag(total - own), 0, None)
     return replace(solution, covariance=solution.covariance + np.diag(doubt)), concentration
 
 
@@ -119,19 +120,24 @@ def with_taken_for_granted(
 ) -> Solution:
     """Add what the cells' gains and the tendon's kept values make doubtful, by their own 95 % half-widths.
 
-    The answer goes with such a number as a Gauss-Newton step does; what the files themselves say of it narrows its
-    doubt.
+    The answer goes with such a number as a Gauss-Newton step does. What the files themselves say of a kept value
+    narrows its doubt; a gain looks like friction, of which they say nothing.
     """
     free = [names.index(D(n)) for n in solution.values]
     kept = [n for n in names if n in TENDON and n not in solution.values] if kept_uncertainty > 0 else []
-    granted = [(found.slopes[:, names.index(n)] * task.fixed[n], kept_uncertainty / 2) for n in kept]
+    # The lower end of a value's interval is the further one: its logarithm counts.
+    by_kept = -math.log1p(-kept_uncertainty) / 2
+    granted = [(found.slopes[:, names.index(n)] * task.fixed[n], by_kept, True) for n in kept]
     if gain_uncertainty > 0:
-        granted += [(slope, gain_uncertainty / 2) for slope in _by_gains(found, task)]
+        granted += [(slope, gain_uncertainty / 2, False) for slope in _by_gains(found, task)]
     own, covariance = found.slopes[:, free], solution.covariance
-    for slope, deviation in granted:
-        wider, _ = block_covariance(replace(found, slopes=np.column_stack([own, slope])), robust=True)
+    for slope, deviation, heard in granted:
+        information = deviation**-2
+        if heard:
+            wider, _ = block_covariance(replace(found, slopes=np.column_stack([own, slope])), robust=True)
+            information += 1 / max(float(wider[-1, -1]), 1e-300)
         moved = gauss_newton_step(found.values + slope, own) - gauss_newton_step(found.values, own)
-        covariance = covariance + np.outer(moved, moved) / (deviation**-2 + 1 / max(float(wider[-1, -1]), 1e-300))
+        covariance = covariance + np.outer(moved, moved) / information
     return replace(solution, covariance=covariance)
 
 
@@ -276,7 +282,7 @@ def _drift(files: Sequence[ByFile], name: str) -> str:
     (slope, middle), covariance = np.polyfit(hours, values, 1, w=np.sqrt(weight), cov="unscaled")
     left = values - middle - slope * hours
     error = np.sqrt(max(1.0, float((weight * left**2).sum()) / (len(values) - 2)) * covariance[0, 0])
-    if abs(slope) <= TUNED.drift_sigmas * error:
+    if abs(slope) <= TUNED.very_sure * error:
         return ""
     scale = 100 / abs(float(values.mean()))
     return f"{name} drifts by {scale * slope:+.2g} % an hour over these files (standard error {scale * error:.2g} %)"

@@ -32,6 +32,9 @@ SPIKE_SIGMAS, SPIKE_ROWS, SPIKE_RANGE, SPIKE_WINDOW_ROWS = 10.0, 2, 0.02, 101
 """A spike leaves the running median by so many deviations of its surroundings, for so many rows at most, and by at
 least a share of the range: what rings or chatters for longer is the measurement's own."""
 
+ANTI_ALIASING, LEAST_RESOLUTION = 0.4, 0.2
+"""Corner of the filter before decimation, as a share of the rate; longest step, as a share of the low-pass' period."""
+
 CHANNELS = {"input_N": "input", "output_N": "output", "input_m": "input position", "output_m": "output position"}
 LEAST_PIECE_S = 0.25
 NOISE_SHARE = 0.005
@@ -82,6 +85,11 @@ class Piece:
         cut: dict[str, Any] = {name: x[rows] for name, x in channels.items() if isinstance(x, np.ndarray)}
         return replace(self, **cut)
 
+    def decimated(self, every: int, step_s: float) -> "Piece":
+        """Every so many rows; the input, which alone has frequencies above the low-pass, without those that fold."""
+        smooth = low_pass_piece(self.input_N, step_s, ANTI_ALIASING / (every * step_s))
+        return replace(self, input_N=smooth).part(slice(None, None, every))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Record:
@@ -122,6 +130,14 @@ class Record:
     def has_input_position(self) -> bool:
         """The input end's position was measured."""
         return self.pieces[0].input_m is not None
+
+    def decimated(self, longest_step_s: float) -> "Record":
+        """The record at a multiple of its step, at most this one, that still resolves its low-pass."""
+        every = int(min(longest_step_s, LEAST_RESOLUTION / self.cutoff_Hz) / self.step_s + 1e-6)
+        if every < 2:
+            return self
+        pieces = tuple(p.decimated(every, self.step_s) for p in self.pieces)
+        return replace(self, step_s=every * self.step_s, pieces=pieces)
 
     def joined(self, name: str) -> Array:
         """A channel over all pieces, shape (rows,)."""

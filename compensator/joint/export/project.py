@@ -20,7 +20,7 @@ from tendonff.compensator.joint.export.golden import (
     run_courses,
 )
 from tendonff.compensator.joint.export.judgement import JudgedJoint, judge_joint
-from tendonff.compensator.joint.export.text import module_text, problem_of, render
+from tendonff.compensator.joint.export.text import module_text, problem_of, render, transmission_files
 from tendonff.compensator.joint.plant import REFINEMENT, verifying_masses
 from tendonff.compensator.joint.scenario import JointScenario, sample_joint
 from tendonff.ocp.codegen.precision import Precision
@@ -55,6 +55,7 @@ class ExportedJoints:
         """Write every file, all or nothing; makes the folder."""
         with atomic_directory(folder) as partial:
             for name, text in self.files.items():
+                (partial / name).parent.mkdir(parents=True, exist_ok=True)
                 write_text(partial / name, text)
 
 
@@ -114,10 +115,12 @@ def export_joints(
         )
     loss = None if found is None else largest_departure(courses, found)
     context |= {
+        "transmission": bool(transmission_files(context, others)),
         "loss": f"{loss:.2g}" if loss is not None and precision is Precision.FLOAT else "",
         "verifying": f"{max(verifying_masses(s.mechanism) for s in scenarios)} masses a tendon at step/{REFINEMENT}",
     }
     files = sources | {name: render(f"{name}.j2", context) for name in _FILES}
+    files |= transmission_files(context, others)
     files["design.json"] = _design_json(scenarios, problems, judged, precision, prefix, loss)
     kept = tuple(f"{fault}; exported because of --force-export" for fault in faults)
     return ExportedJoints(

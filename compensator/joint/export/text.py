@@ -21,6 +21,7 @@ from tendonff.ocp.joint.start import joint_problem
 from tendonff.ocp.joint.target import MOVES, joint_code, other_joints
 
 _TEMPLATES = environment("tendonff.compensator.export", "templates/joint")
+_PACKAGES = environment("tendonff.compensator.export", "templates/transmission")
 _PUSH_N = -1e-6
 """Tensions of a loop that count as pushing: those of rounding do not."""
 
@@ -63,7 +64,7 @@ def problem_of(scenario: JointScenario, sampled: SampledJoint) -> JointProblem:
         raise InputError(f"{scenario.source.name}: {error}") from None
 
 
-def _accepted(scenario: JointScenario, sampled: SampledJoint) -> tuple[float, float]:
+def accepted_rad(scenario: JointScenario, sampled: SampledJoint) -> tuple[float, float]:
     """Angles around the reference at which the moment arms keep their signs."""
     mechanism, angle = scenario.mechanism, sampled.angle_rad
     low, high = float(angle.min()), float(angle.max())
@@ -109,11 +110,13 @@ def _context(
         "masses": masses,
         "states": layout.size,
         "memory": memory,
-        "state_bytes": 8 * -(-((2 * (2 * layout.size + memory) + 47) * size + 36) // 8),
+        "state_bytes": 8 * -(-((2 * (2 * layout.size + memory) + 48) * size + 36) // 8),
         "others": others,
         "other_parameter": f", const {prefix}_real other_rad[]" if others else "",
         "re_entry": max(1, round(RE_ENTRY_S / step)),
         "steps": accepted_steps(step),
+        "observe_moves": 40,
+        "observe_rad": 1e-11 if precision is Precision.DOUBLE else 2e-6,
         "push": _PUSH_N if precision is Precision.DOUBLE else 100 * _PUSH_N,
         "moves": MOVES[precision],
         "example_rows": max(20, min(4000, round(2.0 / step))),
@@ -161,7 +164,7 @@ def _described(
 ) -> dict[str, object]:
     """Values of a joint for the templates; `others` names arrays in C, by tendon, where any path follows one."""
     mechanism, drive, step = scenario.mechanism, scenario.mechanism.drive, scenario.run.step_s
-    least, most = _accepted(scenario, sampled)
+    least, most = accepted_rad(scenario, sampled)
     loop, count = drive.kind is DriveKind.LOOP, len(mechanism.tendons)
     compliance = [
         1 / (t.tendon.stiffness_N_per_m * radius)
@@ -180,6 +183,7 @@ def _described(
         *(str(count), str(int(loop)), text(least), text(most)),
         *(text(drive.pretension_N or 0.0), text(drive.least_tension_N or 0.0), both(compliance), both(scale)),
         *(text(change), text(drive.torque_max_N_m or 1e30), text(drive.servo_time_s / step)),
+        *(text(scale[0] / mechanism.arms_at(float(sampled.angle_rad[0]))[0]),),
         *(text(drive.play_rad / 2), text(drive.turning_rad)),
     ]
     if others:
@@ -200,6 +204,25 @@ def _described(
         "scenario_hash": scenario.digest(),
         "level": scenario.run.level.value,
     }
+
+
+_TRANSMISSION = {
+    "{p}_transmission.hpp": "transmission.hpp.j2",
+    "{p}_transmission_loader.cpp": "loader.cpp.j2",
+    "{p}_transmission.xml": "plugin.xml.j2",
+    "package.xml": "package.xml.j2",
+    "CMakeLists.txt": "cmake.txt.j2",
+}
+
+
+def transmission_files(context: dict[str, Any], others: Sequence[str]) -> dict[str, str]:
+    """Package of a ros2_control transmission; none for joints with two motors, or whose paths follow other joints."""
+    if others or all(joint["motors"] != 1 for joint in context["joints"]):
+        return {}
+    prefix = context["prefix"]
+    folder = f"ros2/{prefix}_transmission"
+    texts = {name: _PACKAGES.get_template(template).render(context) for name, template in _TRANSMISSION.items()}
+    return {f"{folder}/{name.format(p=prefix)}": text for name, text in texts.items()}
 
 
 def render(template: str, context: dict[str, Any]) -> str:

@@ -91,6 +91,28 @@ def test_exported_it_finds_friction_that_is_20_percent_off_on_an_independent_pla
 
 
 @pytest.mark.compiler
+def test_joint_angles_of_a_stated_age_are_taken_on_in_python_and_c_alike(moving, tuner_of):
+    """10 ms late: the error is that of angles in time, but for what they accelerate meanwhile."""
+    errors, age, late_s = {}, 10, 0.01
+    for stated in (0, age):
+        scenario = replace(moving, adaptation=replace(moving.adaptation, joint_delay_samples=stated))
+        problem = Problem.of(scenario)
+        reference, tuning = problem.reference, tuning_of(problem, scenario.adaptation)
+        tuned, start, step = tuned_chain(problem, tuning), reference.initial_tension_N, reference.step_s
+        tuner = SelfTuner(tuned, step, tuning, problem.limits, start, joints_late_s=late_s - stated * step)
+        rig, wanted = SimulatedRig(tuned.chain, step, 1, start), reference.tension_N[1:]
+        run = tuner.run(rig, wanted, np.zeros(len(wanted)))
+        moving_on = (run.tension_N - wanted)[1000:3400]  # then the joints stop at once
+        errors[stated] = float(np.sqrt(np.mean(moving_on**2))) / reference.range_N
+    assert errors[0] > 0.005
+    assert errors[age] < 0.15 * errors[0]
+    exported = tuner_of(scenario, problem, Precision.DOUBLE)
+    arrived = tuned.chain.motion.at(np.maximum(reference.time_s[1:] - late_s, 0.0))
+    force = [exported.step(*row) for row in zip(wanted, run.measured, arrived, strict=True)]
+    assert np.array(force) == pytest.approx(run.force_N, abs=1e-8)
+
+
+@pytest.mark.compiler
 def test_it_starts_at_rest_where_the_joints_stand(exported, problem):
     """Nothing moves: the force stays that of the start."""
     exported.begin_at(30.0, (0.35, -0.2))

@@ -11,7 +11,10 @@ from tendonff.compensator.files.formats.registry import READERS
 from tendonff.compensator.files.tables import read_table
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.identification.measured.reading import read_measurement
+from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenario.measurement import Measurement
+from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.ocp.fits.static import StaticParameter, output_from_input
 
 NAMES = ("time_s", "input_tension_N", "output_tension_N", "input_position_m")
 ROWS = 400
@@ -138,6 +141,35 @@ def test_a_record_is_read_the_same_from_every_format(name, tmp_path):
     assert len(found.time_s) == ROWS
     for channel in ("time_s", "input_N", "output_N", "input_m"):
         np.testing.assert_allclose(getattr(found, channel), getattr(plain, channel), rtol=1e-12, atol=1e-12)
+
+
+@pytest.fixture(scope="module")
+def rubbed():
+    """A record whose output is the play of its input, mu theta 0.5 and 0.4."""
+    data = record()
+    time = data["time_s"]
+    force = np.round(40 + 20 * np.sin(9 * time) + 9 * np.sin(23 * time), 3)
+    values = {StaticParameter.PULL: 0.5, StaticParameter.RELEASE: 0.4}
+    output = np.round(output_from_input(values, force, 30.0).prediction_N, 4)
+    return dict(zip(NAMES, (time, force, output, data["input_position_m"]), strict=True))
+
+
+def estimates(path, how, examples):
+    scenario = load_scenario(examples / "finger.toml")
+    found = identify(replace(scenario, measurement=how), [path], static_only=True)
+    return [(e.name, e.value, e.interval) for e in found.estimates if e.interval is not None]
+
+
+@pytest.mark.compiler
+def test_a_record_gives_the_same_estimates_from_every_format(rubbed, tmp_path, examples):
+    write_csv(tmp_path / "plain.csv", rubbed)
+    wanted = estimates(tmp_path / "plain.csv", Measurement(), examples)
+    assert {name: value for name, value, _ in wanted}["mu_theta"] == pytest.approx(0.5, abs=0.01)
+    for name, (write, how) in FORMATS.items():
+        write(tmp_path / name, rubbed)
+        for (key, value, interval), found in zip(wanted, estimates(tmp_path / name, how, examples), strict=True):
+            assert found[0] == key, name
+            assert (found[1], *found[2]) == pytest.approx((value, *interval), rel=1e-6), (name, key)
 
 
 def test_a_single_file_of_a_bag_is_read_without_its_folder(tmp_path):

@@ -1,4 +1,4 @@
-"""What a fit takes for granted, the cells' gains and kept values, widens its intervals by what is said of it."""
+"""What a fit takes for granted, the cells' gains and kept values, widens its intervals by what is stated of it."""
 
 from dataclasses import replace
 
@@ -46,12 +46,11 @@ def test_a_gain_that_is_off_is_in_the_intervals_once_its_doubt_is_said(rig, log,
     for name in ("mu_dynamic", "mu_dynamic_release"):
         low, high = said.estimate(name).interval
         assert low <= rig.transmission.friction.mu_dynamic <= high, name
-        assert said.estimate(name).value == silent.estimate(name).value
     assert np.ptp(said.estimate("mu_theta").interval) > np.ptp(silent.estimate("mu_theta").interval)
 
 
 def test_a_kept_value_in_doubt_widens_the_bristle(rig, log):
-    said, silent = found(rig, log, kept_uncertainty=0.5), found(rig, log)
+    said, silent = found(rig, log), found(rig, log, kept_uncertainty=0.0)
     widths = [np.ptp(one.estimate("soft_bristle_stiffness_N_per_m").interval) for one in (said, silent)]
     assert widths[0] > widths[1]
     assert said.estimate("stiffness_N_per_m").value == rig.transmission.tendon.stiffness_N_per_m

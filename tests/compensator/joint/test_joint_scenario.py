@@ -125,7 +125,7 @@ def test_one_tendon_without_a_spring_is_refused(hand: str) -> None:
         parse_joint_scenario(pair)
 
 
-@pytest.mark.parametrize("command", ["experiment", "export-fmu", "adapt"])
+@pytest.mark.parametrize("command", ["experiment", "adapt"])
 def test_commands_of_a_tension_refuse_a_joint_and_say_why(
     command: str, tmp_path: Path, examples: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

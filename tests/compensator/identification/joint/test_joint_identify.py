@@ -104,7 +104,9 @@ def test_the_written_text_holds_the_same_mechanism_from_another_folder(tmp_path)
     (tmp_path / "tip.toml").write_text(own, "utf-8")
     (tmp_path / "flexor.csv").write_text("angle_rad,length_m\n-1,0.010\n0,0.002\n1,-0.007\n", "utf-8")
     apart = hand.replace("moment_arm_m = 0.008  ", 'lengths = "flexor.csv"  #', 1)
-    apart = apart.replace("moment_arm_m = -0.008 ", "moment_arm_m = -0.008\npath = { total_angle_rad = 2.5, segments = 6 } #", 1)
+    apart = apart.replace(
+        "moment_arm_m = -0.008 ", "moment_arm_m = -0.008\npath = { total_angle_rad = 2.5, segments = 6 } #", 1
+    )
     (tmp_path / "apart.toml").write_text(apart, "utf-8")
     (tmp_path / "out").mkdir()
     for file in (tmp_path / "tip.toml", tmp_path / "apart.toml", EXAMPLES / "instrument_pair.toml"):

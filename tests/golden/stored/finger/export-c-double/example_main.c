@@ -1,6 +1,6 @@
 /* example_main.c: the control loop, 1000 samples a second, with the chain in place of the rig.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 416ccb25f27050fb, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 6b567c7d1473e421, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * The licence of tendonff does not cover what it writes: this file is yours.
  * On the controller the body of the loop goes into the timer interrupt, and the two lines marked RIG give way to the

@@ -1,6 +1,6 @@
 /* tff_inverse.c: see tff_inverse.h.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 416ccb25f27050fb, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 6b567c7d1473e421, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * The licence of tendonff does not cover what it writes: this file is yours.
  * The element laws are printed from the symbolic models with the parameters of this transmission folded in.
@@ -269,8 +269,12 @@ static void tff_inverse_weigh(
  * two steps that differ; implicit Euler after one that is far shorter. */
 static void tff_inverse_reweigh(const tff_inverse_weights *given, double step_s, double before_s, tff_inverse_weights *rows)
 {
-    const double ratio = ((before_s * 4.0) >= step_s) ? (step_s / before_s) : 0.0;
-    const double whole = 1.0 + (ratio + ratio);
+    double ratio = 0.0;
+    double whole;
+    if ((before_s * 4.0) >= step_s) {
+        ratio = step_s / before_s;
+    }
+    whole = 1.0 + (ratio + ratio);
     rows[0] = given[0];
     rows[0].carry = (ratio * ratio) / whole;
     rows[0].H = (step_s * (1.0 + ratio)) / whole;
@@ -435,11 +439,15 @@ static tff_real tff_inverse_after(tff_inverse *self, tff_real samples, tff_real 
         self->fresh = 1; /* the sample at t = 0: at rest */
         force = tff_output_set(&self->output, self->output.force);
     } else {
-        const tff_real followed = tff_entry_after(&self->entry, reference, samples);
+        const tff_real followed = tff_entry_take(&self->entry, reference);
         const tff_inverse_weights *rows = tff_inverse_rows();
         tff_inverse_weights own[2];
-        int fresh = (self->fresh != 0) ? 1 : 0;
+        int fresh = 1;
         tff_real exact;
+
+        if (self->fresh == 0) {
+            fresh = 0;
+        }
         if ((tff_is_within(samples, 1.0, 1.0) == 0) || ((fresh == 0) && (tff_is_within(self->samples, 1.0, 1.0) == 0))) {
             tff_inverse_reweigh(rows, samples * TFF_STEP_S, (fresh != 0) ? 0.0 : (self->samples * TFF_STEP_S), own);
             rows = own;
@@ -449,7 +457,7 @@ static tff_real tff_inverse_after(tff_inverse *self, tff_real samples, tff_real 
             rows, followed, fresh, self->own.piece_adhesion_N, self->own.friction_mu_dynamic_pull, self->own.friction_mu_dynamic_release, self->x, self->x_old, &self->least);
         self->fresh = 0;
         self->samples = samples;
-        force = tff_output_after(&self->output, exact, samples);
+        force = tff_output_set(&self->output, exact);
         if (self->least <= 0.0) {
             self->output.status |= TFF_WOULD_PUSH;
             self->output.seen |= TFF_WOULD_PUSH;
@@ -470,8 +478,12 @@ tff_real tff_inverse_step_dt(tff_inverse *self, tff_real dt_s, tff_real referenc
     tff_real force;
 
     if (samples > 0.0) {
+        const tff_real length = (missed > 0) ? 1.0 : samples;
+        const tff_real change = tff_stretch(&self->output, length);
+
         tff_inverse_missed(self, missed);
-        force = tff_inverse_after(self, (missed > 0) ? 1.0 : samples, reference);
+        force = tff_inverse_after(self, length, reference);
+        tff_resume(&self->output, &self->entry, change, length);
     } else {
         force = tff_output_hold(&self->output, (tff_is_within(dt_s, 0.0, TFF_STEP_MIN_S) != 0) ? TFF_OK : TFF_INPUT_HELD);
     }

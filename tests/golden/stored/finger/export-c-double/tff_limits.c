@@ -1,6 +1,6 @@
 /* tff_limits.c: see tff_limits.h.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 416ccb25f27050fb, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 6b567c7d1473e421, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * The licence of tendonff does not cover what it writes: this file is yours.
  */
@@ -74,17 +74,6 @@ tff_real tff_output_set(tff_output *self, tff_real wanted)
     return force;
 }
 
-tff_real tff_output_after(tff_output *self, tff_real wanted, tff_real samples)
-{
-    const tff_real change = self->change;
-    tff_real force;
-
-    self->change = change * samples;
-    force = tff_output_set(self, wanted);
-    self->change = change;
-    return force;
-}
-
 tff_real tff_samples(tff_real *waiting, tff_real dt_s)
 {
     tff_real samples = 0.0;
@@ -99,6 +88,20 @@ tff_real tff_samples(tff_real *waiting, tff_real dt_s)
         }
     }
     return samples;
+}
+
+tff_real tff_stretch(tff_output *output, tff_real samples)
+{
+    const tff_real change = output->change;
+
+    output->change = change * samples;
+    return change;
+}
+
+void tff_resume(tff_output *output, tff_entry *entry, tff_real change, tff_real samples)
+{
+    output->change = change;
+    entry->left = (entry->left > 0.0) ? (entry->left - (samples - 1.0)) : 0.0;
 }
 
 int32_t tff_paused(tff_real samples)
@@ -128,16 +131,12 @@ void tff_entry_lose(tff_entry *self, int32_t samples)
 
 tff_real tff_entry_take(tff_entry *self, tff_real reference)
 {
-    return tff_entry_after(self, reference, 1.0);
-}
-
-tff_real tff_entry_after(tff_entry *self, tff_real reference, tff_real samples)
-{
     tff_real followed = reference;
 
     if (self->lost != 0) {
         const tff_real most = (tff_real)TFF_RE_ENTRY;
-        const tff_real asked = (tff_real)(TFF_RE_ENTRY_SHARE * self->lost);
+        const int32_t share = TFF_RE_ENTRY_SHARE * self->lost;
+        const tff_real asked = (tff_real)share;
         const tff_real span = (asked > self->left) ? asked : self->left; /* never shorter than the way that it was on */
         self->span = (span < most) ? span : most;
         self->left = self->span;
@@ -148,7 +147,7 @@ tff_real tff_entry_after(tff_entry *self, tff_real reference, tff_real samples)
         const tff_real place = self->left / self->span;
         const tff_real left = place * place * place * (10.0 + (place * ((6.0 * place) - 15.0)));
         followed = self->held + ((reference - self->held) * (1.0 - left)); /* at first exactly what was held */
-        self->left -= samples;
+        self->left -= 1.0;
     }
     self->last = followed;
     return followed;

@@ -1,6 +1,6 @@
 /* tff_limits.h: the actuator's limits, and the last good output when there is none.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 416ccb25f27050fb, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 6b567c7d1473e421, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * The licence of tendonff does not cover what it writes: this file is yours.
  */
@@ -45,9 +45,6 @@ int32_t tff_paused(tff_real samples);
 /* Pass a wanted force [N] through the force and rate limits; what is not finite holds the last good output. */
 tff_real tff_output_set(tff_output *self, tff_real wanted);
 
-/* The same after so many samples, whose change the rate allows. */
-tff_real tff_output_after(tff_output *self, tff_real wanted, tff_real samples);
-
 /* Hold the last good output and say why. */
 tff_real tff_output_hold(tff_output *self, uint32_t why);
 
@@ -74,8 +71,10 @@ void tff_entry_lose(tff_entry *self, int32_t samples);
  * acceleration from where it was lost. */
 tff_real tff_entry_take(tff_entry *self, tff_real reference);
 
-/* The same after so many samples. */
-tff_real tff_entry_after(tff_entry *self, tff_real reference, tff_real samples);
+/* Around a step of so many samples: what the rate allows, and the way back that is left. The first answers with the change
+ * that the second is to put back. */
+tff_real tff_stretch(tff_output *output, tff_real samples);
+void tff_resume(tff_output *output, tff_entry *entry, tff_real change, tff_real samples);
 
 #ifdef __cplusplus
 }

@@ -1,6 +1,6 @@
 /* tff_parameters.h: what can be changed while the controller runs.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 416ccb25f27050fb, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 6b567c7d1473e421, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * The licence of tendonff does not cover what it writes: this file is yours.
  * Fill a record with the scenario's values, change it by the setters or by a calibration tool (tff_parameters.a2l), and

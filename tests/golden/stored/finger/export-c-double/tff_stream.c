@@ -1,6 +1,6 @@
 /* tff_stream.c: see tff_stream.h.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 416ccb25f27050fb, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 6b567c7d1473e421, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * The licence of tendonff does not cover what it writes: this file is yours.
  */
@@ -118,7 +118,8 @@ tff_real tff_stream_step_dt(tff_stream *self, tff_real dt_s, tff_real reference)
     if (tff_is_within(dt_s, 0.0, 1e+30) != 0) {
         const int32_t missed = tff_paused(dt_s * 1000.0);
         const tff_real since = (missed > 0) ? TFF_STEP_S : (self->waiting + dt_s);
-        const int32_t samples = (int32_t)((since * 1000.0) + 9.9999999999999995e-07);
+        const tff_real fit = (since * 1000.0) + 9.9999999999999995e-07;
+        const int32_t samples = (int32_t)fit;
         const tff_real left = since - ((tff_real)samples * TFF_STEP_S);
         const tff_real before = self->passed;
         int32_t k;

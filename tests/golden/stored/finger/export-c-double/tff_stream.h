@@ -1,10 +1,10 @@
 /* tff_stream.h: force for a reference that arrives live, sample by sample.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 416ccb25f27050fb, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 6b567c7d1473e421, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * The licence of tendonff does not cover what it writes: this file is yours.
  * The reference is clamped to a range (the scenario's and a margin, or what `use` says), held where it is not a number, led back smoothly when it arrives again, freed of
- * the last bit by a dead band, smoothed by a symmetric filter with the same lag for all frequencies, and handed to the
+ * the last bit by a deadband, smoothed by a symmetric filter with the same lag for all frequencies, and handed to the
  * exact inverse, whose force stays within the limits of force and rate.
  */
 #ifndef TFF_STREAM_H
@@ -22,7 +22,7 @@ extern "C" {
 #define TFF_STREAM_TAPS 25
 #define TFF_STREAM_LINE 25
 
-/* Half of the width of the dead band [N]. */
+/* Half of the width of the deadband [N]. */
 #define TFF_STREAM_BAND_N 0.0
 
 /* State; owned by the caller. */
@@ -33,7 +33,7 @@ typedef struct {
     tff_entry entry; /* last reference, and the way back to one that was lost */
     tff_real low;    /* references are clamped to [N] */
     tff_real high;
-    tff_real centre; /* of the dead band [N] */
+    tff_real centre; /* of the deadband [N] */
     int32_t newest;       /* place in the ring */
     tff_real passed;  /* reference of the last call [N] */
     tff_real waiting; /* part of a sample that has passed since the last one [s] */

@@ -1,6 +1,6 @@
 /* tff_table.c: see tff_table.h.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 416ccb25f27050fb, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 6b567c7d1473e421, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * The licence of tendonff does not cover what it writes: this file is yours.
  */
@@ -224,7 +224,7 @@ int32_t tff_table_use(tff_table *self, const tff_parameters *given)
     return good;
 }
 
-static tff_real tff_table_after(tff_table *self, tff_real samples, tff_real reference)
+tff_real tff_table_step(tff_table *self, tff_real reference)
 {
     tff_real force;
 
@@ -232,7 +232,7 @@ static tff_real tff_table_after(tff_table *self, tff_real samples, tff_real refe
         tff_entry_lose(&self->entry, 1);
         force = tff_output_hold(&self->output, TFF_INPUT_HELD);
     } else {
-        const tff_real followed = tff_entry_after(&self->entry, reference, samples);
+        const tff_real followed = tff_entry_take(&self->entry, reference);
         if (followed > self->last) {
             tff_table_pull(self, followed);
         } else if (followed < self->last) {
@@ -240,14 +240,9 @@ static tff_real tff_table_after(tff_table *self, tff_real samples, tff_real refe
         } else {
             /* held: the same force */
         }
-        force = tff_output_after(&self->output, self->wanted, samples);
+        force = tff_output_set(&self->output, self->wanted);
     }
     return force;
-}
-
-tff_real tff_table_step(tff_table *self, tff_real reference)
-{
-    return tff_table_after(self, 1.0, reference);
 }
 
 tff_real tff_table_step_dt(tff_table *self, tff_real dt_s, tff_real reference)
@@ -257,8 +252,12 @@ tff_real tff_table_step_dt(tff_table *self, tff_real dt_s, tff_real reference)
     tff_real force;
 
     if (samples > 0.0) {
+        const tff_real length = (missed > 0) ? 1.0 : samples;
+        const tff_real change = tff_stretch(&self->output, length);
+
         tff_table_missed(self, missed);
-        force = tff_table_after(self, (missed > 0) ? 1.0 : samples, reference);
+        force = tff_table_step(self, reference);
+        tff_resume(&self->output, &self->entry, change, length);
     } else {
         force = tff_output_hold(&self->output, (tff_is_within(dt_s, 0.0, TFF_STEP_MIN_S) != 0) ? TFF_OK : TFF_INPUT_HELD);
     }

@@ -1,6 +1,6 @@
 /* tff_table.h: force from the compensation table tff_table_data.h.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 416ccb25f27050fb, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 6b567c7d1473e421, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * The licence of tendonff does not cover what it writes: this file is yours.
  * The branch and the tension travelled since the last reversal come from the reference alone, never from a measured

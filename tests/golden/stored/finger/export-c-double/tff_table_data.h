@@ -1,13 +1,13 @@
 /* tff_table_data.h: feedforward force over reference tension, branch and tension since the last reversal.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 416ccb25f27050fb, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 6b567c7d1473e421, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * The licence of tendonff does not cover what it writes: this file is yours.
  * Interpolation error at most 0.164 N (bound 0.165 N); made for a reference that
  * moves at 29.7 N/s. Bilinear in the reference and in the share.
  */
-#ifndef TFF_TABLE_DATA_416CCB25F27050FB_H
-#define TFF_TABLE_DATA_416CCB25F27050FB_H
+#ifndef TFF_TABLE_DATA_6B567C7D1473E421_H
+#define TFF_TABLE_DATA_6B567C7D1473E421_H
 
 #include <stdint.h>
 

@@ -1,6 +1,6 @@
 /* tff_types.h: what the files of this folder share.
  *
- * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 416ccb25f27050fb, level presliding.
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 6b567c7d1473e421, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * The licence of tendonff does not cover what it writes: this file is yours.
  * Units are SI: N, m, s. One call of a step function is one sample of 0.001 s, or the time that the caller states.
@@ -40,6 +40,6 @@ typedef double tff_real;
 #define TFF_RATE_LIMITED 4u  /* the force rate limit binds */
 #define TFF_WOULD_PUSH 8u    /* the reference falls faster than the tendon can follow, or a link is slack */
 #define TFF_FAILED 16u       /* no finite or no converged result: last good output held */
-#define TFF_ENDED 32u        /* the profile has been played to its end */
+#define TFF_ENDED 32u        /* the end of the profile was reached */
 
 #endif

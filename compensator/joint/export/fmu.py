@@ -1,0 +1,116 @@
+"""`tendonff export-fmu` of a driven joint: wanted angle in, angle of the motor and tensions out."""
+
+from tendonff._version import __version__
+from tendonff.compensator.export.kinds import FmiVersion
+from tendonff.compensator.export.modules import check_prefix
+from tendonff.compensator.export.text.c_text import harmless
+from tendonff.compensator.export.unit import Fmu, Variable, pack
+from tendonff.compensator.joint.export.golden import followed_course
+from tendonff.compensator.joint.export.judgement import JudgedJoint, judge_joint
+from tendonff.compensator.joint.export.text import accepted_rad, joint_sources, problem_of
+from tendonff.compensator.joint.scenario import JointScenario, sample_joint
+from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.errors import SolveError
+from tendonff.ocp.joint.start import start_tensions
+from tendonff.ocp.joint.target import other_joints
+
+
+def build_joint_fmu(
+    scenario: JointScenario,
+    fmi: FmiVersion = FmiVersion.V2,
+    *,
+    prefix: str = "tff",
+    everywhere: bool = False,
+    force_export: bool = False,
+) -> tuple[Fmu, JudgedJoint]:
+    """Wrap the exported C of a joint; also the error of its commands along the scenario's reference.
+
+    Parameters
+    ----------
+    scenario : JointScenario
+    fmi : FmiVersion, optional
+    prefix : str, optional
+        Prefix of the C names.
+    everywhere : bool, optional
+        Binaries for Windows and macOS too, built here by ziglang; what is run here are those of this machine alone.
+    force_export : bool, optional
+        Make a unit all the same whose commands are worse than the ratio alone.
+
+    Raises
+    ------
+    SolveError
+        If the inverse fails, or is worse than the ratio alone.
+    CodeError
+        If a compiler refuses the sources.
+    """
+    check_prefix(prefix)
+    sampled = sample_joint(scenario)
+    problem = problem_of(scenario, sampled)
+    others = other_joints((problem,))
+    course = followed_course(scenario, sampled, problem, others, Precision.DOUBLE)
+    judged = judge_joint(scenario, sampled, course.command_rad)
+    if judged.fault and not force_export:
+        raise SolveError(
+            f"no unit is made: {judged.fault}. Let the reference move more slowly, or make it all the same with "
+            "--force-export"
+        )
+    mechanism, name = scenario.mechanism, harmless(scenario.name)
+    start, contact = float(sampled.angle_rad[0]), float(sampled.contact_N_m[0])
+    least, most = accepted_rad(scenario, sampled)
+    tensions, _ = start_tensions(problem, contact)
+    motors = 1 if problem.loop else len(mechanism.tendons)
+    winders = [""] if motors == 1 else [f"_{tendon.name}" for tendon in mechanism.tendons]
+
+    def angle(name: str, text: str) -> Variable:
+        return Variable(name=name, text=text, unit="rad", start=repr(start), low=least, high=most)
+
+    identifier = f"{prefix}_joint"
+    context = {
+        "prefix": prefix,
+        "guard": prefix.upper(),
+        "identifier": identifier,
+        "compiled": [f"{identifier}.c"],
+        "description": f"inverse of the joint {mechanism.joint.name}, level {scenario.run.level}: {name}",
+        "version": __version__,
+        "input": angle("angle", "wanted angle of the joint"),
+        "first": angle("initial_angle", "angle of the joint at rest before the start"),
+        "outputs": [
+            *(
+                Variable(
+                    name=f"motor{end}", text="commanded angle of the motor since the start", unit="rad", start="0.0"
+                )
+                for end in winders
+            ),
+            *(
+                Variable(
+                    name=f"tension_{tendon.name}", text="tension at the joint", unit="N", start=repr(float(tension))
+                )
+                for tendon, tension in zip(mechanism.tendons, tensions, strict=True)
+            ),
+        ],
+        "extras": [
+            Variable(name="contact", text="torque of the joint on what it touches", unit="N.m", start=repr(contact)),
+            *(
+                Variable(
+                    name=f"joint_{other}",
+                    text=f"angle of the joint {other}",
+                    unit="rad",
+                    start=repr(float(sampled.others(mechanism.joint.name)[other][0])),
+                )
+                for other in others
+            ),
+        ],
+        "radians": True,
+        "joint_at": -1,
+        "motors": motors,
+        "others": others,
+        "taken": "an angle or the contact",
+        "refusal": "a communication step must be longer than 0 s",
+        "step": repr(scenario.run.step_s),
+        "stop": repr(float(sampled.time_s[-1])),
+        "provenance": f' * Scenario "{name}", hash {scenario.digest()}, level {scenario.run.level}; '
+        f"tendonff {__version__}.",
+    }
+    sources = joint_sources((scenario,), prefix=prefix)
+    warnings = (f"{judged.fault}; made because of --force-export",) if judged.fault else ()
+    return pack(sources, context, fmi, model="model_joint", everywhere=everywhere, warnings=warnings), judged

@@ -1,0 +1,37 @@
+"""An ORCA hand whose joint follows the exact inverse instead of the ratio; needs orca-core.
+
+    python examples/recipes/orca_hand.py SCENARIO.toml JOINT
+
+The scenario describes the joint's two tendons. Motor angles count from where the motor stands at the start, with the
+joint where the scenario's reference starts.
+"""
+
+import sys
+import time
+from collections.abc import Iterable
+from typing import Any
+
+import tendonff as tf
+
+
+def follow(hand: Any, joint: str, runtime: tf.Runtime, angles_rad: Iterable[float], period_s: float = 0.01) -> None:
+    """Command one motor of a connected `OrcaHand` so that its joint follows angles [rad]."""
+    motor = hand.config.joint_to_motor_map[joint]
+    sign = -1 if hand.config.joint_inversion_dict.get(joint, False) else 1
+    home, last = hand.get_motor_pos(as_dict=True)[motor], time.monotonic() - period_s
+    for angle in angles_rad:
+        now = time.monotonic()
+        hand.write_motor_pos([motor], [home + sign * runtime.step(angle, dt=now - last)])
+        last = now
+        time.sleep(max(0.0, now + period_s - time.monotonic()))
+
+
+if __name__ == "__main__":
+    from orca_core import OrcaHand
+
+    from tendonff.compensator.joint.scenario import sample_joint
+
+    scenario = tf.load_joint_scenario(sys.argv[1])
+    hand = OrcaHand()
+    hand.connect()
+    follow(hand, sys.argv[2], tf.Runtime(scenario), sample_joint(scenario).angle_rad, scenario.run.step_s)
