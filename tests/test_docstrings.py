@@ -1,8 +1,11 @@
-"""Docstrings of public names: examples that run."""
+"""Docstrings of public names: examples that run, fields that are explained."""
 
+import dataclasses
 import doctest
 import inspect
 import os
+import re
+import typing
 from pathlib import Path
 
 import pytest
@@ -27,3 +30,34 @@ def test_the_example_of_every_public_function_runs(name: str, monkeypatch: pytes
     monkeypatch.chdir(ROOT)
     said: list[str] = []
     assert doctest.DocTestRunner(verbose=False).run(test, out=said.append).failed == 0, "".join(said)
+
+
+def records() -> set[type]:
+    """Records among the public names, in what public functions take and return, and in fields of such records."""
+    found: set[type] = set()
+    todo: list[object] = [getattr(tf, name) for name in tf.__all__]
+    while todo:
+        each = todo.pop()
+        todo += typing.get_args(each)
+        if inspect.isfunction(each):
+            todo += typing.get_type_hints(each).values()
+        if inspect.isclass(each) and each.__module__.startswith("tendonff.") and each not in found:
+            found.add(each)
+            if dataclasses.is_dataclass(each):
+                hints = typing.get_type_hints(each)
+                todo += [hints[field.name] for field in dataclasses.fields(each) if field.name[0] != "_"]
+    return {each for each in found if dataclasses.is_dataclass(each)}
+
+
+def test_help_explains_every_field_of_every_public_record() -> None:
+    unexplained = [
+        f"{record.__qualname__}.{field.name}"
+        for record in records()
+        for field in dataclasses.fields(record)
+        if field.name[0] != "_"
+        and not re.search(
+            rf"^ *(?:\w+, )*{field.name}\b[^\n]*\n +\S|^ *(?:\w+, )*{field.name}, ", record.__doc__ or "", re.MULTILINE
+        )
+    ]
+    assert unexplained == []
+    assert len(records()) > 100

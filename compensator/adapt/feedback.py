@@ -27,12 +27,24 @@ _FREQUENCIES = 4000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FeedbackCertificate:
-    """Largest gain for which no limit cycle exists."""
+    """Largest gain for which no limit cycle exists.
 
-    gain_per_s: float  # k of the scenario [1/s]; 0 for none
-    largest_gain_per_s: float  # bound of the circle criterion [1/s]
-    worst_frequency_Hz: float  # where Re L is least
-    delay_samples: int  # d: age of a measurement when it arrives
+    Attributes
+    ----------
+    gain_per_s : float
+        Integral gain k of the scenario [1/s]; 0 for none.
+    largest_gain_per_s : float
+        Bound of the circle criterion [1/s].
+    worst_frequency_Hz : float
+        Frequency at which Re L is least [Hz].
+    delay_samples : int
+        Age d of a measurement when it arrives.
+    """
+
+    gain_per_s: float
+    largest_gain_per_s: float
+    worst_frequency_Hz: float
+    delay_samples: int
 
     @property
     def recommended_gain_per_s(self) -> float:

@@ -16,7 +16,31 @@ _MOST_ROWS = 2000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AdaptationStudy(AdaptationData):
-    """A study that can be written."""
+    """A study that can be written.
+
+    Attributes
+    ----------
+    scenario : Scenario
+        The scenario it was made for.
+    reference : Reference
+        Desired tension, sampled.
+    tuning : Tuning
+        Numbers of the recursion.
+    information : Information
+        Along the reference, on the scenario's own plant.
+    certificate : FeedbackCertificate or None
+        Of the integral action; None without a measured output tension.
+    interval : CertifiedInterval or None
+        Along the reference; None where the path moves.
+    bounds_N : tuple[ndarray, ndarray] or None
+        That interval for the design's force, shape (n,) each.
+    cases : tuple of Case
+        Every plant.
+    headline : str
+        One sentence.
+    warnings : tuple of str
+        What the user should know.
+    """
 
     def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
         """Write `estimate.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""

@@ -47,24 +47,51 @@ class Change(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variation:
-    """Plant: factors on the scenario's values, and errors of the start and the sensor."""
+    """Plant: factors on the scenario's values, and errors of the start and the sensor.
+
+    Attributes
+    ----------
+    name : str
+        Description, as shown.
+    mu, bristle, stiffness, load : float
+        Factors on friction coefficients, bristle stiffness, k1 and k2, and k_l.
+    release : float
+        Factor on friction when releasing, beside `mu`.
+    gear : float
+        Dry friction of the drive as a share of the range of the reference.
+    gain : float
+        Factor on what the sensor measures.
+    delay_s : float or None
+        True age of a measurement when it arrives [s]; None: as stated.
+    joints_late_s : float
+        Age of the joint angles when they arrive [s].
+    stretch_m : float
+        Elongation of the tendon in mid-run, within half a second [m].
+    change : Change
+        What changes during the run.
+    start : float
+        True tension at the start over the one that the controller assumes.
+    offset : float
+        Sensor offset as a share of the range that the measurement covers.
+    duration_s : float
+        Least duration [s].
+    """
 
     name: str
-    # mu, bristle, stiffness, load: factors on friction coefficients, bristle stiffness, k1 and k2, and k_l
     mu: float = 1.0
     bristle: float = 1.0
     stiffness: float = 1.0
     load: float = 1.0
-    release: float = 1.0  # factor on friction when releasing, beside `mu`
-    gear: float = 0.0  # dry friction of the drive as a share of the range of the reference
-    gain: float = 1.0  # of the sensor
-    delay_s: float | None = None  # true age of a measurement when it arrives; None: as told
-    joints_late_s: float = 0.0  # how much too late the controller knows the joints
-    stretch_m: float = 0.0  # how much longer the tendon gets in mid-run, within half a second
+    release: float = 1.0
+    gear: float = 0.0
+    gain: float = 1.0
+    delay_s: float | None = None
+    joints_late_s: float = 0.0
+    stretch_m: float = 0.0
     change: Change = Change.NOTHING
-    start: float = 1.0  # true tension at the start over the one that the controller assumes
-    offset: float = 0.0  # sensor offset as a share of the range that the measurement covers
-    duration_s: float = SHORT_S  # least duration [s]
+    start: float = 1.0
+    offset: float = 0.0
+    duration_s: float = SHORT_S
 
 
 def friction_off(mu: float) -> Variation:
@@ -123,26 +150,46 @@ class Scheme(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trace:
-    """Scheme on a plant."""
+    """Scheme on a plant.
 
-    tension_N: FloatArray  # shape (n,); output tension at the samples of the case [N]
-    # factors, deviation: shape (n, parameters); estimates and their standard deviations
+    Attributes
+    ----------
+    tension_N : ndarray
+        Shape (n,); output tension at the samples of the case [N].
+    factors, deviation : ndarray
+        Shape (n, parameters); estimates and their standard deviations.
+    rmse_percent, settled_percent : float
+        RMS error of the whole run, and after `SETTLED_S`, % of reference range.
+    time_to_one_percent_s : float or None
+        From when on the error stays within 1 % (RMS over a quarter of a second); None if it never does.
+    frozen_after_s : float or None
+        When the watch on the residual stopped the tuning.
+    """
+
+    tension_N: FloatArray
     factors: FloatArray
     deviation: FloatArray
-    # rmse_percent, settled_percent: RMS error of the whole run, and after `SETTLED_S`, % of reference range
     rmse_percent: float
     settled_percent: float
-    # from when on the error stays within 1 % (RMS over a quarter of a second); None if it never does
     time_to_one_percent_s: float | None
-    frozen_after_s: float | None  # when the watch on the residual stopped the tuning
+    frozen_after_s: float | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """Plant with every scheme."""
+    """Plant with every scheme.
+
+    Attributes
+    ----------
+    variation : Variation
+        The plant.
+    time_s, reference_N, mu_factor : ndarray
+        Shape (n,); the reference of this case, and the plant's true factor on mu.
+    traces : dict[Scheme, Trace]
+        Each scheme on it.
+    """
 
     variation: Variation
-    # time_s, reference_N, mu_factor: shape (n,); the reference of this case, and the plant's true factor on mu
     time_s: FloatArray
     reference_N: FloatArray
     mu_factor: FloatArray
@@ -157,15 +204,15 @@ class Case:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AdaptationData:
-    """The whole study."""
+    """The whole study. `AdaptationStudy` documents its fields."""
 
     scenario: Scenario
     reference: Reference
     tuning: Tuning
-    information: Information  # along the reference, on the scenario's own plant
-    certificate: FeedbackCertificate | None  # of the integral action; None without a measured output tension
-    interval: CertifiedInterval | None  # along the reference; None where the path moves
-    bounds_N: tuple[FloatArray, FloatArray] | None  # that interval for the design's force, shape (n,) each
+    information: Information
+    certificate: FeedbackCertificate | None
+    interval: CertifiedInterval | None
+    bounds_N: tuple[FloatArray, FloatArray] | None
     cases: tuple[Case, ...]
     headline: str
     warnings: tuple[str, ...]

@@ -40,11 +40,13 @@ class Watch:
     Attributes
     ----------
     scenario : JointScenario
+        The joint that is watched.
     windows : tuple of Window
         Stretches of use, in order.
     courses : tuple of Course
-        One for each number that is watched; empty where no window tells anything.
+        One for each number that is watched; empty where no window identifies anything.
     inputs : tuple of Path
+        The logs.
     """
 
     scenario: JointScenario

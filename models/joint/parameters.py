@@ -403,6 +403,7 @@ class Mechanism:
     tendons : tuple of JointTendon
         Two, of which one pulls each way; with a pair drive and a spring at the joint, one may do.
     drive : JointDrive
+        The motors and what joins them to the tendons.
     """
 
     joints: tuple[DrivenJoint, ...]

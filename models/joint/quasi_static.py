@@ -38,6 +38,7 @@ class LoopSensor:
     elongation : float
         What the mean along the path does [rad per unit of torque].
     zero_rad : float
+        Joint angle at a motor angle of zero and a torque of zero [rad].
     """
 
     law: CapstanLaw

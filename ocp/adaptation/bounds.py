@@ -19,12 +19,24 @@ from tendonff.ocp.step.protocol import Array
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CertifiedInterval:
-    """Two plays that enclose the output tension."""
+    """Two plays that enclose the output tension.
 
-    law: CapstanLaw  # static law at the values that are known best
-    spread: float  # d: relative half-width of what mu theta may be, 0 <= d < 1
-    noise_N: float  # largest error of the actuator's force [N], >= 0
-    margin: float = 0.0  # m: what the static law leaves out, in ln(T + p), >= 0
+    Attributes
+    ----------
+    law : CapstanLaw
+        Static law at the values that are known best.
+    spread : float
+        Relative half-width d of what mu theta may be, 0 <= d < 1.
+    noise_N : float
+        Largest error of the actuator's force [N], >= 0.
+    margin : float
+        Margin m: what the static law leaves out, in ln(T + p), >= 0.
+    """
+
+    law: CapstanLaw
+    spread: float
+    noise_N: float
+    margin: float = 0.0
 
     def __post_init__(self) -> None:
         if not 0 <= self.spread < 1:

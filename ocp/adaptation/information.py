@@ -16,12 +16,24 @@ COUPLED = 0.98
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Information:
-    """Information of the measurement on each factor, rows at the samples of the reference."""
+    """Information of the measurement on each factor, rows at the samples of the reference.
+
+    Attributes
+    ----------
+    tuning : Tuning
+        The recursion that would learn from it.
+    time_s : Array
+        Time, shape (n,) [s].
+    deviation : Array
+        Shape (n, parameters); standard deviation of each factor if nothing is forgotten [-].
+    correlation : float
+        Between the two factors at the end [-]; 0 where there is one.
+    """
 
     tuning: Tuning
-    time_s: Array  # shape (n,)
-    deviation: Array  # shape (n, parameters); standard deviation of each factor if nothing is forgotten [-]
-    correlation: float  # between the two factors at the end [-]; 0 where there is one
+    time_s: Array
+    deviation: Array
+    correlation: float
 
     def known_after_s(self, index: int) -> float | None:
         """Time from which on the factor with that index counts as known; None where it never does."""

@@ -96,37 +96,74 @@ def check_parameters(parameters: tuple[Tunable, ...]) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tuning:
-    """The numbers of the recursion, per sample of the controller."""
+    """The numbers of the recursion, per sample of the controller.
+
+    Attributes
+    ----------
+    sensor : Sensor
+        Sensor that the recursion learns from.
+    parameters : tuple of Tunable
+        One or two.
+    delay_samples : int
+        Age of a measurement when it arrives, 0 to 63.
+    joint_delay_samples : int
+        Age of the joint angles when they arrive, 0 to 63.
+    lowest, highest : float
+        Bounds of every factor [-].
+    variance : float
+        R: variance that one sample at full speed counts for, unit of the sensor squared.
+    deviation : float
+        Residual that noise and a good model leave, unit of the sensor.
+    full_speed : float
+        Change of the predicted measurement per sample from which on a sample counts in full, unit of the sensor.
+    drift_variance : float
+        Random walk of a factor per sample at full speed [-].
+    start_deviation : float
+        Standard deviation of a factor at the start, and the largest later on [-].
+    slew : float
+        Largest change of the inverse's factors per sample [-].
+    quick, slow : float
+        Shares by which the mean of the error, and that of what is unexplained of it, follow a sample at full speed
+        [-].
+    long_share : float
+        Share by which a mean follows a sample at any speed [-].
+    watch_level : float
+        Mean square of what is unexplained at which the model counts as wrong, in squares of `deviation` [-].
+    lost_level : float
+        Where it says nothing any more.
+    hold_travel : float
+        Path of the prediction over which an estimate must hold before it counts as safe, unit of the sensor.
+    rest_samples : int
+        Samples of a rest that allows a new start.
+    integral_gain : float
+        Share of the logarithmic error that is integrated per sample [-]; 0 for none.
+    drift_level : float
+        Mean of the error that noise alone may make, unit of the sensor.
+    noise, span, step_s : float
+        What the others were computed from: noise and range of the measurement, unit of the sensor, and h [s].
+    """
 
     sensor: Sensor
-    parameters: tuple[Tunable, ...]  # one or two
-    delay_samples: int  # age of a measurement when it arrives, 0 to 63
-    joint_delay_samples: int  # age of the joint angles when they arrive, 0 to 63
-    # lowest, highest: bounds of every factor [-]
+    parameters: tuple[Tunable, ...]
+    delay_samples: int
+    joint_delay_samples: int
     lowest: float
     highest: float
-    variance: float  # R: variance that one sample at full speed counts for, unit of the sensor squared
-    deviation: float  # residual that noise and a good model leave, unit of the sensor
-    # change of the predicted measurement per sample from which on a sample counts in full, unit of the sensor
+    variance: float
+    deviation: float
     full_speed: float
-    drift_variance: float  # random walk of a factor per sample at full speed [-]
-    start_deviation: float  # standard deviation of a factor at the start, and the largest later on [-]
-    slew: float  # largest change of the inverse's factors per sample [-]
-    # quick, slow: shares by which the mean of the error, and that of what is unexplained of it, follow a sample at full
-    # speed [-]
+    drift_variance: float
+    start_deviation: float
+    slew: float
     quick: float
     slow: float
-    long_share: float  # share by which a mean follows a sample at any speed [-]
-    # mean square of what is unexplained at which the model counts as wrong, in squares of `deviation` [-]
+    long_share: float
     watch_level: float
-    lost_level: float  # where it says nothing any more
-    # path of the prediction over which an estimate must hold before it counts as safe, unit of the sensor
+    lost_level: float
     hold_travel: float
-    rest_samples: int  # samples of a rest that allows a new start
-    integral_gain: float  # share of the logarithmic error that is integrated per sample [-]; 0 for none
-    drift_level: float  # mean of the error that noise alone may make, unit of the sensor
-    # noise, span, step_s: what the others were computed from: noise and range of the measurement, unit of the sensor,
-    # and h [s]
+    rest_samples: int
+    integral_gain: float
+    drift_level: float
     noise: float
     span: float
     step_s: float

@@ -50,6 +50,7 @@ class SensorFile:
     name, role : str
         Of the file; fit or validate.
     time_s, joint_rad, model_rad : ndarray, shape (rows,)
+        Time [s], and the joint angle measured and by the sensor [rad].
     """
 
     name: str
