@@ -13,6 +13,7 @@ from tendonff.compensator.cli import run
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.table import table_of
 from tendonff.compensator.export import fmu
+from tendonff.compensator.export import unit as packing
 from tendonff.compensator.export.fmu import build_fmu
 from tendonff.compensator.export.golden import answers
 from tendonff.compensator.export.kinds import FmiVersion, Kind
@@ -215,7 +216,7 @@ def test_a_binary_for_another_system_is_built_and_exports_the_interface(
     """Looked into, not run: a Windows library with the functions in its table of exports, Mach-O of the right chip."""
     if not has_cross_compiler():
         pytest.skip("ziglang is not installed")
-    monkeypatch.setattr(fmu, "_ELSEWHERE", [each for each in fmu._ELSEWHERE if each[-1] == system])
+    monkeypatch.setattr(packing, "_ELSEWHERE", [each for each in packing._ELSEWHERE if each[-1] == system])
     with zipfile.ZipFile(io.BytesIO(build_fmu(finger, Kind.TABLE, FmiVersion.V3, everywhere=True).content)) as archive:
         binary = archive.read(f"binaries/{system}/{library}")
     assert binary.startswith(start)

@@ -152,7 +152,7 @@ def test_a_reference_beyond_the_actuator_ends_in_numbers_the_user_can_act_on(gen
     assert "force_max_N is 70: at most 37.43 N arrive" in text
     assert "force_min_N is 15" in text
     assert "N/s at the actuator, limit 80" in text
-    assert "reversals the force must travel" in text
+    assert "reversals the force must cross the deadband" in text
     assert found.departures
     assert found.status is not TrackStatus.FAILED
 
