@@ -9,7 +9,7 @@ from tendonff.compensator.cli import run
 from tendonff.compensator.cli.progress import interruptible
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv
-from tendonff.compensator.identification.measured.plan import MANY_STEPS, check_plan, data_doubts
+from tendonff.compensator.identification.measured.plan import LONG_FIT_S, check_plan, data_doubts
 from tendonff.compensator.scenario.measurement import Explain, Measurement
 from tendonff.models.path import JointMotion
 
@@ -26,7 +26,7 @@ def plan(*files, confirm=lambda _: False, static_only=False):
 
 
 def test_milliseconds_read_as_seconds_are_asked_about_before_any_work():
-    with pytest.raises(InputError, match=r"7e\+07 steps.*milliseconds\? --scale time=0\.001.*--yes.*--static"):
+    with pytest.raises(InputError, match=r"about 1\.4e\+02 min.*milliseconds\? --scale time=0\.001.*--yes.*--static"):
         plan(log())
 
 
@@ -34,11 +34,11 @@ def test_the_answer_decides():
     asked = []
     said = plan(log(), confirm=lambda question: asked.append(question) or True)
     assert len(asked) == 1
-    assert said == ["a.csv: 70000 samples over 7e+04 s (1 Hz), input 29 to 31 N; 69999000 steps a simulation"]
+    assert said == ["a.csv: 70000 samples over 7e+04 s (1 Hz), input 29 to 31 N", "the fit takes about 8.4e+03 s"]
 
 
 def test_the_static_law_simulates_nothing_and_is_not_asked_about():
-    [line] = plan(log(2 * MANY_STEPS, 1e-3), static_only=True)
+    [line] = plan(log(int(2e4 * LONG_FIT_S), 1e-3), static_only=True)
     assert line.endswith("input 29 to 31 N")
 
 
@@ -48,8 +48,9 @@ def test_milliseconds_read_as_seconds_are_asked_about_for_the_static_law_too():
 
 
 def test_an_ordinary_log_is_not_asked_about():
-    [line] = plan(log(50_000, 2e-3))
+    line, announced = plan(log(50_000, 2e-3))
     assert "500 Hz" in line
+    assert announced == "the fit takes about 13 s"
 
 
 def test_the_command_says_what_it_read_before_it_refuses(examples, tmp_path, capsys):
