@@ -34,7 +34,8 @@ def simulate_joint_file(
     column : str or None
         Column of a loop's motor, if it has another name.
     out : Path
-        CSV file: time_s, motors, angle_rad, torque_N_m of the tendons, tensions at the joint and at the drums.
+        CSV file: time_s, angles and torques of the motors, angle_rad, torque_N_m of the tendons on the joint, tensions
+        at the joint and at the drums.
 
     Raises
     ------
@@ -68,6 +69,7 @@ def simulate_joint_file(
     ).require()
     columns: dict[str, FloatArray] = {"time_s": run.time_s}
     columns |= {name: run.motor_rad[:, k] for k, name in enumerate(_motor_columns(scenario))}
+    columns |= {name: run.motor_torque_N_m[:, k] for k, name in enumerate(_torque_columns(scenario))}
     columns |= {"angle_rad": run.angle_rad, "torque_N_m": run.torque_N_m}
     for k, tendon in enumerate(mechanism.tendons):
         columns[f"tension_{tendon.name}_N"] = run.tension_N[:, k]
@@ -81,6 +83,12 @@ def _motor_columns(scenario: JointScenario) -> tuple[str, ...]:
     if scenario.mechanism.drive.kind is DriveKind.LOOP:
         return ("motor_rad",)
     return tuple(f"motor_{tendon.name}_rad" for tendon in scenario.mechanism.tendons)
+
+
+def _torque_columns(scenario: JointScenario) -> tuple[str, ...]:
+    if scenario.mechanism.drive.kind is DriveKind.LOOP:
+        return ("motor_torque_N_m",)  # the name that identification reads
+    return tuple(f"motor_torque_{tendon.name}_N_m" for tendon in scenario.mechanism.tendons)
 
 
 def _columns(scenario: JointScenario, motors: Path, column: str | None) -> tuple[str, ...]:

@@ -85,6 +85,8 @@ def test_a_profile_that_is_simulated_gives_the_reference(hand: Path) -> None:
     found, wanted = columns(hand / "sim.csv"), columns(profile)
     assert np.abs(found["angle_rad"] - wanted["reference_rad"]).max() < 1e-8
     assert np.abs(found["tension_flexor_N"] - wanted["tension_flexor_N"]).max() < 1e-5
+    torque = wanted["motor_torque_inverse_N_m"]
+    assert np.abs(found["motor_torque_N_m"] - torque).max() < 0.01 * np.ptp(torque)
     linear = ["--force-column", "motor_linear_rad"]
     assert run(["simulate", str(scenario), "--force", str(profile), "--out", str(hand / "sim.csv"), *linear]) == 0
     assert np.abs(columns(hand / "sim.csv")["angle_rad"] - wanted["reference_rad"]).max() > 0.01
