@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from tendonff.compensator.compensators.expectation import FRICTIONLESS, ErrorBand, Expectation, two_digits
 from tendonff.compensator.compensators.score import scale_of, score
 from tendonff.compensator.files.reading import FloatArray
+from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.joint.scenario import JointScenario
 from tendonff.compensator.reporting.colours import Style
 from tendonff.compensator.scenario.scenario import Scenario
@@ -113,7 +114,7 @@ class MatrixData:
     def headline(self) -> str:
         """Expected error on a rig of the best design on the recommended level, and the next command."""
         best = next(c for c in self.compensators if c.name == self.expectation.recommended)
-        return self.expectation.headline(best.label, f"tendonff design {self.scenario.source.name} --out out")
+        return self.expectation.headline(best.label, f"tendonff design {as_argument(self.scenario.source)} --out out")
 
     def entry(self, name: str, design_level: Level, plant_level: str) -> Entry:
         """Cell of the matrix."""

@@ -9,6 +9,7 @@ from tendonff.compensator.compensators.expectation import two_digits
 from tendonff.compensator.compensators.plant import FINE_REFINEMENT, FINE_SEGMENTS
 from tendonff.compensator.design.drive_use import drive_use
 from tendonff.compensator.design.result import DesignData
+from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.reporting.colours import INK, Style
 from tendonff.compensator.reporting.expected import robustness_table
 from tendonff.compensator.reporting.interactive import interactive_view
@@ -52,7 +53,7 @@ def headline(result: DesignData) -> str:
     """Expected error on a rig, and the next command."""
     found, best = result.expectation, result.recommended
     label = best.label
-    file = result.scenario.source.name
+    file = as_argument(result.scenario.source)
     measure = f"tendonff identify {file} --suggest --out excite"
     return found.headline(label, measure if found.doubt.is_assumed else f"tendonff export-c {file} --out c")
 

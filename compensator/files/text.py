@@ -3,6 +3,7 @@
 import codecs
 import gzip
 import io
+import shlex
 import stat
 import zlib
 from collections.abc import Iterator, Sequence
@@ -87,6 +88,12 @@ def open_bytes(path: Path) -> IO[bytes]:
     """Open a user's file, unpacked on the way where it is packed; OSError or ValueError where it cannot be."""
     require_file(path)
     return cast("IO[bytes]", _Bounded(path)) if path.suffix.lower() == ".gz" else path.open("rb")
+
+
+def as_argument(path: Path) -> str:
+    """Path as a command in the working folder names it, quoted for a shell: relative below it, elsewhere its name."""
+    whole, here = path.resolve(), Path.cwd()
+    return shlex.quote(whole.relative_to(here).as_posix() if whole.is_relative_to(here) else path.name)
 
 
 def suggestion(name: str, valid: Sequence[str]) -> str:

@@ -5,6 +5,7 @@ from dataclasses import fields
 from pathlib import Path
 from shlex import quote
 
+from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.identification.result import RULE, Estimate, IdentificationData, headline, missing
 from tendonff.compensator.reporting.page import Block, FileNote, PictureFile, Provenance, Report, Section, Table, Text
 from tendonff.compensator.scenario.measurement import Measurement
@@ -89,7 +90,7 @@ def identification_report(found: IdentificationData, pictures: Mapping[str, Path
         )
         after = (Text(text), PictureFile(path=excitation, caption="Suggested excitation."))
         notes.append(FileNote(name="suggested_force.csv", content="a force file for the next measurement"))
-    name = quote(found.scenario.source.name)
+    name = as_argument(found.scenario.source)
     data = "".join(f" --{'data' if f.role == 'fit' else 'validate'} {quote(f.error.name)}" for f in found.files)
     data += "".join(f" --condition {quote(f'{file}={label}')}" for file, label in found.conditions.items())
     static = "" if any(law.stage == "dynamic" for law in found.laws) else " --static"

@@ -7,6 +7,7 @@ import numpy as np
 
 from tendonff.compensator.compensators.expectation import Expectation
 from tendonff.compensator.files.reading import FloatArray
+from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.joint.compensators import JointCompensator
 from tendonff.compensator.joint.reference import JointQuantity
 from tendonff.compensator.joint.scenario import JointScenario, SampledJoint
@@ -106,5 +107,5 @@ class JointDesignData:
             f"Best profile: {self.recommended.label}, RMS error {self.text(best.rms)} (same parameters, {self.masses} "
         )
         said += f"masses a tendon, step/{self.refinement})."
-        export = f"tendonff export-c {self.scenario.source.name} --out c"
+        export = f"tendonff export-c {as_argument(self.scenario.source)} --out c"
         return f"{said} {self.expectation.headline(self.recommended.label, export)}"

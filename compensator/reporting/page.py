@@ -23,6 +23,7 @@ from matplotlib.figure import Figure
 
 from tendonff._version import __version__
 from tendonff.compensator.files.reading import open_text
+from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.files.writing import write_json, write_text
 from tendonff.compensator.joint.scenario import JointScenario
 from tendonff.compensator.reporting.plots import draw_figure, save_figure
@@ -184,7 +185,7 @@ def provenance_of(scenario: Scenario | JointScenario, command: str, options: str
     inputs: tuple[Path, ...] = ()
     if isinstance(scenario, JointScenario):  # its tables of lengths, and motions from files
         inputs = tuple(path for path in scenario.inputs if path != scenario.reference_file())
-    written = f"tendonff {command} {scenario.source.name} --out DIR {options}".strip()
+    written = f"tendonff {command} {as_argument(scenario.source)} --out DIR {options}".strip()
     return Provenance(scenario=scenario, command=written, inputs=inputs)
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from tendonff.compensator.compensators.expectation import Expectation
 from tendonff.compensator.compensators.score import Score
 from tendonff.compensator.compensators.table import BuiltTable
+from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
@@ -56,4 +57,6 @@ class TablesData:
     @property
     def headline(self) -> str:
         """Expected error on a rig, in one sentence."""
-        return self.expectation.headline("compensation table", f"tendonff export-c {self.scenario.source.name} --out c")
+        return self.expectation.headline(
+            "compensation table", f"tendonff export-c {as_argument(self.scenario.source)} --out c"
+        )

@@ -9,6 +9,7 @@ from shlex import quote
 import numpy as np
 from matplotlib.figure import Figure
 
+from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.files.writing import atomic_directory, write_csv
 from tendonff.compensator.joint.scenario import JointScenario
 from tendonff.compensator.reporting.colours import BLUE, GREY, INK, ORANGE, VERMILION
@@ -213,7 +214,7 @@ def watch_report(found: Watch, figures: dict[str, Figure]) -> Report:
         ),
         provenance=Provenance(
             scenario=found.scenario,
-            command=f"tendonff watch {quote(found.scenario.source.name)}{data} --out DIR",
+            command=f"tendonff watch {as_argument(found.scenario.source)}{data} --out DIR",
             inputs=found.inputs,
         ),
         files=(

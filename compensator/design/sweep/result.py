@@ -12,6 +12,7 @@ from tendonff.compensator.compensators.expectation import Expectation, two_digit
 from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.design.sweep.kinds import AnyScenario, kind_of
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.files.writing import atomic_file
 from tendonff.models.parameters.numbers import FACTORS
 
@@ -103,7 +104,7 @@ class SweepData:
                 f"{label}. Every profile knows the parameters of its point; on a rig their uncertainty adds to that."
             )
         return (
-            f"{self.expectation.headline(label, f'tendonff export-c {self.scenario.source.name} --out c')} "
+            f"{self.expectation.headline(label, f'tendonff export-c {as_argument(self.scenario.source)} --out c')} "
             f"Of {len(self.rows)} units drawn from it 95 % stay below {two_digits(most)} %, "
             f"{two_digits(100 * self.yield_of(best, 1.0))} % of them below 1 %."
         )

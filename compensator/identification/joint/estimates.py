@@ -89,7 +89,7 @@ def estimates_of(
     if described:
         rows.append(_scale(scenario, values, found))
     safe = np.where(np.isfinite(deviation) & (deviation > 0), deviation, np.inf)
-    correlation = np.nan_to_num(found.covariance / np.outer(safe, safe))
+    correlation = np.where(np.isfinite(found.covariance), found.covariance, 0.0) / np.outer(safe, safe)
     np.fill_diagonal(correlation, 1.0)
     return tuple(rows), tuple(str(n) for n in found.names), correlation
 

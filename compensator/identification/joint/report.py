@@ -5,6 +5,7 @@ from shlex import quote
 
 from matplotlib.figure import Figure
 
+from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.identification.joint.estimates import DERIVED
 from tendonff.compensator.identification.joint.parameters import JointNumber
 from tendonff.compensator.identification.joint.result import JointIdentificationData
@@ -104,7 +105,7 @@ def identification_report(found: JointIdentificationData, figures: Mapping[str, 
         ),
         provenance=Provenance(
             scenario=found.asked,
-            command=f"tendonff identify {quote(found.asked.source.name)}{data} --out DIR",
+            command=f"tendonff identify {as_argument(found.asked.source)}{data} --out DIR",
             inputs=found.inputs,
         ),
         files=tuple(notes),
