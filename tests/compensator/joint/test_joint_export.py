@@ -131,7 +131,7 @@ def test_one_project_of_joints_that_differ_answers_as_python_does(double: Path) 
     """To 1e-9 rad, over references and reversals; its own self test says so too."""
     done = make(double, "test", "example")
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "all joints answer as the model does" in done.stdout
+    assert "all joints agree with the model" in done.stdout
     assert not list(double.glob("*joint_*.c")), "one copy of the code"
 
 

@@ -495,7 +495,7 @@ static void test_capstan(void)
         expect("capstan: no time, no change", same);
         force = self.entry.last;
         (void)tff_capstan_step_dt(&self, (tff_real)0.5, to);
-        expect("capstan: a pause leads back", is_near((double)self.entry.last, (double)force));
+        expect("capstan: the way back after a pause", is_near((double)self.entry.last, (double)force));
     }
 
     error = 0.0;
@@ -527,7 +527,7 @@ static void test_capstan(void)
         given.force_max = (tff_real)NAN;
         taken = taken && (tff_capstan_use(&other, &given) == 0) && is_near((double)other.output.high, 150.0);
     }
-    expect("capstan: parameters that mean something are taken, others not", taken);
+    expect("capstan: valid parameters are accepted, others refused", taken);
     {
         tff_parameters given;
         tff_parameters_init(&given);
@@ -640,7 +640,7 @@ static void test_inverse(void)
         expect("inverse: no time, no change", same);
         force = self.entry.last;
         (void)tff_inverse_step_dt(&self, (tff_real)0.5, to);
-        expect("inverse: a pause leads back", is_near((double)self.entry.last, (double)force));
+        expect("inverse: the way back after a pause", is_near((double)self.entry.last, (double)force));
     }
 
     error = 0.0;
@@ -739,7 +739,7 @@ static void test_inverse(void)
         given.force_max = (tff_real)NAN;
         taken = taken && (tff_inverse_use(&other, &given) == 0) && is_near((double)other.output.high, 150.0);
     }
-    expect("inverse: parameters that mean something are taken, others not", taken);
+    expect("inverse: valid parameters are accepted, others refused", taken);
     {
         tff_parameters given;
         tff_parameters_init(&given);
@@ -852,7 +852,7 @@ static void test_table(void)
         expect("table: no time, no change", same);
         force = self.entry.last;
         (void)tff_table_step_dt(&self, (tff_real)0.5, to);
-        expect("table: a pause leads back", is_near((double)self.entry.last, (double)force));
+        expect("table: the way back after a pause", is_near((double)self.entry.last, (double)force));
     }
 
     error = 0.0;
@@ -876,7 +876,7 @@ static void test_table(void)
         given.force_max = (tff_real)NAN;
         taken = taken && (tff_table_use(&other, &given) == 0) && is_near((double)other.output.high, 150.0);
     }
-    expect("table: parameters that mean something are taken, others not", taken);
+    expect("table: valid parameters are accepted, others refused", taken);
 }
 
 static void test_stream(void)
@@ -967,7 +967,7 @@ static void test_stream(void)
         expect("stream: no time, no change", same);
         force = self.entry.last;
         (void)tff_stream_step_dt(&self, (tff_real)0.5, to);
-        expect("stream: a pause leads back", is_near((double)self.entry.last, (double)force));
+        expect("stream: the way back after a pause", is_near((double)self.entry.last, (double)force));
     }
 
     {
@@ -985,7 +985,7 @@ static void test_stream(void)
         taken = taken && (tff_stream_use(&self, &given) == 1) && is_near((double)self.high, 106.69761821822065) && is_near((double)self.low, 0.14023897025398877);
         given.force_max = (tff_real)NAN;
         taken = taken && (tff_stream_use(&self, &given) == 0);
-        expect("stream: parameters that mean something are taken, others not", taken);
+        expect("stream: valid parameters are accepted, others refused", taken);
         tff_stream_init_at(&self, live_reference[0], 100.0);
         taken = is_near((double)self.output.force, 100.0) && is_near((double)self.entry.last, (double)live_reference[0]);
         expect("stream: a start in motion keeps the force and is led to the reference", taken && (self.entry.lost == 100));
@@ -1008,12 +1008,12 @@ static void test_profile(void)
         good = good && (profile.output.status == TFF_OK) && is_near((double)profile.output.force, stepped);
     }
     last = (double)tff_profile_at((uint32_t)(TFF_PROFILE_LENGTH - 1));
-    report("profile: plays its samples", error, 0.0);
+    report("profile: gives its samples", error, 0.0);
     for (k = 0; k < 3; k++) {
         good = good && is_near((double)tff_profile_step(&profile), last) && (profile.output.status == TFF_ENDED);
     }
     good = good && ((profile.output.seen & TFF_ENDED) != 0u) && is_near((double)tff_profile_at(UINT32_C(4294967295)), last);
-    expect("profile: stays at its last sample and says that it has ended", good);
+    expect("profile: holds its last sample and reports its end", good);
 }
 
 /* ---- the chain ---- */
