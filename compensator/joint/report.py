@@ -19,7 +19,7 @@ from tendonff.compensator.reporting.page import (
 )
 
 _CAPTIONS = {
-    "joint": "Reached and wanted, and the errors, on the verifying mechanism.",
+    "joint": "Joint angle and reference, and the errors, on the verifying mechanism.",
     "tension": "Tensions at the joint under the exact inverse.",
     "motor": "What the motor turns beyond the ratio alone, and the torque that it gives.",
     "contributions": "RMS error of the recommended profile with one parameter at the worse end of its interval.",
@@ -107,15 +107,15 @@ def _sheet(result: JointDesignData) -> Table:
                 if (play := _backlash_of_joint(result))
                 else []
             ),
-            ("friction that the drum feels, either way", sheet.drive_torque_N_m, "N m"),
+            ("friction torque at the drum, either direction", sheet.drive_torque_N_m, "N m"),
             ("the same as a force", sheet.drive_force_N, "N"),
             ("least tension at the joint, turning without load", sheet.least_tension_N, "N"),
             ("torque that makes a tendon slack, against the load", sheet.slack_torque_N_m, "N m"),
-            ("the same while the joint gives way", sheet.slack_torque_paying_out_N_m, "N m"),
+            ("the same while the joint yields", sheet.slack_torque_paying_out_N_m, "N m"),
             ("largest torque of the reference", sheet.largest_torque_N_m, "N m"),
             ("least pre-tension without slack", sheet.least_pretension_N, "N"),
             ("recommended pre-tension", sheet.recommended_pretension_N, "N"),
-            ("slope against a hard stop, both taut over one slack", sheet.stop_ratio, "-"),
+            ("slope against a hard stop: ratio with both tendons taut to one slack", sheet.stop_ratio, "-"),
         ]
     return Table(
         caption="Closed forms: full sliding, quasi-static, both tendons taut",
