@@ -209,8 +209,8 @@ def _identify_joint(
 
 
 def _say_files(line: str) -> None:
-    """Print findings and questions about the files; names of stages are not printed."""
-    if " samples over " in line:
+    """Print what was read, how long it takes, and questions; names of stages are not printed."""
+    if " samples over " in line or line.startswith("the fit takes"):
         say(line)
     elif line.startswith(DOUBT):
         warn(line.removeprefix(DOUBT))
