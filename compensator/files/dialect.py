@@ -18,7 +18,7 @@ MOST_COLUMNS = 5000
 """Columns that a table may have."""
 
 _COMMENTS = ("#", "%", "//")
-_LOOKED_AT = 200  # lines that the way of writing is told from
+_LOOKED_AT = 200  # lines by which the format is recognised
 _LONGEST = 100_000  # characters of a line that are looked at
 _SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars", " ": "spaces"}
 _DATE = re.compile(r"\d{4}-\d\d-\d\d|\d{1,2}:\d\d:")

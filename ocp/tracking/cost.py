@@ -140,7 +140,7 @@ def gauss_newton_model(
     bound are watched.
     """
     n, k = len(force_N), len(knots)
-    # A position remembers for ever: cut off, its slopes would jump and tell of speeds that are not there.
+    # A position depends on the whole history: cut off, its slopes would jump and show speeds that do not occur.
     moves = any(plant.bounds for plant in problem.plants)
     wiped = np.full(k, n) if moves else _wiped_rows(problem.reference_N, knots)
     hessian, gradient, hats = np.zeros((k, k)), np.zeros(k), Hats.of(knots)
