@@ -53,7 +53,7 @@ OF_CI: Mapping[str, str] = {
 def run_tests(name: str, tests: Sequence[str]) -> tuple[int, str]:
     """Exit status and output of pytest in an environment."""
     environment = {k: v for k, v in os.environ.items() if k not in {"CC", "PYTEST_ADDOPTS"}} | ENVIRONMENTS[name]
-    command = [sys.executable, "-m", "pytest", "-p", "no:xdist", "-q", "-rs", "--durations=3", *tests]
+    command = [sys.executable, "-m", "pytest", "-n", "0", "-q", "-rs", "--durations=3", *tests]
     run = subprocess.run(
         command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False
     )
