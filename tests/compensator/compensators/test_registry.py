@@ -36,7 +36,7 @@ from tendonff.ocp.tracking.result import TrackStatus
 
 
 class ConstantGain(Compensator):
-    """The wanted tension times e^{mu theta}: a compensator that only these tests know."""
+    """The reference times e^{mu theta}: a compensator that only these tests know."""
 
     name = "gain"
     label = "constant gain"
@@ -111,7 +111,7 @@ def test_the_inverse_knows_the_travel_of_the_actuator_where_no_limit_binds(quick
     problem = Problem.of(replace(quick, transmission=free))
     profile = compensator("inverse").profile(problem)
     assert profile.travel_m is not None
-    # Pulling stretches the tendon and the load's spring: the travel rises with the wanted tension.
+    # Pulling stretches the tendon and the load's spring: the travel rises with the reference.
     assert np.corrcoef(profile.travel_m, problem.reference.tension_N)[0, 1] > 0.9
     assert compensator("inverse").profile(Problem.of(quick)).travel_m is None
 

@@ -27,13 +27,13 @@ from tendonff.ocp import periodic
 from tests.independent_plant import respond
 
 pytestmark = pytest.mark.compiler
-WISH = WaypointReference(times_s=(0, 0.3, 0.45, 0.7), tensions_N=(40.0, 140.0, 140.0, 70.0), shape=Shape.SMOOTH)
+REFERENCE = WaypointReference(times_s=(0, 0.3, 0.45, 0.7), tensions_N=(40.0, 140.0, 140.0, 70.0), shape=Shape.SMOOTH)
 
 
 @pytest.fixture(scope="module")
 def cable(examples):
     scenario = load_scenario(examples / "bowden.toml")
-    return replace(scenario, reference=WISH, run=Run(step_s=1e-3, level=Level.PRESLIDING))
+    return replace(scenario, reference=REFERENCE, run=Run(step_s=1e-3, level=Level.PRESLIDING))
 
 
 def answer(scenario, name="inverse"):
@@ -195,14 +195,14 @@ def test_a_cycle_is_reached_by_an_independent_plant_that_starts_at_rest(cable):
 
 
 def test_a_wanted_position_arrives_at_the_load(cable):
-    wish = WaypointReference(
+    reference = WaypointReference(
         times_s=(0, 0.3, 0.5),
         positions_m=(0.0, 0.015, 0.005),
         shape=Shape.SMOOTH,
         quantity=Quantity.POSITION,
         initial_tension_N=40.0,
     )
-    problem, profile = answer(replace(cable, reference=wish))
+    problem, profile = answer(replace(cable, reference=reference))
     own = verify(Plant(cable.transmission, Level.PRESLIDING), "inverse", profile, problem.reference)
     assert own.position_error_m is not None
     assert own.position_error_m[1] < 1e-8
@@ -211,7 +211,7 @@ def test_a_wanted_position_arrives_at_the_load(cable):
 
 
 def test_a_kept_hold_is_named_with_its_cost_and_a_live_inverse_knows_none(cable):
-    holding = replace(cable, reference=replace(WISH, hold=Hold.KEEP))
+    holding = replace(cable, reference=replace(REFERENCE, hold=Hold.KEEP))
     problem, profile = answer(holding)
     assert np.ptp(profile.force_N[305:445]) < 1e-9
     assert problem.kept.drift_N < 0.02 * problem.reference.range_N
