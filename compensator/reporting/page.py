@@ -228,6 +228,9 @@ def render_report(report: Report, files: Mapping[Figure, Path] = MappingProxyTyp
             for section in report.sections
         ],
         scenario_text=_text_of(provenance.scenario),
+        scenario_caption="Scenario file"
+        if isinstance(provenance.scenario, JointScenario)
+        else "Complete scenario, including defaults",
         scenario_file=provenance.scenario.source.name,
         scenario_hash=_hash_of(provenance.scenario),
         inputs=[(path.name, file_hash(path)) for path in inputs],

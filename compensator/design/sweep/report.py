@@ -25,6 +25,7 @@ def sweep_report(result: SweepData, figures: Mapping[str, Figure]) -> Report:
         caption=f"RMS error that a share of the {unit} stays within [% of reference range]",
         columns=("compensator", *(f"{100 * q:g} %" for q in QUANTILES)),
         rows=[(labels[name], *result.quantiles(name)) for name in result.compensators],
+        one_quantity=True,
     )
     budget = Table(
         caption="First-order budget: error with one parameter at the ends of its range, all else nominal [% of range]",

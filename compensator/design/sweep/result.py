@@ -104,9 +104,9 @@ class SweepData:
                 f"{label}. Every profile knows the parameters of its point; on a rig their uncertainty adds to that."
             )
         return (
-            f"{self.expectation.headline(label, f'tendonff export-c {as_argument(self.scenario.source)} --out c')} "
-            f"Of {len(self.rows)} units drawn from it 95 % stay below {two_digits(most)} %, "
-            f"{two_digits(100 * self.yield_of(best, 1.0))} % of them below 1 %."
+            f"95 % of {len(self.rows)} units drawn from the uncertainty have an RMS error below {two_digits(most)} % "
+            f"of range with the {label}, {100 * self.yield_of(best, 1.0):.0f} % below 1 %. "
+            f"{self.expectation.headline(label, f'tendonff export-c {as_argument(self.scenario.source)} --out c')}"
         )
 
 

@@ -60,7 +60,7 @@ def _loops(files: Sequence[JointComparison]) -> Figure:
 
 
 def _residuals(files: Sequence[JointComparison]) -> Figure:
-    figure, axes = new_figure(len(files), 1, height_in=1.7 * len(files) + 0.5)
+    figure, axes = new_figure(len(files), 1, height_in=1.9 * len(files) + 0.5)
     for panel, file in zip(axes[:, 0], files, strict=True):
         rows = thinned(len(file.time_s))
         share = 100 * (file.model_N_m - file.torque_N_m) / max(float(np.ptp(file.torque_N_m)), 1e-300)
