@@ -42,7 +42,7 @@ Cost = tuple[str, float, float, tuple[float, ...], tuple[float, ...]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SweepData:
+class Sweep:
     """Scores over units."""
 
     scenario: AnyScenario
@@ -108,6 +108,15 @@ class SweepData:
             f"of range with the {label}, {100 * self.yield_of(best, 1.0):.0f} % below 1 %. "
             f"{self.expectation.headline(label, f'tendonff export-c {as_argument(self.scenario.source)} --out c')}"
         )
+
+    def write(self, folder: str | os.PathLike[str], *, parquet: bool = False, pdf: bool = False) -> None:
+        """Write `samples.csv` (and `samples.parquet`), `summary.json`, figures and `report.html`, all or nothing; makes
+        the folder.
+        """
+        # Output is made from results: the one import that may not stand at the top.
+        from tendonff.compensator.design.sweep.output import write_files
+
+        write_files(self, folder, parquet=parquet, pdf=pdf)
 
 
 _PLAN, _ROWS = "sweep.json", "rows.partial.csv"

@@ -10,7 +10,7 @@ from tendonff.compensator.compare.figures import errors_figure
 from tendonff.compensator.compare.run import compare
 from tendonff.compensator.compensators.closed_form import Capstan, Inverse, Uncompensated
 from tendonff.compensator.design.figures import tension_figure
-from tendonff.compensator.design.output import Design
+from tendonff.compensator.design.result import Design
 from tendonff.compensator.design.run import design
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario, parse_scenario
 
