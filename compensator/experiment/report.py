@@ -6,6 +6,7 @@ from statistics import mean
 
 from matplotlib.figure import Figure
 
+from tendonff.compensator.compensators.expectation import two_digits
 from tendonff.compensator.experiment import numbers
 from tendonff.compensator.experiment.result import ExperimentResult, MeasuredTensions
 from tendonff.compensator.reporting.page import (
@@ -183,7 +184,8 @@ def _summary(result: ExperimentResult) -> str:
 
 def _each(values: Mapping[Level, float], unit: str) -> str:
     """A quantity on each level, in words."""
-    return ", ".join(f"{value:.2g} ({level})" for level, value in values.items()) + f" {unit}"
+    first, *others = [f"{two_digits(value)} {{}}({level})" for level, value in values.items()]
+    return ", ".join((first.format(f"{unit} "), *(other.format("") for other in others)))
 
 
 def _closest(result: ExperimentResult, measured: MeasuredTensions) -> str:
