@@ -89,7 +89,7 @@ def a_minute(scenario):
         ("bowden", Precision.DOUBLE),
         pytest.param("bowden", Precision.FLOAT, marks=pytest.mark.nightly),
         ("finger_stribeck", Precision.FLOAT),
-        ("surgical", Precision.FLOAT),
+        pytest.param("surgical", Precision.FLOAT, marks=pytest.mark.nightly),
     ],
 )
 def test_c_equals_python_over_a_minute(library, example, precision, record_property):
