@@ -226,6 +226,17 @@ def test_integral_action_leaves_noise_alone(bench, reference, percent):
     assert percent(np.concatenate([reference[:1], run.tension_N])) < 0.05  # all of it integrated: 0.064
 
 
+def test_the_integral_acts_with_a_third_where_nothing_is_unexplained(bench):
+    """At rest, 0.1 N below the reference: the force is that of the plain inverse for a reference that grows so."""
+    tuner = bench.tuner(replace(bench.tuning(TENSION, gain=40.0), drift_level=0.0))
+    plain, factor = bench.tuner(bench.tuning(TENSION)), 1.0
+    for _ in range(100):
+        factor *= 1 + 40.0 * bench.step_s / 3 * 2 * (30.0 - 29.9) / (30.0 + 29.9)
+        force, expected = tuner.step(30.0, 29.9), plain.step(30.0 * factor, np.nan)
+    assert force > 30.05
+    assert force == pytest.approx(expected, rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("changes", "text"),
     [
