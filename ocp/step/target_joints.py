@@ -128,8 +128,9 @@ def contact_code(
         own=own,
         constants={name: value for name, value in everything.items() if name not in own},
         floors={name: COEFFICIENT_FLOOR for name in own if name.startswith(_COEFFICIENTS)},
-        record=f"typedef struct {{ /* friction of one mass of a bend */\n    {precision} "
-        f"{', '.join(fields)};\n}} {prefix}_contact;\n",
+        record="typedef struct { /* friction of one mass of a bend */\n"
+        + "".join(f"    {precision} {name};\n" for name in fields)
+        + f"}} {prefix}_contact;\n",
         functions="\n".join(functions),
     )
 
