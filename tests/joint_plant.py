@@ -73,7 +73,7 @@ def _cut(tendon: JointTendon, masses: int, joint: str) -> dict[str, Array]:
 class Plant:
     """A mechanism at rest at an angle, under tensions that are uniform along each tendon; `turn` goes on from there."""
 
-    def __init__(  # noqa: PLR0913
+    def __init__(
         self,
         mechanism: Mechanism,
         row_s: float,
@@ -90,7 +90,9 @@ class Plant:
         self._records, self._kept, self._count = (_Tendon * count)(), [], count
         for k, tendon in enumerate(tendons):
             t, f = tendon.tendon, tendon.friction
-            arrays = {name: np.ascontiguousarray(a, dtype=float) for name, a in _cut(tendon, masses, joint.name).items()}
+            arrays = {
+                name: np.ascontiguousarray(a, dtype=float) for name, a in _cut(tendon, masses, joint.name).items()
+            }
             n = len(arrays["angle"])
             work = {name: np.zeros(n + 2) for name in _WORK}
             arm = tendon.arm.moment_arm_m or 0.0
@@ -136,7 +138,7 @@ class Plant:
         return out
 
 
-def respond(
+def respond(  # noqa: PLR0913
     mechanism: Mechanism,
     motor_rad: Array,
     row_s: float,
