@@ -35,10 +35,10 @@ from tendonff.ocp.adaptation.tuning import (
 from tendonff.ocp.codegen.printer import Law
 
 MODEL_ERROR = 0.15
-"""What a good model leaves, in half lost motions."""
+"""Residual of a good model, in half lost motions."""
 
-WATCH = 0.75
-"""What is unexplained from which on the model counts as wrong, in half lost motions."""
+WATCH = 3.0
+"""Unexplained residual from which on the model counts as wrong, in half lost motions."""
 
 STILL, STUCK = 0.5, 2.0
 """Ways of the reference, in half lost motions, over which a measurement may stay the same: then it teaches nothing,

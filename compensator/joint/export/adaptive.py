@@ -18,7 +18,7 @@ _SAMPLE |= {"commanded": "commanded_rad"} | {f"v{k}": f"motor_rad[{k}]" for k in
 def adaptive_context(
     scenarios: Sequence[JointScenario], tuned: Sequence[TunedJoint | None], prefix: str, precision: Precision
 ) -> dict[str, object]:
-    """What the module of self-tuning joints needs; `adaptive` is empty where there are none."""
+    """Values of the module of self-tuning joints; `adaptive` is empty where there are none."""
     known = [(k, one) for k, one in enumerate(tuned) if one is not None]
     if not known:
         return {"adaptive": []}
