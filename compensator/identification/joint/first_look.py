@@ -171,7 +171,7 @@ def _push(motor: Array, torque: Array, way: int, drive: float, level: float) -> 
     if best is None or best[3] <= 0:
         return None
     _, kink, at, before, after = best
-    touch = kink - at / before
+    touch = max(kink - at / before, float(x[0]))  # a shallow line leads far beyond what the motor reached
     bent = 0 < after < 0.97 * before
     return Push(
         way=way, touch_rad=way * touch, kink_rad=way * kink if bent else None, slopes_N_m_per_rad=(before, after)

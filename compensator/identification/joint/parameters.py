@@ -169,7 +169,9 @@ class JointNumber(_Specified, Enum):
     )
     GRAVITY = (
         "gravity_N_m",
-        JointSpec(unit="N m", role=Role.CORE, key="joint.gravity_N_m", step=0.02, of_force=True, advice=_STROKE),
+        JointSpec(
+            unit="N m", role=Role.CORE, key="joint.gravity_N_m", step=0.02, floor=0.012, of_force=True, advice=_STROKE
+        ),
     )
     STOP_HIGH = (
         "stop_high_rad",
