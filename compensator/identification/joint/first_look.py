@@ -20,6 +20,9 @@ from tendonff.models.joint.parameters import Mechanism
 PUSHED = 1.2
 """A push: torque beyond that of free strokes by this factor."""
 
+STEEPER = 1.5
+"""Ratio of slopes from which on a rise is a stop after weight, and not a stop after which a tendon goes slack."""
+
 SLIDING_SHARE = 0.4
 """Gross sliding: so much of the motor's range after a reversal, and further."""
 
@@ -171,10 +174,14 @@ def _push(motor: Array, torque: Array, way: int, drive: float, level: float) -> 
     if best is None or best[3] <= 0:
         return None
     _, kink, at, before, after = best
-    touch = max(kink - at / before, float(x[0]))  # a shallow line leads far beyond what the motor reached
+    if after > STEEPER * before:  # what rises before is weight: the stop is where it gets steep
+        return Push(way=way, touch_rad=way * kink, kink_rad=None, slopes_N_m_per_rad=(after, after))
     bent = 0 < after < 0.97 * before
     return Push(
-        way=way, touch_rad=way * touch, kink_rad=way * kink if bent else None, slopes_N_m_per_rad=(before, after)
+        way=way,
+        touch_rad=way * max(kink - at / before, float(x[0])),  # a shallow line leads beyond what the motor reached
+        kink_rad=way * kink if bent else None,
+        slopes_N_m_per_rad=(before, after),
     )
 
 
