@@ -23,6 +23,9 @@ PUSHED = 1.2
 STEEPER = 1.5
 """Ratio of slopes from which on a rise is a stop after weight, and not a stop after which a tendon goes slack."""
 
+END_SHARE = 0.005
+"""End of a push: so near to the furthest motor angle, as a share of its range."""
+
 SLIDING_SHARE = 0.4
 """Gross sliding: so much of the motor's range after a reversal, and further."""
 
@@ -151,7 +154,8 @@ def _sliding(motor: Array, speed: Array) -> Mask:
 
 def _push(motor: Array, torque: Array, way: int, drive: float, level: float) -> Push | None:
     """The push that goes furthest one way: where its torque leaves that of free strokes, and two straight lines."""
-    last = int(np.argmax(way * motor))
+    furthest = np.flatnonzero(way * motor >= (way * motor).max() - END_SHARE * float(np.ptp(motor)))
+    last = int(furthest[np.argmax(way * torque[furthest])])  # once the motor stands, friction of its gear lets go
     if way * (torque[last] - level) < (PUSHED - 1) * drive:
         return None
     way_up = way * motor[: last + 1]

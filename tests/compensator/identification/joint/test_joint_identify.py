@@ -101,7 +101,7 @@ def test_a_column_that_is_missing_is_named(tmp_path, columns, told):
 
 def test_a_pair_is_refused_with_the_way_out(tmp_path):
     pair = tf.load_joint_scenario(EXAMPLES / "instrument_pair.toml")
-    with pytest.raises(InputError, match="each tendon by itself"):
+    with pytest.raises(InputError, match="both ends of one tendon that passes the joint"):
         identify_joint(pair, [tmp_path / "log.csv"])
     with pytest.raises(InputError, match="for a loop"):
         suggest_routine(pair)
