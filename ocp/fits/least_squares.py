@@ -181,7 +181,11 @@ def block_covariance(residuals: Residuals, *, robust: bool) -> tuple[Array, int]
         # The blocks' own scatter is a noisy estimate; never fall below what independent rows would give.
         rows = max(len(r) - count, 1)
         plain = inverse * float((weight * r * r).sum() / rows)
-        excess = np.sqrt(np.maximum(np.diag(plain) / np.maximum(np.diag(clustered), 1e-300), 1.0))
+        alone = np.diag(clustered) <= np.finfo(float).eps * np.diag(plain)  # rounding is all that their blocks scatter
+        clustered[alone, :] = clustered[:, alone] = 0.0
+        clustered[alone, alone] = np.diag(plain)[alone]
+        excess = np.ones(len(clustered))
+        excess[~alone] = np.sqrt(np.maximum(np.diag(plain)[~alone] / np.diag(clustered)[~alone], 1.0))
         clustered = clustered * np.outer(excess, excess)
         part = clustered / np.outer(size[seen], size[seen])
         lost = (np.abs(vt[blind]) > 1e-3).any(axis=0) if blind.any() else np.zeros(scaled.shape[1], dtype=bool)
