@@ -31,8 +31,6 @@ class Tuned:
         Starts of the first fit, as factors of the scenario's values (rigs).
     exponent_starts, release_starts : tuple of float
         Starts of the static laws' mu theta, and releasing as shares of pulling (rigs).
-    grid_rows : int
-        Samples of a piece on which these starts are compared, at least (method).
     most_exponent : float
         Largest mu theta that is searched (rule: a tension ratio of 3000).
     least_spread : float
@@ -54,8 +52,10 @@ class Tuned:
         A speed term lowers the validation error by the first factor, or by the second where the fit error falls by the
         first (rigs without a Stribeck effect).
     sure, very_sure : float
-        Standard errors from nothing: of a speed term or adhesion, and of an offset, a delay or a difference of
-        directions, which systematic errors imitate (rigs).
+        Standard errors from nothing: of a speed term, adhesion, a difference of directions or a delay of positions, and
+        of an offset or a delay of tensions, which systematic errors imitate (rigs).
+    symmetric_share : float
+        One coefficient holds for both directions where their difference is known to this share (rigs).
     identifiable_share : float
         Standard error over value from which on a value counts as not identifiable (rule).
     insensitive_share : float
@@ -85,16 +85,14 @@ class Tuned:
         of them (rule: rated values of fibres).
     scatter_share : float
         Scatter between files from which on it is reported (rule).
-    explained_enough : float
-        Share of the elongation's variance from which on the static law's tension explains it (rigs).
     hold_share : float
         A hold: the tension stays within this share of its range (rule).
     least_delay_steps, most_delay_s, most_delay_share : float
         A delay between the channels is at least so many samples, and at most this long and this share of the record
         (rule: a logger).
     knot_s, least_knot_rows, window_knots : float
-        Distance of the input's knots, their least number of samples, knots of a window; half of
-        them again before it (method).
+        Distance of the input's knots, and of samples on which starts are compared, the knots' least number of samples,
+        knots of a window; half of them again before it (method).
     widest_correction : float
         A correction of the input where nothing was read, as behind a gap: usually so many times the noise (method).
     misfit_share : float
@@ -125,7 +123,6 @@ class Tuned:
     mu_starts: tuple[float, ...] = (0.4, 1.0, 2.0)
     exponent_starts: tuple[float, ...] = (0.02, 0.1, 0.3, 0.6, 0.9, 1.2, 1.8, 2.5, 4.0)
     release_starts: tuple[float, ...] = (1.0, 0.85, 0.7, 0.5)
-    grid_rows: int = 500
     most_exponent: float = 8.0
     least_spread: float = 1e-3
     poor_percent: float = 10.0
@@ -138,6 +135,7 @@ class Tuned:
     slightly: float = 1.1
     sure: float = 2.0
     very_sure: float = 4.0
+    symmetric_share: float = 0.01
     identifiable_share: float = 0.35
     insensitive_share: float = 1e3
     twins: float = 0.985
@@ -148,13 +146,12 @@ class Tuned:
     forget_bridge: float = 0.85
     small_piece: float = 0.5
     adhesion_floor: float = 0.0005
-    other_laws: float = 0.65
+    other_laws: float = 0.5
     tried_concentration: float = 0.3
     uneven_from: float = 3.0
     least_files: int = 3
     kept_uncertainty: float = 0.5
     scatter_share: float = 0.02
-    explained_enough: float = 0.8
     hold_share: float = 0.02
     least_delay_steps: float = 0.3
     most_delay_s: float = 0.1

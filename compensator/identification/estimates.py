@@ -13,7 +13,8 @@ from tendonff.compensator.identification.fitting.static import CONSTANTS, Static
 from tendonff.compensator.identification.fitting.tendon import longest_hold_s
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Record, mean_pose
-from tendonff.compensator.identification.parameters import BIASES, PARAMETERS, TENDON, Parameter
+from tendonff.compensator.identification.measured.gains import Gains
+from tendonff.compensator.identification.parameters import BIASES, CELL_GAINS, PARAMETERS, TENDON, Parameter
 from tendonff.compensator.identification.result import EXPONENTS, Estimate, is_known
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
@@ -145,7 +146,7 @@ class _Rig:
         return Estimate(name=str(name), value=value if self.described or own is None else own, why=why, scenario=own)
 
     def fitted(
-        self, name: str, value: float, error: float, interval: tuple[float, float], *, told: bool, why: str
+        self, name: str, value: float, error: float, interval: tuple[float, float], *, identifiable: bool, why: str
     ) -> Estimate:
         """A value that was fitted; the scenario's own where no law describes the device."""
         own = self.own(name)
@@ -157,7 +158,7 @@ class _Rig:
             value=value,
             standard_error=error if seen else None,
             interval=interval if seen else None,
-            identifiable=bool(told and self.described and seen),
+            identifiable=bool(identifiable and self.described and seen),
             why=why if self.described else NOT_DESCRIBED,
             scenario=own,
             fitted=self.described,
@@ -203,10 +204,10 @@ def _static(rig: _Rig, fit: StaticFit) -> list[Estimate]:
             sure = fit.stands_out(parameter)
         else:
             sure = is_known(error, abs(value)) or parameter is P.GUIDE
-        told = not alike and sure
+        identifiable = not alike and sure
         if alike:
             why = f"it goes with {partner}, these files tell only their combination; repeat at several loads"
-        elif told and math.isfinite(error):
+        elif identifiable and math.isfinite(error):
             why = "static stage" + (f"; mu theta = {sliding[parameter]:.4g}" if parameter in sliding else "")
         else:
             share = error / abs(value) if value else float("inf")
@@ -214,7 +215,11 @@ def _static(rig: _Rig, fit: StaticFit) -> list[Estimate]:
             why = rig.reason(of or D.INPUT_BIAS, share, fitted=True) + "." + twin
         least = lines[parameter].held / angles[parameter] if parameter in lines else 0.0
         interval = (factor * low - least, factor * high - least)
-        estimates.append(rig.fitted(name, float(factor * value) - least, factor * error, interval, told=told, why=why))
+        estimates.append(
+            rig.fitted(
+                name, float(factor * value) - least, factor * error, interval, identifiable=identifiable, why=why
+            )
+        )
     if rig.described and P.ADHESION.value in solution.values:
         estimates.append(_without_load(rig, fit))
     for name in (D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME, D.STRIBECK_VELOCITY, D.VISCOUS, D.DAMPING):
@@ -241,7 +246,7 @@ def _without_load(rig: _Rig, fit: StaticFit) -> Estimate:
         value,
         error,
         (value - reach, value + reach),
-        told=is_known(error, value),
+        identifiable=is_known(error, value),
         why="static stage: adhesion times (e^{mu theta} - 1)",
     )
     return replace(found, fitted=False)
@@ -269,7 +274,7 @@ def _dynamic(rig: _Rig, fit: DynamicFit) -> list[Estimate]:
     """Estimates of the dynamic stage, which starts from the others' answers."""
     solution = fit.solution
     estimates: list[Estimate] = []
-    for parameter in PARAMETERS:
+    for parameter in (p for p in PARAMETERS if p not in CELL_GAINS):
         source = D.MU_PULL if parameter is D.MU_RELEASE and fit.model.symmetric else parameter
         statics = {"mu_static": fit.values[D.MU_PULL], "mu_static_release": fit.values[D.MU_RELEASE]}
         if source not in solution.values:
@@ -289,16 +294,43 @@ def _dynamic(rig: _Rig, fit: DynamicFit) -> list[Estimate]:
         low, high = solution.interval(source)
         if source not in BIASES:
             low = max(low, 0.0)  # no interval of a positive value reaches below zero
-        told = math.isfinite(error) and (is_known(error, source.size(value, fit.mean_N)) or source in BIASES)
+        identifiable = math.isfinite(error) and (is_known(error, source.size(value, fit.mean_N)) or source in BIASES)
         share = error / abs(value) if value else float("inf")
-        why = "dynamic stage" if told else rig.reason(parameter, share, fitted=True)
+        why = "dynamic stage" if identifiable else rig.reason(parameter, share, fitted=True)
         if parameter is not D.STATIC_EXCESS:
-            estimates.append(rig.fitted(parameter, value, error, (low, high), told=told, why=why))
+            estimates.append(rig.fitted(parameter, value, error, (low, high), identifiable=identifiable, why=why))
             continue
         for static, mu in statics.items():  # both from their common ratio to the dynamic coefficients
             interval = (mu * (1 + low), mu * (1 + high))
-            estimates.append(rig.fitted(static, mu * (1 + value), mu * error, interval, told=told, why=why))
+            estimates.append(
+                rig.fitted(static, mu * (1 + value), mu * error, interval, identifiable=identifiable, why=why)
+            )
     return estimates
+
+
+def of_gains(gains: Gains) -> list[Estimate]:
+    """Gains of the cells that were found, by the time that identifies them."""
+    by = {D.INPUT_GAIN: (gains.input, "uniform_s"), D.OUTPUT_GAIN: (gains.output, "known_output_s")}
+    deviations = np.sqrt(np.diag(gains.covariance))
+    found = []
+    for (name, (value, key)), deviation in zip(by.items(), (gains.ratio_deviation, deviations[1]), strict=True):
+        if key in gains.found:
+            error = value * float(deviation)
+            reach = error * float(student.ppf(0.975, 4))
+            of_what = "relative to the output cell, " if name is D.INPUT_GAIN else ""
+            found.append(
+                Estimate(
+                    name=str(name),
+                    value=value,
+                    standard_error=error,
+                    interval=(value - reach, value + reach),
+                    identifiable=True,
+                    why=f"{of_what}where [measurement] states {key}",
+                    scenario=1.0,
+                    fitted=True,
+                )
+            )
+    return found
 
 
 def _exponents(rig: _Rig, estimates: Sequence[Estimate]) -> list[Estimate]:

@@ -25,6 +25,7 @@ class Role(Enum):
     CONSTANT = "where the data support it"
     SPEED = "where the data support a dependence on speed"
     KEPT = "never; with the number that it belongs to"
+    CELL = "never; found where friction does not act"
 
 
 class Scale(Enum):
@@ -102,6 +103,9 @@ _BIAS: dict[str, Any] = {
     "advice": "not separable from adhesion and the other cell's offset; read both cells with a slack tendon",
 }
 _NO_RELAXATION = "the holds show no relaxation beyond the noise; use larger steps before longer holds"
+
+
+_READINGS = {str(reading): reading for reading in Reading}
 
 
 class _Specified(str):
@@ -251,6 +255,8 @@ class Parameter(_Specified, Enum):
             advice="it acts on fast changes only; add excitation above 20 Hz",
         ),
     )
+    INPUT_GAIN = "input_gain", Spec(unit="-", role=Role.CELL)
+    OUTPUT_GAIN = "output_gain", Spec(unit="-", role=Role.CELL)
     INPUT_BIAS = "input_bias_N", Spec(**_BIAS, static=StaticParameter.INPUT_BIAS, effect="input bias")
     OUTPUT_BIAS = "output_bias_N", Spec(**_BIAS, static=StaticParameter.OUTPUT_BIAS, effect="output bias")
 
@@ -258,6 +264,11 @@ class Parameter(_Specified, Enum):
     def signed(self) -> bool:
         """The number may be negative."""
         return self.spec.low < 0
+
+    @property
+    def number(self) -> Number | Reading | None:
+        """Number of the tendon or of the measurement that it is; None for one that several follow from."""
+        return self.spec.whole or _READINGS.get(str(self))
 
     def unknown(self, start: float, span_N: float) -> Unknown:
         """Bounds and step of its search, the output tension's range being `span_N`."""
@@ -295,8 +306,9 @@ class Parameter(_Specified, Enum):
 
 PARAMETERS = tuple(Parameter)
 MU_PULL, MU_RELEASE, STATIC_EXCESS = Parameter.MU_PULL, Parameter.MU_RELEASE, Parameter.STATIC_EXCESS
-CORE, TENDON, CONSTANTS, SPEED_TERMS = (
-    tuple(p for p in PARAMETERS if p.spec.role is role) for role in (Role.CORE, Role.TENDON, Role.CONSTANT, Role.SPEED)
+CORE, TENDON, CONSTANTS, SPEED_TERMS, CELL_GAINS = (
+    tuple(p for p in PARAMETERS if p.spec.role is role)
+    for role in (Role.CORE, Role.TENDON, Role.CONSTANT, Role.SPEED, Role.CELL)
 )
 BIASES = tuple(p for p in PARAMETERS if p.signed)
 
@@ -312,7 +324,7 @@ def _direction(parameter: Parameter, values: Values) -> Numbers:
         return {Number.MU_DYNAMIC_RELEASE: 1.0, Number.MU_STATIC_RELEASE: excess}
     if parameter is STATIC_EXCESS:
         return {Number.MU_STATIC_PULL: values[MU_PULL], Number.MU_STATIC_RELEASE: values[MU_RELEASE]}
-    return {parameter.spec.whole or Reading(parameter): 1.0}
+    return {} if parameter.number is None else {parameter.number: 1.0}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -332,7 +344,7 @@ class ParametricChain(ChainModel):
         own = self.numbers()
         mu = own[Number.MU_DYNAMIC_PULL]
         return {
-            **{p: own[p.spec.whole or Reading(p)] for p in PARAMETERS if p.spec.whole or p.signed},
+            **{p: own[p.number] for p in PARAMETERS if p.number is not None},
             MU_PULL: mu,
             MU_RELEASE: own[Number.MU_DYNAMIC_RELEASE],
             STATIC_EXCESS: own[Number.MU_STATIC_PULL] / mu - 1 if mu > 0 else 0.0,
@@ -341,9 +353,7 @@ class ParametricChain(ChainModel):
     def numbers_of(self, values: Values) -> dict[str, float]:
         """Numbers of the tendon and the cells' readings at given values, all of them."""
         values = self.tied(values)
-        direct: dict[str, float] = {
-            p.spec.whole or Reading(p): values[p] for p in PARAMETERS if p.spec.whole or p.signed
-        }
+        direct: dict[str, float] = {p.number: values[p] for p in PARAMETERS if p.number is not None}
         mus = {k: by * values[p] for p in (MU_PULL, MU_RELEASE) for k, by in _direction(p, values).items()}
         return {**direct, **mus}
 

@@ -12,7 +12,7 @@ from tendonff.compensator.files.progress import DOUBT
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification import messages
 from tendonff.compensator.identification.constants import TUNED
-from tendonff.compensator.identification.estimates import estimates_of, summarise_excitation
+from tendonff.compensator.identification.estimates import estimates_of, of_gains, summarise_excitation
 from tendonff.compensator.identification.fitting import tendon
 from tendonff.compensator.identification.fitting.channels import check_channels
 from tendonff.compensator.identification.fitting.delay import align, earlier
@@ -23,6 +23,7 @@ from tendonff.compensator.identification.fitting.sliding import friction_by_sect
 from tendonff.compensator.identification.fitting.static import StaticFit
 from tendonff.compensator.identification.fitting.uncertainty import ByFile, between_files
 from tendonff.compensator.identification.measured.cleaning import Record, clean, joints_of, mean_pose
+from tendonff.compensator.identification.measured.gains import gains_of
 from tendonff.compensator.identification.measured.plan import (
     check_plan,
     check_question,
@@ -92,7 +93,7 @@ def identify(
         study = _read(scenario, data, validate, static_only, conditions or {}, say, confirm)
         for stage in STAGES:
             study = attempted(stage, study)
-        return _answer(study)
+        return replace(_answer(study), asked=scenario.measurement)
 
 
 def _read(
@@ -109,6 +110,10 @@ def _read(
     check_question(scenario, fit_files, judging)
     how = scenario.measurement
     raw = [read_measurement(path, how, scenario.transmission.joints) for path in (*fit_files, *judging)]
+    gains = gains_of(raw[: len(fit_files)], how)
+    raw = [gains.taken_out(one, how) for one in raw]
+    how = replace(how, input_gain=_unless_one(gains.input), output_gain=_unless_one(gains.output))
+    scenario = replace(scenario, measurement=how)
     check_plan(raw, how, static_only=static_only, say=say, confirm=confirm)
     everything = [clean(one, how) for one in raw]
     records = everything[: len(fit_files)]
@@ -131,9 +136,15 @@ def _read(
         static_only=static_only,
         conditions=conditions,
         say=say,
+        gains=gains,
         explain=Explain.POSITION if proximal else Explain.OUTPUT,
     )
     return study.noted(*doubts, *messages.about_issues(everything), _foreign(scenario, records))
+
+
+def _unless_one(gain: float) -> float | None:
+    """Gain as [measurement] states it: none of a cell without an error."""
+    return None if gain == 1 else gain
 
 
 def first_look(study: Study) -> Study:
@@ -176,9 +187,7 @@ def elongation_of_the_tendon(study: Study) -> Study:
     if stage is None or coarse is None or not all(r.has_positions for r in records):
         return study
     transmission = study.scenario.transmission
-    found, explained = tendon.fit_tendon(records, stage.fit.values, transmission.tendon)
-    if explained < TUNED.explained_enough:
-        return study
+    found = tendon.fit_tendon(records, stage.fit.values, transmission.tendon)
     near = _start(study) | {D.BRISTLE: coarse.solution.values[D.BRISTLE]} | {D(k): v for k, v in found.items()}
     other = fit_coarse(records, transmission, near, several=False)
     return replace(study, coarse=min(coarse, other, key=lambda c: c.solution.cost))
@@ -196,7 +205,7 @@ def law_of_the_chain(study: Study) -> Study:
         _start(study),
         validation=study.judges,
         biases=study.stage is not None and _biased(study.stage, records),
-        gain_uncertainty=how.gain_uncertainty or 0.0,
+        gains=study.gains,
         kept_uncertainty=TUNED.kept_uncertainty if how.kept_uncertainty is None else how.kept_uncertainty,
         offsets=not proximal and not any(r.zeroed for r in records),
         say=study.say,
@@ -220,8 +229,7 @@ def _answer(study: Study) -> Identification:
     laws = compared(study.stage, chain, records)
     law: DynamicFit | StaticFit | None = chain
     if study.stage is not None and not any(law.chosen and law.stage == "dynamic" for law in laws):
-        gains = scenario.measurement.gain_uncertainty or 0.0
-        law = study.stage.reported(scenario.transmission.friction.adhesion_N, gains)
+        law = study.stage.reported(scenario.transmission.friction.adhesion_N, study.gains)
     if law is None:
         raise InputError("; ".join(("no law could be fitted to these files", *study.warnings)))
     chain = law if isinstance(law, DynamicFit) else None
@@ -235,6 +243,7 @@ def _answer(study: Study) -> Identification:
     estimates, names, correlation = estimates_of(
         scenario, law, summarise_excitation(records), described=not failure, static_only=study.static_only
     )
+    estimates = (*estimates, *of_gains(study.gains))
     fitted = Fitted(scenario=scenario)
     if failure:
         study = study.noted(messages.about_no_law(laws, failure, sliding, records))

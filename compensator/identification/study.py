@@ -10,6 +10,7 @@ from tendonff.compensator.identification.fitting.delay import Delay
 from tendonff.compensator.identification.fitting.dynamic import CoarseFit, DynamicFit
 from tendonff.compensator.identification.fitting.model_selection import StaticSelection
 from tendonff.compensator.identification.measured.cleaning import Record
+from tendonff.compensator.identification.measured.gains import EXACT_GAINS, Gains
 from tendonff.compensator.identification.measured.reading import RawMeasurement
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
@@ -40,6 +41,8 @@ class Study:
         Labels by file name.
     say : callable
         Callback for messages on the work in progress.
+    gains : Gains
+        Of the cells; the records are without them.
     explain : Explain
         Channel that the laws explain.
     coarse : CoarseFit, optional
@@ -63,6 +66,7 @@ class Study:
     static_only: bool
     conditions: Mapping[str, str] = field(default_factory=dict)
     say: Callable[[str], None] = lambda _: None
+    gains: Gains = EXACT_GAINS
     explain: Explain = Explain.OUTPUT
     coarse: CoarseFit | None = None
     delay: Delay | None = None

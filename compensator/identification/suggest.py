@@ -32,7 +32,7 @@ MASSES, SEARCH_STEP_S, NOISE_SHARE = 6, ROW_S, 0.005
 PRIOR = 1e-2
 """Information that is there before: everything is known to ten times its size."""
 
-TOLD = (*CORE, D.ADHESION, *TENDON)
+FITTED = (*CORE, D.ADHESION, *TENDON)
 """Parameters of a fit on which a design depends."""
 
 
@@ -200,7 +200,7 @@ class Information:
             transmission=t, level=Level.PRESLIDING, count=MASSES, longest_step_s=SEARCH_STEP_S
         )
         self._values = self._model.values()
-        self._sizes = np.array([max(abs(self._values[name]), 1.0 if name is D.ADHESION else 1e-9) for name in TOLD])
+        self._sizes = np.array([max(abs(self._values[name]), 1.0 if name is D.ADHESION else 1e-9) for name in FITTED])
         self._noise_N = NOISE_SHARE * t.actuator.force_max_N
         rows = slice(None, None, max(1, round(SEARCH_STEP_S / step_s)))
         chain = Chain.of(t, Level.PRESLIDING, MASSES)
@@ -212,7 +212,7 @@ class Information:
 
     def _respond(self, force_N: Array, rest_N: float) -> ChainResponse:
         drive = Drive(input_N=force_N, step_s=SEARCH_STEP_S, first_output_N=rest_N)
-        return self._model.predict(self._values, drive, TOLD)
+        return self._model.predict(self._values, drive, FITTED)
 
     def expected_percent(self, force_N: Array) -> float:
         """RMS error of a design from these parameters' scatter alone [% of the reference's range]."""
@@ -221,8 +221,8 @@ class Information:
         stretch = NOISE_SHARE * max(float(np.ptp(response.elongation_m)), 1e-12)
         parts = (response.output_slopes / self._noise_N, elongation / stretch)
         rows = np.concatenate(parts) * self._sizes
-        told = rows.T @ rows + PRIOR * np.eye(len(TOLD))
-        return float(100 * np.sqrt(np.trace(np.linalg.solve(told, self._design))) / self._span_N)
+        information = rows.T @ rows + PRIOR * np.eye(len(FITTED))
+        return float(100 * np.sqrt(np.trace(np.linalg.solve(information, self._design))) / self._span_N)
 
 
 def draw_plan(scenario: Scenario, plan: Plan, low_N: float, start_N: float | None = None) -> Excitation:

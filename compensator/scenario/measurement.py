@@ -45,6 +45,18 @@ class Measurement:
     gain_uncertainty : float or None
         Half-width of the 95 % interval of each tension cell's gain as a share of it [-], >= 0; it widens the intervals
         of what is fitted.
+    input_gain, output_gain : float or None
+        Reading of the cell over the tension, > 0, by which the readings are divided; default: 1, or found by
+        `uniform_s` and `known_output_s`, and written by `identify`.
+    uniform_s : tuple of float or None
+        Beginning and end of a time in which the tension is the same along the whole path, as before the first stroke
+        of a tendon that was tensioned without sliding [s]: the input cell's gain relative to the output cell's is
+        found there. The zeros of both cells must be known (`tare_s`, the offsets, or slack samples).
+    known_output_s : tuple of float or None
+        Beginning and end of a time in which the output tension is `known_output_N` [s]: the output cell's gain is
+        found there.
+    known_output_N : float or None
+        Output tension in `known_output_s` [N], as of a weight, > 0.
     kept_uncertainty : float or None
         The same for the tendon's values where the files do not tell them and the scenario's are kept [-], >= 0;
         default: 0.5.
@@ -88,6 +100,11 @@ class Measurement:
     drum_radius_m: float | None = None
     gear_ratio: float | None = None
     gain_uncertainty: float | None = None
+    input_gain: float | None = None
+    output_gain: float | None = None
+    uniform_s: tuple[float, float] | None = None
+    known_output_s: tuple[float, float] | None = None
+    known_output_N: float | None = None
     kept_uncertainty: float | None = None
     input_offset_N: float | None = None
     output_offset_N: float | None = None
@@ -119,10 +136,20 @@ class Measurement:
             if (getattr(self, name) or 0.0) >= 1:
                 raise ParameterError(f"{name} must be < 1, got {getattr(self, name):g}; 0.02 is +-2 %")
         self._check_cells()
-        if self.tare_s is not None and not 0 <= self.tare_s[0] < self.tare_s[1]:
-            raise ParameterError(
-                f"tare_s must be from and to, 0 <= from < to, got {list(self.tare_s)}; give when the tendon is slack"
-            )
+        times = {
+            "tare_s": "the tendon is slack",
+            "uniform_s": "the tension is the same along the path",
+            "known_output_s": "the output tension is known_output_N",
+        }
+        for name, what in times.items():
+            if (time_s := getattr(self, name)) is not None and not 0 <= time_s[0] < time_s[1]:
+                raise ParameterError(
+                    f"{name} must be from and to, 0 <= from < to, got {list(time_s)}; give when {what}"
+                )
+        for name in ("input_gain", "output_gain", "known_output_N"):
+            require_given(name, getattr(self, name), above=0, hint="leave it out where it is not known")
+        if (self.known_output_s is None) != (self.known_output_N is None):
+            raise ParameterError("known_output_s and known_output_N go together; give both or none of them")
         require_given("skip_s", self.skip_s, least=0, hint="use 0 to keep every row")
         require_given("cutoff_Hz", self.cutoff_Hz, above=0, hint="leave it out to have it found from the noise")
 

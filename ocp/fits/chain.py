@@ -39,10 +39,21 @@ _DIFFERENCE = 1e-4  # of a parameter
 
 
 class Reading(StrEnum):
-    """Offsets of the cells [N], numbers of a measurement beside those of the tendon."""
+    """Numbers of a measurement beside those of the tendon: offsets of the cells [N] and their gains [-]."""
 
     INPUT = "input_bias_N"
     OUTPUT = "output_bias_N"
+    INPUT_GAIN = "input_gain"
+    OUTPUT_GAIN = "output_gain"
+
+
+EXACT: Mapping[str, float] = {
+    Reading.INPUT: 0.0,
+    Reading.OUTPUT: 0.0,
+    Reading.INPUT_GAIN: 1.0,
+    Reading.OUTPUT_GAIN: 1.0,
+}
+"""Readings of cells without an error."""
 
 
 Numbers = Mapping[str, float]
@@ -107,7 +118,7 @@ class ChainModel:
     def numbers(self) -> dict[str, float]:
         """The scenario's own numbers, the readings zero."""
         whole = whole_of(self.transmission, self.level)
-        return {name.value: whole.value(name) for name in Parameter} | dict.fromkeys(Reading, 0.0)
+        return {name.value: whole.value(name) for name in Parameter} | dict(EXACT)
 
     def whole(self, numbers: Numbers) -> Whole:
         """The undivided tendon with given numbers."""
@@ -127,14 +138,14 @@ class ChainModel:
         if over and chain.moving:
             return self._differences(numbers, drive, over)
         if over:
-            output, near, far, slopes = self._differentiate(whole, chain, run_up, over)
+            output, near, far, slopes = self._differentiate(numbers, drive, chain, over)
         else:
             run = simulate(chain, run_up.force_N, run_up.step_s, initial_tension_N=run_up.rest_N).require()
             output, near, far = run.output_tension_N, run.near_position_m, run.far_position_m
             slopes = np.zeros((len(run_up.force_N), 3, 0))
         rows = len(drive.input_N)
         return ChainResponse(
-            output_N=run_up.sampled(output, rows) + numbers[Reading.OUTPUT],
+            output_N=numbers[Reading.OUTPUT_GAIN] * run_up.sampled(output, rows) + numbers[Reading.OUTPUT],
             elongation_m=run_up.sampled(near - far, rows),
             near_m=run_up.sampled(near, rows),
             output_slopes=run_up.sampled(slopes[:, 0], rows),
@@ -161,7 +172,7 @@ class ChainModel:
         """Kind of input that a drive is simulated as."""
         thin = max(1, int(self.longest_step_s / drive.step_s + 1e-6))
         refine = max(1, int(np.ceil(drive.step_s / self.longest_step_s - 1e-6)))
-        samples = drive.input_N - numbers[Reading.INPUT]
+        samples = (drive.input_N - numbers[Reading.INPUT]) / numbers[Reading.INPUT_GAIN]
         rows = np.arange(len(samples))
         if refine > 1:
             samples = CubicSpline(rows, samples)(np.arange((len(rows) - 1) * refine + 1) / refine)
@@ -169,7 +180,8 @@ class ChainModel:
             last = int(np.ceil((len(rows) - 1) / thin)) * thin
             samples = np.concatenate([samples, np.full(last - len(rows) + 1, samples[-1])])[::thin]
         step = drive.step_s * thin / refine
-        rest = max(drive.first_output_N - numbers[Reading.OUTPUT], LEAST_TENSION_N)
+        rest = (drive.first_output_N - numbers[Reading.OUTPUT]) / numbers[Reading.OUTPUT_GAIN]
+        rest = max(rest, LEAST_TENSION_N)
         lead = max(8, int(LEAD_IN_S / step))
         ramp = np.clip(np.arange(lead) / (lead / 2), 0, 1)
         smooth = ramp * ramp * (3 - 2 * ramp)
@@ -185,17 +197,19 @@ class ChainModel:
         )
 
     def _differentiate(
-        self, whole: Whole, chain: Chain, run_up: RunUp, over: Sequence[Numbers]
+        self, numbers: Numbers, drive: Drive, chain: Chain, over: Sequence[Numbers]
     ) -> tuple[Array, Array, Array, Array]:
         """Output, positions of both ends, and slopes of output, elongation and near position, shape (rows, 3, k)."""
         asked = {name for direction in over for name in direction}
         wanted = tuple(name for name in Parameter if name in asked)
+        whole, run_up = self.whole(numbers), self.with_lead_in(numbers, drive)
         force, step, rest = run_up.force_N, run_up.step_s, run_up.rest_N
         run = parameter_sensitivity(whole, chain, force, step, wanted, initial_tension_N=rest)
         if run.ends_slopes is None:
             raise SolveError("the sensitivities of the ends' positions are missing")
         near, far = run.ends_slopes[:, 0], run.ends_slopes[:, 1]
-        both = np.stack([run.tension_slopes[:, 0], near - far, near], axis=1)
+        gain = numbers[Reading.OUTPUT_GAIN]
+        both = np.stack([gain * run.tension_slopes[:, 0], near - far, near], axis=1)
         columns = {name.value: both[:, :, k] for k, name in enumerate(wanted)}
         if Reading.OUTPUT in asked:
             columns[Reading.OUTPUT] = np.zeros((len(force), 3))
@@ -204,7 +218,21 @@ class ChainModel:
             knots = np.array([0, len(force) - 1])
             shift = force_sensitivity(chain, force, step, knots, state=chain.rest_state(rest))
             columns[Reading.INPUT] = np.zeros((len(force), 3))
-            columns[Reading.INPUT][:, 0] = -shift.tension_slopes[:, 0].sum(axis=1)
+            by_all = gain * shift.tension_slopes[:, 0].sum(axis=1)
+            columns[Reading.INPUT][:, 0] = -by_all / numbers[Reading.INPUT_GAIN]
+        if Reading.OUTPUT_GAIN in asked:
+            columns[Reading.OUTPUT_GAIN] = np.zeros((len(force), 3))
+            columns[Reading.OUTPUT_GAIN][:, 0] = run.tension_N[:, -1]
+        if Reading.INPUT_GAIN in asked:
+            change = _DIFFERENCE * numbers[Reading.INPUT_GAIN]
+            both_ways = [_moved(numbers, {Reading.INPUT_GAIN: sign}, change) for sign in (1.0, -1.0)]
+            forces = [self.with_lead_in(other, drive).force_N for other in both_ways]
+            ends = [simulate(chain, f, step, initial_tension_N=rest).require() for f in forces]
+            more, less = (
+                np.stack([gain * e.output_tension_N, e.near_position_m - e.far_position_m, e.near_position_m], axis=1)
+                for e in ends
+            )
+            columns[Reading.INPUT_GAIN] = (more - less) / (2 * change)
         slopes = np.zeros((len(force), 3, len(over)))
         for k, direction in enumerate(over):
             for name, by in direction.items():

@@ -48,6 +48,8 @@ def align(
     """
     step = TUNED.least_delay_steps * max(r.step_s for r in records)
     most = most_delay_s(records)
+    # Without positions the tendon's values are kept, and an error of theirs imitates a delay.
+    sure = TUNED.sure if all(r.has_positions for r in records) else TUNED.very_sure
     found, shifted, total = coarse, tuple(records), 0.0
     seconds, error = at_first = _left_in(coarse)
     for _ in range(TUNED.rounds + 1):
@@ -57,11 +59,7 @@ def align(
         shifted = tuple(earlier(r, total) for r in records)
         found = fit_coarse(shifted, transmission, found.task.complete(found.solution.values), several=False)
         seconds, error = _left_in(found)
-    if (
-        abs(total) > max(TUNED.very_sure * error, step)
-        and abs(total + seconds) <= most
-        and found.percent < coarse.percent
-    ):
+    if abs(total) > max(sure * error, step) and abs(total + seconds) <= most and found.percent < coarse.percent:
         return Delay(seconds=total + seconds, error_s=error, identified=True), found, shifted
     seconds, error = at_first
     return Delay(seconds=seconds, error_s=error, identified=False), coarse, tuple(records)

@@ -44,22 +44,22 @@ def drive_estimate(scenario: Scenario, raw: Sequence[RawMeasurement]) -> Estimat
     reach = [np.ptp(bristle_force(run.position_m, value, bristle)[0]) for run in runs]
     if not np.isfinite(error_N) or max(reach) < 1.8 * value:
         return _kept(own, "the drive never slides in both directions; add full strokes with reversals")
-    told = is_known(error_N, value) and left < TUNED.identifiable_share * value
+    identifiable = is_known(error_N, value) and left < TUNED.identifiable_share * value
     why = (
         f"force of the drive less the tension at its end, with a damping of {found.values[DAMPING]:.3g} N s/m and an "
         f"offset of {found.values[OFFSET]:.3g} N; residual {left:.2g} N RMS"
     )
-    if not told:
+    if not identifiable:
         why = f"{why}, too much to tell {value:.3g} N: check the force's scale and the actuator's mass_kg"
     return Estimate(
         name=COULOMB,
-        value=value if told else own,
+        value=value if identifiable else own,
         standard_error=error_N,
         interval=(max(low, 0.0), high),
-        identifiable=told,
+        identifiable=identifiable,
         why=why,
         scenario=own,
-        fitted=told,
+        fitted=identifiable,
     )
 
 

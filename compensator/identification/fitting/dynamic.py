@@ -27,6 +27,7 @@ from tendonff.compensator.identification.fitting.uncertainty import (
 )
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Record
+from tendonff.compensator.identification.measured.gains import EXACT_GAINS, Gains
 from tendonff.compensator.identification.measured.smoothing import low_pass_piece
 from tendonff.compensator.identification.parameters import (
     CONSTANTS,
@@ -149,15 +150,15 @@ def fit_dynamic(
     validation: Sequence[Record] = (),
     biases: bool = False,
     offsets: bool = False,
-    gain_uncertainty: float = 0.0,
+    gains: Gains = EXACT_GAINS,
     kept_uncertainty: float = 0.0,
     say: Callable[[str], None] = lambda _: None,
 ) -> DynamicFit:
     """Choose the law on few masses and thinned samples, then move its values to those of many masses and all samples.
 
     The files of `validation` judge the laws, or without them parts of the fitted ones in turn. With `biases` the input
-    cell's bias may be free, with `offsets` the output cell may have an offset that the files tell. The uncertainties
-    are those of [measurement].
+    cell's bias may be free, with `offsets` the output cell may have an offset that the files tell. The uncertainty of
+    kept values is that of [measurement].
     """
     task = coarse.task.continued(coarse.solution)
     transmission, explain, tension = task.model.transmission, task.pieces[0].explain, _tension_N(task.pieces)
@@ -182,9 +183,7 @@ def fit_dynamic(
 
     def with_granted(task: ChainResiduals, solution: Solution) -> Solution:
         quick, slopes, every = seen(task, solution)
-        return with_taken_for_granted(
-            solution, slopes, every, quick, gain_uncertainty=gain_uncertainty, kept_uncertainty=kept_uncertainty
-        )
+        return with_taken_for_granted(solution, slopes, every, quick, gains=gains, kept_uncertainty=kept_uncertainty)
 
     law, task, solution, caution = look_again(law, task, solution, offsets=offsets, with_granted=with_granted)
     say("dynamic stage: uncertainty")
@@ -192,9 +191,7 @@ def fit_dynamic(
     files = file_estimates(quick, slopes, solution)
     solution, concentration = with_other_laws(with_common_errors(solution), slopes, every, quick)
     solution = with_floors(with_scatter(solution, files), mean_N)
-    solution = with_taken_for_granted(
-        solution, slopes, every, quick, gain_uncertainty=gain_uncertainty, kept_uncertainty=kept_uncertainty
-    )
+    solution = with_taken_for_granted(solution, slopes, every, quick, gains=gains, kept_uncertainty=kept_uncertainty)
     return DynamicFit(
         model=replace(task.model, count=transmission.path.segments),
         values=task.complete(solution.values),

@@ -18,6 +18,7 @@ from tendonff.compensator.identification.fitting.static import (
     fit_static,
 )
 from tendonff.compensator.identification.measured.cleaning import Record
+from tendonff.compensator.identification.measured.gains import EXACT_GAINS, Gains
 from tendonff.compensator.identification.parameters import Parameter
 from tendonff.compensator.identification.result import CandidateLaw
 from tendonff.compensator.scenario.measurement import Explain
@@ -36,7 +37,7 @@ class StaticSelection:
     laws: tuple[CandidateLaw, ...]  # all that were compared
     tried: tuple[StaticFit, ...]  # the candidates, in the order of `laws`
 
-    def reported(self, adhesion_N: float, gain_uncertainty: float = 0.0) -> StaticFit:
+    def reported(self, adhesion_N: float, gains: Gains = EXACT_GAINS) -> StaticFit:
         """The chosen law with what it leaves out in its errors.
 
         Adhesion and both biases act through their differences alone: where the biases were free, the adhesion is that
@@ -47,7 +48,7 @@ class StaticSelection:
         chosen = next(other for other, law in pairs if law.chosen)
         near = [pair for pair in pairs if pair[1].validation_percent <= TUNED.nearly_as_good * least]
         others = [fit for fit, law in near if fit is not chosen and not _is_beaten(fit, law, near)]
-        fit = _with_gains(_doubted(chosen, others), gain_uncertainty)
+        fit = _with_gains(_doubted(chosen, others), gains)
         if P.OUTPUT_BIAS.value not in fit.solution.values:
             return fit
         more = dict.fromkeys(CONSTANTS, adhesion_N)
@@ -56,12 +57,12 @@ class StaticSelection:
         return replace(fit, values=values, solution=replace(fit.solution, values=found))
 
 
-def _with_gains(fit: StaticFit, gain_uncertainty: float) -> StaticFit:
+def _with_gains(fit: StaticFit, gains: Gains) -> StaticFit:
     """Widen friction by what is not known of the two cells' gains: their ratio is added to one exponent and taken off
     the other.
     """
     signs = {P.PULL: 1.0, P.RELEASE: -1.0}
-    moved = np.array([signs.get(P(free), 0.0) for free in fit.solution.values]) * gain_uncertainty / 2 * math.sqrt(2)
+    moved = np.array([signs.get(P(free), 0.0) for free in fit.solution.values]) * gains.ratio_deviation
     return replace(fit, solution=replace(fit.solution, covariance=fit.solution.covariance + np.outer(moved, moved)))
 
 

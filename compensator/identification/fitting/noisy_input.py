@@ -85,10 +85,10 @@ def _step(task: ChainResiduals, solution: Solution, *, signed: bool) -> tuple[Ar
         by_knots = weight[:, None] * rows.by_knots
         inner = rows.by_knots.T @ by_knots + rows.price
         inner[np.diag_indices(len(inner))] *= 1 + 1e-9
-        told = np.column_stack([by_knots.T @ rows.by_values, rows.asked - by_knots.T @ rows.residuals])
-        solved = np.linalg.solve(inner, told)
-        normal += rows.by_values.T @ (weight[:, None] * rows.by_values) - told[:, :-1].T @ solved[:, :-1]
-        wanted -= rows.by_values.T @ (weight * rows.residuals) + told[:, :-1].T @ solved[:, -1]
+        coupling = np.column_stack([by_knots.T @ rows.by_values, rows.asked - by_knots.T @ rows.residuals])
+        solved = np.linalg.solve(inner, coupling)
+        normal += rows.by_values.T @ (weight[:, None] * rows.by_values) - coupling[:, :-1].T @ solved[:, :-1]
+        wanted -= rows.by_values.T @ (weight * rows.residuals) + coupling[:, :-1].T @ solved[:, -1]
         eliminated.append((rows, weight, solved))
     scale = np.sqrt(np.diag(normal))
     if not np.all(scale > 0):
@@ -177,7 +177,7 @@ def _windows_of(
     windows = input_windows(model, numbers, drive, knot_s=knot_s, window_s=window_s, before_s=before_s)
     for window in windows if noise_N > 0 else (_without_knots(grid_s),):
         at = (fitted >= window.first_s) & (fitted < window.time_s[-1])
-        heard = (clock >= window.time_s[0]) & (clock < window.time_s[-1]) & run.piece.good
+        inside = (clock >= window.time_s[0]) & (clock < window.time_s[-1]) & run.piece.good
         if not at.any():
             continue
         by_knots = [window.near_slopes if proximal else window.output_slopes, window.elongation_slopes]
@@ -189,7 +189,7 @@ def _windows_of(
             zero = np.full((int(at.sum()), 1), float(k > 0 or proximal))
             channels.append([x / sizes[k] for x in (residuals[at] * units[k], values, np.hstack([knots, zero]))])
         residuals, values, knots = (np.concatenate(x) for x in zip(*channels, strict=True))
-        price, asked = _price(window.knots_s, clock[heard], off[heard], noise_N)
+        price, asked = _price(window.knots_s, clock[inside], off[inside], noise_N)
         yield _Rows(
             residuals=residuals,
             by_values=values,
@@ -284,23 +284,23 @@ def _looked_again(
     free = (*task.free, *(name for name in offered if name not in task.free))
     wide = replace(task, model=replace(task.model, symmetric=False), free=free)
     at = {str(name): full[name] for name in free}
-    told = with_input_estimated(
+    wide_fit = with_input_estimated(
         wide, replace(solution, values=at, residuals=residuals_of(wide, at)), rounds=1, signed=True
     )
-    told = with_granted(wide, told)
+    wide_fit = with_granted(wide, wide_fit)
     own, dropped = task.model.values(), set[Parameter]()
     for name, sure in ((D.OUTPUT_BIAS, TUNED.very_sure), (D.ADHESION, TUNED.sure)):
         if name in free and own[name] == 0:
-            size = abs(told.values[name]) if name is D.OUTPUT_BIAS else told.values[name]
-            if not size > sure * told.standard_error(name):
-                told = _without(told, name)
+            size = abs(wide_fit.values[name]) if name is D.OUTPUT_BIAS else wide_fit.values[name]
+            if not size > sure * wide_fit.standard_error(name):
+                wide_fit = _without(wide_fit, name)
                 dropped.add(name)
     for name in SPEED_TERMS:  # the coarse chain's long steps imitate them
-        if name in free and own[name] == 0 and not told.values[name] > TUNED.sure * told.standard_error(name):
+        if name in free and own[name] == 0 and not wide_fit.values[name] > TUNED.sure * wide_fit.standard_error(name):
             for gone in (name, D.STRIBECK_VELOCITY) if name is D.STATIC_EXCESS else (name,):
-                told = _without(told, gone, by=told.values[gone] - own[gone])
+                wide_fit = _without(wide_fit, gone, by=wide_fit.values[gone] - own[gone])
                 dropped.add(gone)
-    symmetric = task.model.symmetric and _is_symmetric(told)
+    symmetric = task.model.symmetric and _is_symmetric(wide_fit)
     if symmetric:
         dropped.add(D.MU_RELEASE)
     kept = tuple(name for name in free if name not in dropped)
@@ -310,7 +310,7 @@ def _looked_again(
         free=kept,
         fixed={**full, **{name: own[name] for name in dropped - {D.MU_RELEASE}}},
     )
-    at = {str(name): float(told.values[name]) for name in kept}
+    at = {str(name): float(wide_fit.values[name]) for name in kept}
     found = with_input_estimated(chosen, replace(solution, values=at, residuals=residuals_of(chosen, at)))
     return _renamed(law, chosen, found), chosen, found
 
@@ -326,12 +326,13 @@ def _without(solution: Solution, name: Parameter, by: float | None = None) -> So
 
 
 def _is_symmetric(solution: Solution) -> bool:
-    """Whether a single coefficient holds for both directions."""
+    """Whether a single coefficient holds for both directions: their difference is small, and known to be."""
     pull, release = (list(solution.values).index(name) for name in (D.MU_PULL, D.MU_RELEASE))
     covariance = solution.covariance
     variance = covariance[pull, pull] + covariance[release, release] - 2 * covariance[pull, release]
     apart = abs(solution.values[D.MU_PULL] - solution.values[D.MU_RELEASE])
-    return bool(apart < TUNED.very_sure * np.sqrt(max(variance, 0.0)))
+    deviation = float(np.sqrt(max(variance, 0.0)))
+    return bool(apart < TUNED.sure * deviation < TUNED.sure * TUNED.symmetric_share * solution.values[D.MU_PULL])
 
 
 def _renamed(law: ChosenLaw, task: ChainResiduals, solution: Solution) -> ChosenLaw:

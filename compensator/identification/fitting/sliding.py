@@ -229,7 +229,11 @@ def _to_the_end(
     """Logarithm of the tension at a cell over that at the far end: its median in each stroke; NaN in one with a gap."""
     own = column == how.input_column
     pair = replace(
-        how, input_column=column, input_offset_N=how.input_offset_N if own else None, skip_s=how.skip_s or 0.0
+        how,
+        input_column=column,
+        input_offset_N=how.input_offset_N if own else None,
+        input_gain=how.input_gain if own else None,
+        skip_s=how.skip_s or 0.0,
     )
     pieces = {file: clean(read_measurement(file, pair), pair).pieces for file in files}
     found: dict[Branch, list[float]] = {branch: [] for branch in Branch}

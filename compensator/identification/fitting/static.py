@@ -247,7 +247,7 @@ class _Task:
         """Cost on a few of the rows."""
         full, differences = complete(values, self.model), []
         for run in self.runs:
-            every = max(1, len(run.good) // TUNED.grid_rows)
+            every = max(1, int(TUNED.knot_s / (run.thin * float(run.piece.time_s[1] - run.piece.time_s[0]))))
             response = respond(full, run.piece, self.explain, self.middle_m, run.thin * every)
             differences.append((response.prediction_N - run.wanted[::every])[run.good[::every]] / self.unit_N)
         return float(np.mean(np.sqrt(1 + np.concatenate(differences) ** 2)))

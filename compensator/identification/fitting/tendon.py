@@ -75,12 +75,8 @@ def _thinned(record: Record, piece: Piece, values: Mapping[StaticParameter, floa
     )
 
 
-def fit_tendon(
-    records: Sequence[Record], values: Mapping[StaticParameter, float], tendon: Tendon
-) -> tuple[dict[str, float], float]:
-    """k1, k2, tau by force and elongation of records with positions, and the share of the elongation's variance that
-    they explain; `values` are those of the static law.
-    """
+def fit_tendon(records: Sequence[Record], values: Mapping[StaticParameter, float], tendon: Tendon) -> dict[str, float]:
+    """k1, k2, tau by force and elongation of records with positions; `values` are those of the static law."""
     runs = [_thinned(r, p, values) for r in records for p in r.pieces]
     swing = max(float(np.ptp(r.force_N)) for r in runs)
     travel = max(float(np.ptp(r.elongation_m)) for r in runs)
@@ -127,7 +123,4 @@ def fit_tendon(
         ]
         starts.append(solve(evaluate, [*positive, *offsets], most=40))
     solution = min(starts, key=lambda s: s.cost)
-    everything = np.concatenate([x - x.mean() for x in (r.elongation_m for r in runs)])
-    left = solution.residuals.values * unit
-    explained = 1 - float(np.sum(left**2)) / max(float(np.sum(everything**2)), 1e-300)
-    return {name: solution.values[name] for name in TENDON_PARAMETERS}, explained
+    return {name: solution.values[name] for name in TENDON_PARAMETERS}

@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonff.compensator.identification.constants import TUNED
-from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece
+from tendonff.compensator.identification.fitting.residuals import ChainResiduals
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Record
-from tendonff.compensator.identification.parameters import TENDON, Parameter
-from tendonff.compensator.scenario.measurement import Explain
+from tendonff.compensator.identification.measured.gains import Gains
+from tendonff.compensator.identification.parameters import CELL_GAINS, TENDON, Parameter
 from tendonff.models.path import Section
 from tendonff.ocp.fits.least_squares import Residuals, Solution, block_covariance, gauss_newton_step
 
@@ -22,9 +22,6 @@ D = Parameter
 
 ALTERNATIVES = (D.ADHESION, D.STATIC_EXCESS, D.OUTPUT_BIAS)
 """Each may be missing in the law although it acts; they are averaged over by what the data say of them."""
-
-TRIED_GAIN = 0.01
-"""Change of a gain by which its effect is measured."""
 
 WATCHED = (D.MU_PULL, D.MU_RELEASE, D.ADHESION, D.BRISTLE, D.STIFFNESS)
 """Values whose differences between files are reported."""
@@ -36,9 +33,12 @@ def slopes_over_all(task: ChainResiduals, names: Sequence[Parameter]) -> Residua
 
 
 def expected_errors(found: Residuals, names: Sequence[Parameter]) -> dict[Parameter, float]:
-    """Standard errors if all of `names` were free, by the slopes over them at the present values."""
-    covariance, _ = block_covariance(found, robust=True)
-    return dict(zip(names, np.sqrt(np.diag(covariance)), strict=True))
+    """Standard errors if all of `names` but the cells' gains were free, by the slopes over them at the present
+    values.
+    """
+    own = [k for k, name in enumerate(names) if name not in CELL_GAINS]
+    covariance, _ = block_covariance(replace(found, slopes=found.slopes[:, own]), robust=True)
+    return dict(zip((names[k] for k in own), np.sqrt(np.diag(covariance)), strict=True))
 
 
 def with_other_laws(
@@ -73,12 +73,12 @@ def with_other_laws(
         feasible = extra is None or extra.signed or step[-1] + task.fixed[extra] > 0
         if not (feasible and np.isfinite(covariance).all()):
             continue
-        said = independent / 2 * float(np.log(own_size / size)) - 1
+        support = independent / 2 * float(np.log(own_size / size)) - 1
         moves.append(step[:-1] - own_step)
         spreads.append(covariance[:-1, :-1])
         # The choice of the law has turned the others down already; nobody has asked for this one yet.
-        evidence.append(said if extra is None else min(said, 0.0))
-        if extra is None and said > TUNED.uneven_from:
+        evidence.append(support if extra is None else min(support, 0.0))
+        if extra is None and support > TUNED.uneven_from:
             concentration = float(step[-1])
     share = np.exp(np.array(evidence) - max(evidence))
     share /= share.sum()
@@ -115,48 +115,27 @@ def with_taken_for_granted(
     names: Sequence[Parameter],
     task: ChainResiduals,
     *,
-    gain_uncertainty: float,
+    gains: Gains,
     kept_uncertainty: float,
 ) -> Solution:
-    """Add what the cells' gains and the tendon's kept values make doubtful, by their own 95 % half-widths.
+    """Add what the cells' gains and the tendon's kept values, by their 95 % half-width, make doubtful.
 
-    The answer goes with such a number as a Gauss-Newton step does. What the files themselves say of a kept value
-    narrows its doubt; a gain looks like friction, of which they say nothing.
+    The answer goes with such a number as a Gauss-Newton step does. What the files themselves say of a kept value does
+    not narrow its doubt: the value stays.
     """
     free = [names.index(D(n)) for n in solution.values]
     kept = [n for n in names if n in TENDON and n not in solution.values] if kept_uncertainty > 0 else []
     # The lower end of a value's interval is the further one: its logarithm counts.
     by_kept = -math.log1p(-kept_uncertainty) / 2
-    granted = [(found.slopes[:, names.index(n)] * task.fixed[n], by_kept, True) for n in kept]
-    if gain_uncertainty > 0:
-        granted += [(slope, gain_uncertainty / 2, False) for slope in _by_gains(found, task)]
+    granted = [by_kept * found.slopes[:, names.index(n)] * task.fixed[n] for n in kept]
+    variances, directions = np.linalg.eigh(gains.covariance)
+    by_gains = found.slopes[:, [names.index(n) for n in CELL_GAINS]] @ directions
+    granted += [math.sqrt(size) * slope for size, slope in zip(variances.tolist(), by_gains.T, strict=True) if size > 0]
     own, covariance = found.slopes[:, free], solution.covariance
-    for slope, deviation, heard in granted:
-        information = deviation**-2
-        if heard:
-            wider, _ = block_covariance(replace(found, slopes=np.column_stack([own, slope])), robust=True)
-            information += 1 / max(float(wider[-1, -1]), 1e-300)
+    for slope in granted:
         moved = gauss_newton_step(found.values + slope, own) - gauss_newton_step(found.values, own)
-        covariance = covariance + np.outer(moved, moved) / information
+        covariance = covariance + np.outer(moved, moved)
     return replace(solution, covariance=covariance)
-
-
-def _by_gains(found: Residuals, task: ChainResiduals) -> list[Array]:
-    """Slopes of the residuals over the logarithm of each cell's gain."""
-
-    def louder(run: FitPiece) -> FitPiece:
-        drive = replace(run.drive, input_N=run.drive.input_N * (1 + TRIED_GAIN))
-        return replace(run, drive=drive)
-
-    other = replace(task, pieces=[louder(run) for run in task.pieces], free=()).evaluate({})
-    slopes = [(found.values - other.values) / TRIED_GAIN]
-    if task.pieces[0].explain is Explain.OUTPUT:
-        parts = []
-        for run in task.pieces:
-            measured = run.measured[:: run.thin][run.good] / task.output_unit
-            parts += [measured, np.zeros_like(measured)] if run.with_elongation else [measured]
-        slopes.append(np.concatenate(parts))
-    return slopes
 
 
 def with_common_errors(solution: Solution) -> Solution:
@@ -211,14 +190,14 @@ def file_estimates(task: ChainResiduals, found: Residuals, solution: Solution) -
         covariance, _ = block_covariance(part, robust=True)
         errors = np.sqrt(np.diag(covariance))
         moved = gauss_newton_step(part.values, part.slopes) - joint
-        told = [k for k, error in enumerate(errors) if np.isfinite(error)]
+        identified = [k for k, error in enumerate(errors) if np.isfinite(error)]
         called = dict(enumerate(solution.values))
         values = list(solution.values.values())
         estimates.append(
             ByFile(
                 file=name,
-                values={called[k]: values[k] + float(moved[k]) for k in told},
-                errors={called[k]: float(errors[k]) for k in told},
+                values={called[k]: values[k] + float(moved[k]) for k in identified},
+                errors={called[k]: float(errors[k]) for k in identified},
             )
         )
     return tuple(estimates)
@@ -238,23 +217,23 @@ def between_files(
     records: Sequence[Record],
     conditions: Mapping[str, str],
 ) -> tuple[tuple[ByFile, ...], list[str]]:
-    """Estimates by file with their conditions and times, and what is to be said about their differences."""
+    """Estimates by file with their conditions and times, and messages on their differences."""
     started = {r.name: r.started_s for r in records}
     rows = tuple(replace(f, condition=conditions.get(f.file, ""), started_s=started.get(f.file)) for f in files)
-    said = []
+    lines = []
     for parameter in WATCHED if files else ():
         name, value = str(parameter), abs(values[parameter])
         scatter = _scatter(rows, name)
         if value > 0 and scatter > TUNED.scatter_share * value:
-            said.append(
+            lines.append(
                 f"{name} differs between files beyond its errors: scatter {100 * scatter / value:.2g} % "
                 "(estimates by file are in fit.json); the intervals take it into account"
             )
-        said += [line for line in (_drift(rows, name), _by_condition(rows, name)) if line]
-    return rows, said
+        lines += [line for line in (_drift(rows, name), _by_condition(rows, name)) if line]
+    return rows, lines
 
 
-def _told(files: Sequence[ByFile], name: str) -> tuple[Array, Array]:
+def _identified(files: Sequence[ByFile], name: str) -> tuple[Array, Array]:
     """Values by file, and their weights."""
     some = [(f.values[name], f.errors[name]) for f in files if name in f.values]
     values, errors = np.array(some).reshape(-1, 2).T
@@ -263,7 +242,7 @@ def _told(files: Sequence[ByFile], name: str) -> tuple[Array, Array]:
 
 def _scatter(files: Sequence[ByFile], name: str) -> float:
     """Standard deviation between files beyond what their own errors explain; 0 with few files."""
-    values, weight = _told(files, name)
+    values, weight = _identified(files, name)
     if len(values) < TUNED.least_files:
         return 0.0
     mean = float((weight * values).sum() / weight.sum())
@@ -277,7 +256,7 @@ def _drift(files: Sequence[ByFile], name: str) -> str:
     hours = np.array([f.started_s for f in dated], dtype=np.float64) / 3600
     if len(dated) < TUNED.least_files or float(np.ptp(hours)) == 0:
         return ""
-    values, weight = _told(dated, name)
+    values, weight = _identified(dated, name)
     hours = hours - hours.mean()
     (slope, middle), covariance = np.polyfit(hours, values, 1, w=np.sqrt(weight), cov="unscaled")
     left = values - middle - slope * hours
@@ -292,6 +271,6 @@ def _by_condition(files: Sequence[ByFile], name: str) -> str:
     """Means by condition, where there are several."""
     means = []
     for label in dict.fromkeys(f.condition for f in files if f.condition and name in f.values):
-        values, weight = _told([f for f in files if f.condition == label], name)
+        values, weight = _identified([f for f in files if f.condition == label], name)
         means.append(f"{label} {float((weight * values).sum() / weight.sum()):.4g} +- {1 / np.sqrt(weight.sum()):.2g}")
     return f"{name} by condition: {', '.join(means)}" if len(means) > 1 else ""

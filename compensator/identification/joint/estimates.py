@@ -102,12 +102,12 @@ def _free(
     scenario: JointScenario, number: JointNumber, value: float, error: float, found: Found, *, described: bool
 ) -> Estimate:
     size = abs(value) if number.spec.logarithmic or number.spec.of_force else max(abs(value), number.spec.step)
-    told = described and error < TUNED.identifiable_share * size
+    identifiable = described and error < TUNED.identifiable_share * size
     by_stop = bool(found.kept_because) and number in (*_BY_A_STOP, N.BRISTLE, N.COULOMB)
     why = "fit of the whole mechanism"
     if by_stop:
         why = f"belongs to the scenario's mu_dynamic: {found.kept_because}; {number.spec.advice}"
-    elif not told:
+    elif not identifiable:
         why = f"its standard error is {error:.2g} {number.spec.unit}; {number.spec.advice or 'longer files'}"
     elif number.spec.of_force:
         why += ", as measured by the motor: as good as the torque constant"
@@ -115,8 +115,8 @@ def _free(
         name=str(number),
         value=value,
         standard_error=error if np.isfinite(error) else None,
-        interval=_interval(value, error, found) if told and not by_stop else None,
-        identifiable=told and not by_stop,
+        interval=_interval(value, error, found) if identifiable and not by_stop else None,
+        identifiable=identifiable and not by_stop,
         why=why,
         scenario=_own(scenario, number),
         fitted=described,
@@ -148,19 +148,19 @@ def _derived(found: Found, values: Mapping[JointNumber, float], *, described: bo
     for k, name in enumerate(DERIVED):
         error = float(np.sqrt(covariance[k, k]))
         alone = bool(found.kept_because) and name in ("mu_theta", "tension_over_stiffness_m")
-        told = described and not alone and error < TUNED.identifiable_share * abs(middle[k])
+        identifiable = described and not alone and error < TUNED.identifiable_share * abs(middle[k])
         why = "follows from the fit"
         if alone:
             why = f"{found.kept_because}; {N.MU.spec.advice}"
-        elif not told:
+        elif not identifiable:
             why = "follows from numbers that are not identifiable"
         rows.append(
             Estimate(
                 name=name,
                 value=float(middle[k]),
-                standard_error=error if told else None,
-                interval=_interval(float(middle[k]), error, found) if told else None,
-                identifiable=told,
+                standard_error=error if identifiable else None,
+                interval=_interval(float(middle[k]), error, found) if identifiable else None,
+                identifiable=identifiable,
                 why=why,
                 scenario=float(before[k]),
                 fitted=described,
@@ -177,15 +177,15 @@ def _scale(scenario: JointScenario, values: Mapping[JointNumber, float], found: 
         return Estimate(name=name, value=1.0, why=why)
     value = values[N.GRAVITY] / own
     error = float(np.sqrt(found.covariance[(k := found.names.index(N.GRAVITY)), k])) / abs(own)
-    told = error < TUNED.identifiable_share
+    identifiable = error < TUNED.identifiable_share
     return Estimate(
         name=name,
         value=value,
         standard_error=error,
-        interval=_interval(value, error, found) if told else None,
-        identifiable=told,
+        interval=_interval(value, error, found) if identifiable else None,
+        identifiable=identifiable,
         why="measured gravity over the scenario's: torque constant over the true one, if gravity_N_m is right"
-        if told
+        if identifiable
         else "gravity is too weak beside the friction; hang a known weight on the joint",
         scenario=1.0,
     )

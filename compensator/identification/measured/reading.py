@@ -231,7 +231,7 @@ def _proximal(table: Table, names: Mapping[str, str]) -> bool:
 
 
 def _zeroed(name: str, data: dict[str, Array], how: Measurement, findings: Findings) -> dict[str, Array]:
-    """Tensions less the cells' offsets: as given, over a slack time as given, or where slack is seen."""
+    """Tensions less the offsets (as given, over a slack time as given, or where slack is seen), over the gains."""
     ends = [key for key in ("input", "output") if key in data]
     given: dict[str, float | None] = {"input": how.input_offset_N, "output": how.output_offset_N}
     offsets: dict[str, float] = {key: value for key in ends if (value := given[key]) is not None}
@@ -254,7 +254,8 @@ def _zeroed(name: str, data: dict[str, Array], how: Measurement, findings: Findi
     if any(offsets.values()):
         shown = ", ".join(f"{key} {value:.4g} N" for key, value in offsets.items())
         findings.note(DataIssue.OFFSET, f"subtracted: {shown} ({why})", count=1)
-    return {key: values - offsets.get(key, 0.0) for key, values in data.items()}
+    gains = {"input": how.input_gain or 1.0, "output": how.output_gain or 1.0}
+    return {key: (values - offsets.get(key, 0.0)) / gains.get(key, 1.0) for key, values in data.items()}
 
 
 def read_measurement(path: Path, how: Measurement, joints: Sequence[str] = ()) -> RawMeasurement:

@@ -9,7 +9,7 @@ from tendonff.models.fidelity import Level
 from tendonff.ocp.fits.chain import Drive
 
 D = Parameter
-SLOPE_BY_SHIFT = (D.INPUT_BIAS, D.OUTPUT_BIAS)
+SLOPE_BY_SHIFT = (D.INPUT_BIAS, D.OUTPUT_BIAS, D.OUTPUT_GAIN)
 
 
 @pytest.fixture(scope="module")
@@ -27,11 +27,11 @@ def drive(step=1e-3):
 def test_slopes_are_the_derivatives_of_output_and_elongation(model, name):
     values = {**model.values(), D.STATIC_EXCESS: 0.1, D.ADHESION: 1.0, D.MU_RELEASE: 0.17}
     step = 1e-5 * max(abs(values[name]), 1e-2)
-    found = model.predict(values, drive(), (name,))
+    found = model.predict(values, drive(), tuple(dict.fromkeys((D.BRISTLE, name))))
     ahead, behind = (model.predict({**values, name: values[name] + s * step}, drive()) for s in (1, -1))
     for ours, a, b in (
-        (found.output_slopes[:, 0], ahead.output_N, behind.output_N),
-        (found.elongation_slopes[:, 0], ahead.elongation_m, behind.elongation_m),
+        (found.output_slopes[:, -1], ahead.output_N, behind.output_N),
+        (found.elongation_slopes[:, -1], ahead.elongation_m, behind.elongation_m),
     ):
         expected = (a - b) / (2 * step)
         scale = np.abs(expected).max()
