@@ -96,7 +96,8 @@ def identification_report(found: Identification, pictures: Mapping[str, Path]) -
     static = "" if any(law.stage == "dynamic" for law in found.laws) else " --static"
     return Report(
         title=f"Identification: {found.scenario.name}",
-        summary=". ".join(filter(None, (headline(found), missing(found)))),
+        summary=headline(found),
+        fine_print=missing(found).replace("not identifiable (see the report)", "Not identifiable"),
         warnings=found.warnings,
         sections=tuple(
             section

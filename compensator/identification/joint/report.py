@@ -90,7 +90,8 @@ def identification_report(found: JointIdentification, figures: Mapping[str, Figu
     data = "".join(f" --{'data' if c.role == 'fit' else 'validate'} {quote(c.name)}" for c in found.comparisons)
     return Report(
         title=f"Identification: {found.asked.name}",
-        summary=". ".join(part.rstrip(".") for part in (found.headline, found.missing) if part),
+        summary=found.headline,
+        fine_print=found.missing.replace("not identifiable (see the report)", "Not identifiable"),
         warnings=found.warnings,
         sections=tuple(
             section
