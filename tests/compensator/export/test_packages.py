@@ -100,7 +100,7 @@ def test_structured_text_is_read_by_a_parser_of_the_standard(files, kind):
 
 def controller(folder, built, modules):
     """The exported controller and its C, with a program that takes it through its life."""
-    flags = ("-O1", "-Wall", "-Wextra", "-Werror", "-I", folder, "-ffp-contract=off")
+    flags = ("-O0", "-Wall", "-Wextra", "-Werror", "-I", folder, "-ffp-contract=off")
     objects = []
     for name in modules:
         objects.append(built / f"{name}.o")
