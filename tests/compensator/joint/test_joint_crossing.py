@@ -151,7 +151,7 @@ def test_a_sweep_reports_each_unit(scenario: JointScenario, tmp_path: Path) -> N
         rig = with_numbers(scenario.mechanism, {"stiffness": row.values[0]})
         assert row.percent[1] == close(error_percent(scenario, rig, command))
     assert found.expectation is not None
-    assert found.headline.startswith("Tracking error up to ")
+    assert ". Tracking error up to " in found.headline
     assert " deg RMS" in found.headline
 
 
