@@ -9,6 +9,7 @@ from enum import StrEnum
 import griffe
 
 from tendonff.compensator.joint.reference import JointCsv, JointSine, JointWaypoints
+from tendonff.compensator.joint.settings import JointAdaptation
 from tendonff.compensator.scenario.experiment import Experiment
 from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, SineJoint, WaypointJoint
 from tendonff.compensator.scenario.measurement import Measurement
@@ -124,6 +125,11 @@ TABLES = (
     ),
     Table(title="[drive]", classes=(JointDrive,), readers="as above"),
     Table(
+        title="[adaptation] of a joint",
+        classes=(JointAdaptation,),
+        readers="`adapt`, `export-c`, `tf.Runtime`",
+    ),
+    Table(
         title="[reference] of a joint",
         classes=(JointSine, JointWaypoints, JointCsv),
         readers="as above",
@@ -152,7 +158,8 @@ def section(table: Table) -> str:
     lines = [f"### `{table.title}`", "", f"Read by {table.readers}. {table.note}".strip(), ""]
     lines += ["| key, unit | meaning | default |", "|---|---|---|"]
     for key, unit, default, meaning in rows(table):
-        lines.append(f"| `{key}`{f'<br>{unit}' if unit else ''} | {meaning} | {default} |")
+        broken = key.replace("_", "_<wbr>")  # a long key may take two lines on a phone
+        lines.append(f"| <code>{broken}</code>{f'<br>{unit}' if unit else ''} | {meaning} | {default} |")
     return "\n".join([*lines, ""])
 
 

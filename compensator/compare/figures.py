@@ -7,7 +7,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from tendonff.compensator.compare.matrix import Entry, MatrixData
-from tendonff.compensator.compare.result import CAPSTAN_PLANT, ComparisonData
+from tendonff.compensator.compare.result import CAPSTAN_PLANT, Comparison
 from tendonff.compensator.reporting.colours import BLUE, GREEN, INK, VERMILION
 from tendonff.compensator.reporting.plots import (
     bode_figure,
@@ -24,10 +24,11 @@ from tendonff.models.linearise import Lineariser
 from tendonff.models.path import JointMotion
 
 LEVEL_COLOURS = {"elastic": BLUE, "viscoelastic": VERMILION, "presliding": GREEN, CAPSTAN_PLANT: INK}
+_LEAST, _COARSE = 0.01, 10.0  # errors not resolved, and from which on two decimals are enough [% of range]
 LEVEL_STYLES = {"elastic": "-", "viscoelastic": "--", "presliding": "-.", CAPSTAN_PLANT: ":"}
 
 
-def compare_figures(result: ComparisonData) -> dict[str, Figure]:
+def compare_figures(result: Comparison) -> dict[str, Figure]:
     """All figures of a comparison by file name."""
     with figure_style():
         return {
@@ -51,20 +52,26 @@ def matrix_figure(result: MatrixData) -> Figure:
     panel.set(xlabel="plant", ylabel="design", title="RMS error, % of range (± spread over step and tolerance)")
     panel.grid(False)
     panel.tick_params(length=0)
-    for i, (_, row) in enumerate(rows):
-        for j, entry in enumerate(row):
+    for i, row in enumerate(cell_texts(result)):
+        for j, text in enumerate(row):
             dark = shown[i, j] > 1.5
-            panel.text(j, i, cell_text(entry), ha="center", va="center", fontsize=8, color="white" if dark else INK)
+            panel.text(j, i, text, ha="center", va="center", fontsize=8, color="white" if dark else INK)
     colour_bar = figure.colorbar(image, ax=panel, shrink=0.9)
     colour_bar.set_ticks([0.01, 0.1, 1, 10, 100], labels=["≤ 0.01", "0.1", "1", "10", "100"])
     return figure
 
 
-def cell_text(entry: Entry) -> str:
-    """Error and, where it matters, spread of a cell [% of range]."""
-    value, spread = entry.rmse_percent_of_range, entry.spread_percent_of_range
-    text = f"{value:.2g}" if value >= 0.01 else "< 0.01"
-    return f"{text} ± {spread:.1g}" if spread >= max(0.005, 0.01 * value) else text
+def cell_texts(result: MatrixData) -> list[list[str]]:
+    """Error and, where it matters, spread of each cell, all with the same decimals [% of range]."""
+    cells = [row for _, row in result.rows]
+    decimals = 2 if max(entry.rmse_percent_of_range for row in cells for entry in row) >= _COARSE else 3
+
+    def text(entry: Entry) -> str:
+        value, spread = entry.rmse_percent_of_range, entry.spread_percent_of_range
+        shown = f"{value:.{decimals}f}" if value >= _LEAST else f"< {_LEAST:g}"
+        return f"{shown} ± {spread:.{decimals}f}" if spread >= max(_LEAST / 2, _LEAST * value) else shown
+
+    return [[text(entry) for entry in row] for row in cells]
 
 
 def errors_figure(result: MatrixData, motion: JointMotion | None = None) -> Figure:
@@ -103,7 +110,7 @@ def errors_figure(result: MatrixData, motion: JointMotion | None = None) -> Figu
     return figure
 
 
-def levels_figure(result: ComparisonData) -> Figure:
+def levels_figure(result: Comparison) -> Figure:
     """Differences between the levels: the loop, and the tension in a hold."""
     figure, axes = new_figure(1, 2, height_in=3.2)
     loop, hold = axes[0]
@@ -120,7 +127,7 @@ def levels_figure(result: ComparisonData) -> Figure:
     return figure
 
 
-def small_signal_figure(result: ComparisonData) -> Figure:
+def small_signal_figure(result: Comparison) -> Figure:
     """Small changes of the force around rest, where the tendon sticks: Bode plot from force to output tension."""
     transmission, start = result.scenario.transmission, result.reference.initial_tension_N
     frequencies, gains = np.geomspace(0.1, 1000, 400), {}

@@ -12,7 +12,7 @@ from tendonff.compensator.compensators.base import Compensator
 from tendonff.compensator.compensators.expectation import FRICTIONLESS
 from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.design.drive_use import drive_use
-from tendonff.compensator.design.result import DesignData
+from tendonff.compensator.design.result import Design
 from tendonff.compensator.reporting.colours import GREY, INK
 from tendonff.compensator.reporting.expected import BOUND, contributions_figure
 from tendonff.compensator.reporting.plots import (
@@ -30,7 +30,7 @@ _LOOPS = ("none", "inverse")  # whose loop of output over force is drawn
 _WIDE = 3.4  # line under another that coincides with it
 
 
-def design_figures(result: DesignData) -> dict[str, Figure]:
+def design_figures(result: Design) -> dict[str, Figure]:
     """All figures of a design by file name."""
     with figure_style():
         return {
@@ -44,7 +44,7 @@ def design_figures(result: DesignData) -> dict[str, Figure]:
         }
 
 
-def expectation_figure(result: DesignData) -> Figure:
+def expectation_figure(result: Design) -> Figure:
     """Output tension of the recommended profile over all that the uncertainty admits."""
     figure, axes = new_figure(2, 1, share_x=True, height_in=4.4, height_ratios=(3, 2))
     tension, error = axes[:, 0]
@@ -81,7 +81,7 @@ def _around(*shown: FloatArray) -> tuple[float, float]:
     return low - margin, high + margin
 
 
-def tension_figure(result: DesignData) -> Figure:
+def tension_figure(result: Design) -> Figure:
     """Reference and output tension of each compensator on the design level, and the compensated errors enlarged."""
     moved = result.ignored is not None
     height, ratios = (6.2, (3, 2, 1)) if moved else (5.0, (3, 2))
@@ -106,17 +106,17 @@ def tension_figure(result: DesignData) -> Figure:
     return figure
 
 
-def force_figure(result: DesignData) -> Figure:
-    """Force, rate of force and travel of each compensator, with the actuator's limits where they are near."""
+def force_figure(result: Design) -> Figure:
+    """Force, rate of force and travel of each compensator, with the actuator's limits."""
     figure, axes = new_figure(3, 1, share_x=True, height_in=6.2, height_ratios=(3, 2, 2))
     force, rate, travel = axes[:, 0]
     actuator, step = result.scenario.transmission.actuator, result.reference.step_s
     _draw(force, result, result.forces_N, lambda c: c.label)
-    _mark(force, actuator.force_min_N, actuator.force_max_N)
+    _mark(force, "N", actuator.force_min_N, actuator.force_max_N)
     rates = {name: np.gradient(profile, step) for name, profile in result.forces_N.items()}
     _draw(rate, result, rates)
     _zoom(rate, {name: values for name, values in rates.items() if name not in _BARE})
-    _mark(rate, -actuator.force_rate_max_N_per_s, actuator.force_rate_max_N_per_s)
+    _mark(rate, "N/s", -actuator.force_rate_max_N_per_s, actuator.force_rate_max_N_per_s)
     travels = {c.name: 1e3 * result.on_level(c.name, result.level).travel_m for c in result.compensators}
     _draw(travel, result, travels)
     force.set(ylabel="actuator force [N]")
@@ -126,7 +126,7 @@ def force_figure(result: DesignData) -> Figure:
     return figure
 
 
-def drive_figure(result: DesignData) -> Figure:
+def drive_figure(result: Design) -> Figure:
     """Travel, speed and power of the drive, and its torque over its speed, with the limits."""
     figure, axes = new_figure(2, 2, height_in=4.6)
     (travel, speed), (power, plane) = axes
@@ -144,10 +144,10 @@ def drive_figure(result: DesignData) -> Figure:
         else:
             plane.plot(use.speed_m_per_s[rows] / motor.travel_per_rad_m, use.torque_N_m(motor)[rows], **look)
     if actuator.speed_max_m_per_s is not None:
-        _mark(speed, -1e3 * actuator.speed_max_m_per_s, 1e3 * actuator.speed_max_m_per_s)
-    _mark(travel, *(1e3 * x for x in (actuator.travel_min_m, actuator.travel_max_m) if x is not None))
-    travel.set(xlabel="time [s]", ylabel="travel [mm]", title="Actuator travel from the start")
-    speed.set(xlabel="time [s]", ylabel="speed [mm/s]", title="Actuator speed")
+        _mark(speed, "mm/s", -1e3 * actuator.speed_max_m_per_s, 1e3 * actuator.speed_max_m_per_s)
+    _mark(travel, "mm", *(1e3 * x for x in (actuator.travel_min_m, actuator.travel_max_m) if x is not None))
+    travel.set(xlabel="time [s]", ylabel="travel [mm]", title="Travel from the start")
+    speed.set(xlabel="time [s]", ylabel="speed [mm/s]", title="Speed")
     power.set(xlabel="time [s]", ylabel="power [W]", title="Mechanical power")
     if motor is None:
         plane.set(xlabel="speed [mm/s]", ylabel="force [N]", title="Force over speed")
@@ -159,7 +159,7 @@ def drive_figure(result: DesignData) -> Figure:
     return figure
 
 
-def loop_figure(result: DesignData) -> Figure:
+def loop_figure(result: Design) -> Figure:
     """Hysteresis: output tension over the force, and over the reference."""
     figure, axes = new_figure(1, 2, height_in=3.8)
     by_force, by_reference = axes[0]
@@ -182,7 +182,7 @@ def loop_figure(result: DesignData) -> Figure:
     return figure
 
 
-def error_figure(result: DesignData) -> Figure:
+def error_figure(result: Design) -> Figure:
     """Error over time on each level, on one scale; right: enlarged."""
     figure, axes = new_figure(len(Level), 2, share_x=True, height_in=5.8)
     wanted = result.reference.tension_N
@@ -208,7 +208,7 @@ def error_figure(result: DesignData) -> Figure:
 
 
 def _draw(
-    panel: Axes, result: DesignData, curves: dict[str, FloatArray], label: Callable[[Compensator], str] | None = None
+    panel: Axes, result: Design, curves: dict[str, FloatArray], label: Callable[[Compensator], str] | None = None
 ) -> None:
     """Draw a curve of each compensator; one that hides another differs by width and in the legend."""
     rows = thinned(len(result.reference.time_s))
@@ -217,7 +217,7 @@ def _draw(
 
 
 def _looks(
-    result: DesignData, curves: dict[str, FloatArray], label: Callable[[Compensator], str] | None = None
+    result: Design, curves: dict[str, FloatArray], label: Callable[[Compensator], str] | None = None
 ) -> dict[str, dict[str, Any]]:
     """Line style of each compensator for matplotlib: a curve under another is wide, and the other's legend notes it."""
     hidden = coinciding(curves, max((float(np.ptp(curve)) for curve in curves.values()), default=0.0))
@@ -245,9 +245,18 @@ def _zoom(panel: Axes, curves: dict[str, FloatArray]) -> None:
         panel.set_ylim(-limit, limit)
 
 
-def _mark(panel: Axes, *limits: float) -> None:
-    """Draw limits of the actuator that lie within a third of the drawn range."""
+def _mark(panel: Axes, unit: str, *limits: float) -> None:
+    """Draw limits of the actuator that lie within a third of the drawn range, and write those that do not."""
     low, high = panel.get_ylim()
+    beyond = []
     for limit in limits:
         if low - (high - low) / 3 < limit < high + (high - low) / 3:
             panel.axhline(limit, **BOUND)
+        else:
+            beyond.append(limit)
+    if beyond:
+        shown = (
+            f"±{limits[1]:g}" if len(beyond) > 1 and limits[0] == -limits[1] else " and ".join(f"{x:g}" for x in beyond)
+        )
+        text = f"limit {shown} {unit} off scale".replace("-", "\N{MINUS SIGN}")
+        panel.set_title(text, loc="right", fontsize=8, color=GREY)

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from tendonff.compensator.compensators.expectation import two_digits
 from tendonff.compensator.compensators.plant import FINE_REFINEMENT, FINE_SEGMENTS
 from tendonff.compensator.design.drive_use import drive_use
-from tendonff.compensator.design.result import DesignData
+from tendonff.compensator.design.result import Design
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.reporting.colours import INK, Style
 from tendonff.compensator.reporting.expected import robustness_table
@@ -41,15 +41,15 @@ _CAPTIONS = {
     "tension": "Reference and output tension of each profile with the design's own parameters. Below: the "
     "compensated errors, enlarged; a curve that leaves the panel is larger.",
     "force": "Actuator force, its rate of change, and the travel of the actuator's end. Dashed: limits of the "
-    "actuator.",
+    "actuator; those off the scale are written.",
     "loop": "Left: the tendon's hysteresis, output over force. Right: output over reference; perfect compensation is "
     "the diagonal. Equal scales on both axes.",
     "error": "Error on each fidelity level with the design's own parameters, on one scale; right: enlarged.",
-    "drive": "What the profiles ask of the drive, on the design level. Dashed: its limits, where they are near.",
+    "drive": "Demands on the drive, on the design level. Dashed: its limits; those off the scale are written.",
 }
 
 
-def headline(result: DesignData) -> str:
+def headline(result: Design) -> str:
     """Expected error on a rig, and the next command."""
     found, best = result.expectation, result.recommended
     label = best.label
@@ -58,7 +58,7 @@ def headline(result: DesignData) -> str:
     return found.headline(label, measure if found.doubt.is_assumed else f"tendonff export-c {file} --out c")
 
 
-def fine_print(result: DesignData) -> str:
+def fine_print(result: Design) -> str:
     """Numerical and model-internal results."""
     best = result.recommended
     own = (
@@ -73,7 +73,7 @@ def fine_print(result: DesignData) -> str:
     return f"{own}. That is the accuracy of the computation; on a rig the uncertainty of the parameters decides."
 
 
-def interactive_panels(result: DesignData) -> Interactive:
+def interactive_panels(result: Design) -> Interactive:
     """Output tension, force and error of all profiles, to be zoomed."""
     reference = result.reference
     output, force, error = {"reference": (reference.tension_N, Style(color=INK, linestyle="-"))}, {}, {}
@@ -90,7 +90,7 @@ def interactive_panels(result: DesignData) -> Interactive:
     )
 
 
-def design_report(result: DesignData, figures: dict[str, Figure], view: Interactive | None = None) -> Report:
+def design_report(result: Design, figures: dict[str, Figure], view: Interactive | None = None) -> Report:
     """The page of a design."""
     joints = "" if result.ignored is None else " Bottom: the joint angles."
     ignored = () if result.ignored is None else (Text(result.ignored.text),)
@@ -114,12 +114,14 @@ def design_report(result: DesignData, figures: dict[str, Figure], view: Interact
             for c in result.compensators
         ],
         least=1e-3,
+        one_quantity=True,
     )
     peaks = Table(
         caption="Largest error [N], the design's own parameters",
         columns=("profile", *(level.value for level in Level)),
         rows=[(c.label, *(score.peak_error for score in result.scores(c.name)[:-1])) for c in result.compensators],
         least=1e-3,
+        one_quantity=True,
     )
     return Report(
         title=f"Design: {result.scenario.name}",
@@ -149,7 +151,7 @@ def design_report(result: DesignData, figures: dict[str, Figure], view: Interact
     )
 
 
-def _holds(result: DesignData) -> tuple[Block, ...]:
+def _holds(result: Design) -> tuple[Block, ...]:
     """Why the force of the exact inverse changes while the reference rests."""
     reference, profile = result.reference, result.profiles.get("inverse")
     if profile is None or reference.hold is Hold.KEEP or reference.periodic or result.ignored is not None:
@@ -165,12 +167,12 @@ def _holds(result: DesignData) -> tuple[Block, ...]:
         f"While the reference rests, the force of the exact inverse still moves: {'; '.join(found)}. At the end of a "
         "move the load's inertia and the damping turn the sliding round for some milliseconds, friction changes sign, "
         "and the force crosses the dead zone although the output hardly moves. Inside the dead zone nothing need "
-        'move: hold = "keep" in [reference] keeps the force, and says what that costs.'
+        'move: hold = "keep" in [reference] keeps the force, and the report states what that costs.'
     )
     return (Text(note),)
 
 
-def _positions(result: DesignData) -> tuple[Block, ...]:
+def _positions(result: Design) -> tuple[Block, ...]:
     """Errors of the load's position, where the reference is a position."""
     if result.reference.position_m is None:
         return ()
@@ -189,7 +191,7 @@ def _positions(result: DesignData) -> tuple[Block, ...]:
     return (table,)
 
 
-def _drive(result: DesignData) -> tuple[Block, ...]:
+def _drive(result: Design) -> tuple[Block, ...]:
     """Stroke, speed, force, power and the motor's torque beside their limits."""
     actuator = result.scenario.transmission.actuator
     motor, used = actuator.motor, drive_use(result)
@@ -216,11 +218,11 @@ def _drive(result: DesignData) -> tuple[Block, ...]:
         row("motor: peak torque [N m]", [float(np.max(use.force_N)) * per_rad for use in used], motor.torque_max_N_m)
         row("motor: RMS torque [N m]", [use.force_rms_N * per_rad for use in used], motor.torque_rated_N_m)
         row("motor: peak speed [rad/s]", [speed / per_rad for speed in speeds], motor.speed_max_rad_per_s)
-        row("motor: way [turns]", [use.stroke_m / per_rad / (2 * np.pi) for use in used], None)
+        row("motor: revolutions", [use.stroke_m / per_rad / (2 * np.pi) for use in used], None)
         if motor.stall_torque_N_m is not None:
             row("motor: share of the torque-speed line", [use.load_of_the_line(motor) for use in used], 1.0)
     columns = ("quantity", *(labels[use.name] for use in used), "limit", "used")
-    table = Table(caption="What the drive must do", columns=columns, rows=tuple(rows))
+    table = Table(caption="Demands on the drive", columns=columns, rows=tuple(rows))
     return Text(_verdict(asked, motor)), table
 
 
@@ -231,7 +233,7 @@ def _verdict(asked: dict[str, float], motor: Motor | None) -> str:
         text = f"The drive is too small for these profiles: {'; '.join(beyond)}."
     else:
         what, share = max(asked.items(), key=lambda pair: pair[1])
-        text = f"The drive suffices for these profiles; what comes closest to its limit is {what}: {100 * share:.3g} %."
+        text = f"The drive suffices for these profiles; smallest margin: {what}, {100 * share:.3g} % of its limit."
     if motor is None:
         return text + " [actuator.motor] with drum, gear and the motor's data sheet sizes the motor too."
     missing = [] if motor.torque_rated_N_m is not None else ["torque_rated_N_m (continuous torque)"]
@@ -242,7 +244,7 @@ def _verdict(asked: dict[str, float], motor: Motor | None) -> str:
 _BEYOND = 1.005  # of a limit: rounding
 
 
-def _solver(result: DesignData) -> tuple[Block, ...]:
+def _solver(result: Design) -> tuple[Block, ...]:
     """Outcome of the optimal-control problem; nothing where none was solved."""
     tracking = result.tracking
     if tracking is None:
@@ -255,7 +257,7 @@ def _solver(result: DesignData) -> tuple[Block, ...]:
     return Text(f"{tracking.message[:1].upper()}{tracking.message[1:]}."), table
 
 
-def _robust_section(result: DesignData) -> tuple[Section, ...]:
+def _robust_section(result: Design) -> tuple[Section, ...]:
     """Effect of uncertainty on each profile, and its largest contribution."""
     found, labels = result.expectation, {c.name: c.label for c in result.compensators}
     note = Text(

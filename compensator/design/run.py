@@ -16,7 +16,7 @@ from tendonff.compensator.compensators.score import (
     verify,
 )
 from tendonff.compensator.design.drive_use import drive_warnings
-from tendonff.compensator.design.output import Design
+from tendonff.compensator.design.result import Design
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.scenario.reference import CsvReference, Hold
 from tendonff.compensator.scenario.sampled.from_file import noise_advice, ripple_advice
@@ -135,7 +135,7 @@ def _promises(designed: Sequence[Verified], proof: Sequence[Verified], *, is_com
         optimal, other = scores["optimal"], scores[best]
         if optimal.rmse_percent_of_range > _SMALL:
             found.append(
-                f"optimal: {optimal.percent} % of range on the finer chain, where {best} leaves {other.percent} %: "
+                f"optimal: {optimal.percent} % of range on the finer chain, where {best} has {other.percent} %: "
                 f"use {best} here"
             )
     return found

@@ -1,9 +1,14 @@
 """The report of the two-motor test: what the three models show, in one page."""
 
+import math
+from collections.abc import Mapping
+from statistics import mean
+
 from matplotlib.figure import Figure
 
+from tendonff.compensator.compensators.expectation import two_digits
 from tendonff.compensator.experiment import numbers
-from tendonff.compensator.experiment.result import ExperimentData, MeasuredTensions
+from tendonff.compensator.experiment.result import ExperimentResult, MeasuredTensions
 from tendonff.compensator.reporting.page import (
     FileNote,
     Picture,
@@ -15,6 +20,7 @@ from tendonff.compensator.reporting.page import (
     provenance_of,
 )
 from tendonff.compensator.scenario.experiment import MotorMode
+from tendonff.models.fidelity import Level
 
 _CAPTIONS = {
     "experiment_tensions": "Seven tensions along the path; the states are shaded and named.",
@@ -23,12 +29,12 @@ _CAPTIONS = {
     "experiment_hysteresis": "Tension at each motor over the elongation of the tendon.",
 }
 _NOTE = (
-    "The paper shows this test in pictures and prints no numbers, and its state diagram cannot be read: the ten states "
-    "are chosen here, and all models receive the schedule of the machine's level."
+    "Both ends of the tendon are pulled, held and released in turn; every model receives the schedule that the level "
+    "of [run] gives. The shares below are of the largest minus the smallest tension of the test."
 )
 
 
-def experiment_report(result: ExperimentData, figures: dict[str, Figure]) -> Report:
+def experiment_report(result: ExperimentResult, figures: dict[str, Figure]) -> Report:
     """The page of an experiment."""
     pictures = pictures_of(figures, _CAPTIONS)
     held = Table(
@@ -113,7 +119,7 @@ def experiment_report(result: ExperimentData, figures: dict[str, Figure]) -> Rep
     )
 
 
-def _measured(result: ExperimentData, measured: MeasuredTensions) -> Table:
+def _measured(result: ExperimentResult, measured: MeasuredTensions) -> Table:
     """RMS difference of each sensor from each model."""
     by_level = {level: numbers.deviations(run, measured) for level, run in result.runs.items()}
     return Table(
@@ -131,7 +137,7 @@ def _present(pictures: dict[str, Picture], name: str) -> tuple[Picture, ...]:
     return (pictures[name],) if name in pictures else ()
 
 
-def _states(result: ExperimentData) -> Table:
+def _states(result: ExperimentResult) -> Table:
     lead = result.runs[result.lead]
     return Table(
         caption="States; A acts, A_h holds its position, A_f its force, L loads",
@@ -150,19 +156,43 @@ def _states(result: ExperimentData) -> Table:
     )
 
 
-def _summary(result: ExperimentData) -> str:
+def _summary(result: ExperimentResult) -> str:
     lead = result.runs[result.lead]
+    sentences = [_closest(result, result.measured)] if result.measured is not None else []
     held = {level: numbers.relaxation(run).values() for level, run in result.runs.items()}
     modes = {done.state.modes[motor] for done, motor in numbers.holds(lead)}
-    sentences = []
     if MotorMode.HOLD in modes or not modes:
         largest = {
             level: max((abs(v.change_percent_of_range) for v in some), default=0.0) for level, some in held.items()
         }
-        parts = ", ".join(f"{value:.2g} % on {level}" for level, value in largest.items())
-        sentences.append(f"While a motor holds its position, its tension changes by {parts} (of the range).")
+        sentences.append(f"While a motor holds its position, its tension changes by {_each(largest, '% of range')}.")
     if MotorMode.HOLD_FORCE in modes:
         farthest = {level: max(abs(v.travel_m) for v in some) for level, some in held.items()}
-        parts = ", ".join(f"{1e3 * value:.2g} mm on {level}" for level, value in farthest.items())
-        sentences.append(f"While a motor holds its force, creep moves it by {parts}.")
+        creep = {level: 1e3 * value for level, value in farthest.items()}
+        sentences.append(f"While a motor holds its force, creep moves it by {_each(creep, 'mm')}.")
+    widths = {
+        level: [value.width_s for done in numbers.reversals(run) if (value := numbers.transient(run, done)) is not None]
+        for level, run in result.runs.items()
+    }
+    if all(widths.values()):
+        longest = {level: 1e3 * max(some) for level, some in widths.items()}
+        sentences.append(f"After a reversal the output changes over {_each(longest, 'ms')}.")
+    if len(sentences) > (result.measured is not None):
+        sentences.append("The level whose numbers your rig shows is the one to design with.")
     return " ".join(sentences)
+
+
+def _each(values: Mapping[Level, float], unit: str) -> str:
+    """A quantity on each level, in words."""
+    first, *others = [f"{two_digits(value)} {{}}({level})" for level, value in values.items()]
+    return ", ".join((first.format(f"{unit} "), *(other.format("") for other in others)))
+
+
+def _closest(result: ExperimentResult, measured: MeasuredTensions) -> str:
+    """Which level the measured tensions agree with best, by the mean square over the sensors."""
+    errors = {
+        level: math.sqrt(mean(each.measured_rms_percent_of_range**2 for each in numbers.deviations(run, measured)))
+        for level, run in result.runs.items()
+    }
+    best = min(errors, key=lambda level: errors[level])
+    return f"{measured.name} agrees best with the {best} level: RMS difference {_each(errors, '% of range')}."

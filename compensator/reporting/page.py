@@ -102,6 +102,7 @@ class Table:
     rows: Sequence[Sequence[Cell]]
     digits: int = 3  # significant digits of a float
     least: float = 0.0  # smaller floats are shown as less than it, and set no decimals. Default 0: all differ
+    one_quantity: bool = False  # all columns of numbers hold it, so all have the same decimals
 
     def __post_init__(self) -> None:
         for k, row in enumerate(self.rows):
@@ -189,10 +190,6 @@ def provenance_of(scenario: Scenario | JointScenario, command: str, options: str
     return Provenance(scenario=scenario, command=written, inputs=inputs)
 
 
-def _text_of(scenario: Scenario | JointScenario) -> str:
-    return scenario.to_toml() if isinstance(scenario, JointScenario) else scenario_to_toml(scenario)
-
-
 def _hash_of(scenario: Scenario | JointScenario) -> str:
     return scenario.digest() if isinstance(scenario, JointScenario) else scenario_hash(scenario)
 
@@ -215,7 +212,11 @@ def render_report(report: Report, files: Mapping[Figure, Path] = MappingProxyTyp
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    provenance, figures = report.provenance, count(1)
+    provenance, figures, scenario = report.provenance, count(1), report.provenance.scenario
+    if isinstance(scenario, JointScenario):
+        caption, text = "Scenario file", scenario.to_toml()
+    else:
+        caption, text = "Complete scenario, including defaults", scenario_to_toml(scenario)
     reference = provenance.scenario.reference_file()
     inputs = [*([] if reference is None else [reference]), *provenance.inputs]
     blocks = [block for section in report.sections for block in section.blocks]
@@ -226,7 +227,8 @@ def render_report(report: Report, files: Mapping[Figure, Path] = MappingProxyTyp
             {"title": section.title, "blocks": [_prepared(block, figures, files) for block in section.blocks]}
             for section in report.sections
         ],
-        scenario_text=_text_of(provenance.scenario),
+        scenario_caption=caption,
+        scenario_text=text,
         scenario_file=provenance.scenario.source.name,
         scenario_hash=_hash_of(provenance.scenario),
         inputs=[(path.name, file_hash(path)) for path in inputs],
@@ -243,6 +245,9 @@ def _prepared(block: Block, numbers: Iterator[int], files: Mapping[Figure, Path]
             columns = [[row[k] for row in block.rows] for k in range(len(block.columns))]
             numeric = [is_aligned(column) for column in columns]
             decimals = [column_decimals(column, block.digits, block.least) for column in columns]
+            if block.one_quantity:
+                cells = [cell for column in columns for cell in column if not isinstance(cell, str)]
+                decimals = [column_decimals(cells, block.digits, block.least)] * len(columns)
             rows = [
                 [
                     (format_cell(cell, block.digits, places), right)

@@ -3,11 +3,11 @@
 from pathlib import Path
 
 from tendonff.compensator.reporting.page import FileNote, PictureFile, Report, Section, Table, Text, provenance_of
-from tendonff.compensator.tables.result import FORMULA, TablesData
+from tendonff.compensator.tables.result import FORMULA, Tables
 from tendonff.models.capstan import Branch
 
 
-def table_report(result: TablesData, picture: Path) -> Report:
+def table_report(result: Tables, picture: Path) -> Report:
     """The page of a table, whose figure is written already."""
     own = result.scores[result.level]
     first = result.tables[0].built
@@ -46,7 +46,7 @@ def table_report(result: TablesData, picture: Path) -> Report:
     )
     return Report(
         title=f"Compensation table: {result.scenario.name}",
-        summary=f"{result.headline} It has {first.table.nodes} values for {covered[0]:.4g} to {covered[-1]:.4g} N.",
+        summary=f"{first.table.nodes} values for {covered[0]:.4g} to {covered[-1]:.4g} N. {result.headline}",
         fine_print=(
             f"With exactly the scenario's parameters the RMS error is {own.rmse_percent_of_range:.2g} % on the "
             f"{result.level} level. That is the accuracy of the table, not of a rig, where the uncertainty of the "

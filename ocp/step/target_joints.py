@@ -91,7 +91,8 @@ def contact_code(
             if key not in printed:
                 printed[key] = f"contact_{len(printed) + 1}"
                 texts.append(printer.fold(law, printed[key]).code)
-            given = [s.name() for s in law.inputs if ca.depends_on(_all(law), s)]
+            results = ca.vertcat(*law.outputs.values())
+            given = [s.name() for s in law.inputs if ca.depends_on(results, s)]
             given = [f"path->angle[{k}]" if name == "angle_rad" else name for name in given]
             arguments = [*given, *(f"&contact[{k}].{name}" for name in law.outputs)]
             calls[alike][k] = f"    {prefix}_{printed[key]}({', '.join(arguments)});"
@@ -159,10 +160,6 @@ def _function(comment: str, name: str, arguments: str, lines: list[str]) -> list
         "}",
         "",
     ]
-
-
-def _all(law: Law) -> ca.SX:
-    return ca.vertcat(*law.outputs.values())
 
 
 def _helper(chain: Chain, prefix: str, precision: Precision) -> str:
