@@ -19,6 +19,7 @@ from benchmarks.yardstick.case import Array, Case, all_cases, error_percent
 Found = dict[str, Array] | tuple[dict[str, Array], dict[str, Array]] | None
 Adapter = Callable[[Case], Found]
 OURS = "tendonff presliding"
+FIRST = (OURS, "Newton", "MuJoCo frictionloss")  # what narrow pages show
 
 
 def adapters() -> tuple[dict[str, Adapter], dict[str, str]]:
@@ -36,10 +37,10 @@ def adapters() -> tuple[dict[str, Adapter], dict[str, str]]:
             absent[name] = str(error.name)
             continue
         if name == "tendonff":
-            found = {f"tendonff {level}": partial(code.answer, level=level) for level in code.LEVELS} | found
+            found |= {f"tendonff {level}": partial(code.answer, level=level) for level in code.LEVELS}
         else:
             found[name] = code.answer
-    return found, absent
+    return {name: found[name] for name in [*FIRST, *found] if name in found}, absent
 
 
 def errors(names: list[str], runs: dict[str, Adapter], cases: list[Case]) -> dict[str, dict[str, float | None]]:

@@ -301,4 +301,4 @@ def _warnings(found: Found, *, described: bool, joint: bool) -> Iterator[str]:
     if found.solution.at_bound:
         yield f"{', '.join(found.solution.at_bound)} ended at a bound of the search; check the scenario's value"
     if not joint:
-        yield ("no encoder: angles of the joint count from where the reference of the scenario starts")
+        yield ("no encoder at the joint: its angles count from where the reference of the scenario starts")
