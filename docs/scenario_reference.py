@@ -9,6 +9,7 @@ from enum import StrEnum
 import griffe
 
 from tendonff.compensator.joint.reference import JointCsv, JointSine, JointWaypoints
+from tendonff.compensator.joint.settings import JointAdaptation
 from tendonff.compensator.scenario.experiment import Experiment
 from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, SineJoint, WaypointJoint
 from tendonff.compensator.scenario.measurement import Measurement
@@ -123,6 +124,11 @@ TABLES = (
         unwritten=("path", "tendon", "friction", "arms", "joint"),
     ),
     Table(title="[drive]", classes=(JointDrive,), readers="as above"),
+    Table(
+        title="[adaptation] of a joint",
+        classes=(JointAdaptation,),
+        readers="`adapt`, `export-c`, `tf.Runtime`",
+    ),
     Table(
         title="[reference] of a joint",
         classes=(JointSine, JointWaypoints, JointCsv),
