@@ -38,6 +38,8 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.compensator.joint.design import design_joint
     from tendonff.compensator.joint.output import JointDesign
     from tendonff.compensator.joint.scenario import JointScenario, load_joint_scenario
+    from tendonff.compensator.observe.estimate import Estimate, Observation, ObserverStatus
+    from tendonff.compensator.observe.observer import Observer
     from tendonff.compensator.runtime.kinds import RuntimeKind, RuntimeStatus
     from tendonff.compensator.runtime.runtime import Runtime, RuntimeState
     from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
@@ -76,6 +78,7 @@ __all__ = [
     "Comparison",
     "Compensator",
     "Design",
+    "Estimate",
     "ExperimentResult",
     "FmiVersion",
     "FmuKind",
@@ -90,6 +93,9 @@ __all__ = [
     "Level",
     "Load",
     "Mechanism",
+    "Observation",
+    "Observer",
+    "ObserverStatus",
     "ParameterError",
     "Path",
     "Plant",
@@ -170,6 +176,8 @@ _HOMES = {
     "compensator.joint.design": ("design_joint",),
     "compensator.joint.output": ("JointDesign",),
     "compensator.joint.scenario": ("JointScenario", "load_joint_scenario"),
+    "compensator.observe.estimate": ("Estimate", "Observation", "ObserverStatus"),
+    "compensator.observe.observer": ("Observer",),
     "compensator.runtime.kinds": ("RuntimeKind", "RuntimeStatus"),
     "compensator.runtime.runtime": ("Runtime", "RuntimeState"),
     "compensator.scenario.sampled.sampling": ("Reference", "sample_reference"),

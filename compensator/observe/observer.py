@@ -1,0 +1,117 @@
+"""The output step by step, from what the near end measures: `tf.Observer`."""
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.joint.detect import is_joint_file
+from tendonff.compensator.observe.estimate import Observation, ObserverStatus
+from tendonff.compensator.observe.tendon import TendonObserver
+from tendonff.compensator.scenario.scenario import Scenario, load_scenario
+from tendonff.models.errors import ParameterError
+
+
+class Observer:
+    """The output of a tendon, with bounds, from what its near end measures: the exported `observer`, compiled here.
+
+    It is the forward chain of `simulate` under the measured input tension. A measured position of the near end tells
+    in addition what moves the far end from outside. Starts at rest under the scenario's first tension. Needs a C
+    compiler, or the package ziglang.
+
+    Parameters
+    ----------
+    scenario : str, path or Scenario
+        Of one tendon.
+    start : float, optional
+        Output tension at the start [N]; default: the scenario's first. NaN where nobody knows it: then `given` is
+        needed, and the bounds are those of any history until the tendon has slid.
+    given : float, optional
+        Input tension at the start [N], of a start in motion; default: at rest, the same tension everywhere.
+
+    Attributes
+    ----------
+    step_s : float
+        Sample time of the scenario, that of a step without `dt` [s].
+    joints : tuple of str
+        Joints whose angles a step takes.
+
+    Raises
+    ------
+    InputError
+        If the scenario has no observer, or cannot start there.
+    CodeError
+        If there is no C compiler.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> far_end = tf.Observer("examples/finger.toml")  # doctest: +SKIP
+    >>> seen = far_end.step(tension_N=48.2, position_m=0.0011, dt=0.004)  # doctest: +SKIP
+    >>> seen.tension_N.low <= seen.tension_N.value <= seen.tension_N.high  # doctest: +SKIP
+    True
+    """
+
+    def __init__(
+        self,
+        scenario: str | os.PathLike[str] | Scenario,
+        *,
+        start: float | None = None,
+        given: float | None = None,
+    ) -> None:
+        if isinstance(scenario, str | os.PathLike):
+            path = Path(scenario)
+            if is_joint_file(path):
+                raise InputError(f"{path.name}: an observer of a driven joint is not there; export-c has joint_observe")
+            scenario = load_scenario(path)
+        if start is not None and math.isnan(start) and given is None:
+            raise InputError("start is NaN, so nothing is known of the output; state the input tension: given")
+        self._core = TendonObserver(scenario, start, given)
+        self.step_s, self.joints = self._core.step_s, self._core.joints
+        if ObserverStatus.INPUT_HELD in self._core.status:
+            raise InputError(f"an observer cannot start at {self._core.start:g} N: it is out of the scenario's range")
+
+    def step(
+        self,
+        *,
+        tension_N: float | None = None,
+        position_m: float | None = None,
+        joints: Mapping[str, float] | Sequence[float] | None = None,
+        dt: float | None = None,
+    ) -> Observation:
+        """Advance by one step and say what the far end does at its end.
+
+        Parameters
+        ----------
+        tension_N : float or None
+            Input tension [N]. None or NaN for one that did not arrive: the last estimate is held.
+        position_m : float, optional
+            Position of the near end relative to the start [m], positive towards the actuator; None where it is not
+            measured.
+        joints : mapping of str to float, or sequence of float, optional
+            Angles [rad] of the joints that `joints` names, by name or in that order.
+        dt : float, optional
+            Time since the last call [s]; default: `step_s`.
+
+        Raises
+        ------
+        ParameterError
+            If an angle of a joint is missing.
+        """
+        tension, position = (math.nan if x is None else float(x) for x in (tension_N, position_m))
+        return self._core.step(self.step_s if dt is None else dt, tension, position, self._given(joints))
+
+    @property
+    def status(self) -> tuple[ObserverStatus, ...]:
+        """Status of the last step; empty where nothing is to be said."""
+        return self._core.status
+
+    def _given(self, joints: Mapping[str, float] | Sequence[float] | None) -> Sequence[float]:
+        if joints is None:
+            joints = ()
+        names = self.joints
+        missing = [n for n in names if n not in joints] if isinstance(joints, Mapping) else names[len(joints) :]
+        if missing or len(joints) > len(names):
+            raise ParameterError(f"joints must be the angles of {', '.join(names) or 'none'}, got {joints}")
+        return [joints[name] for name in names] if isinstance(joints, Mapping) else joints
