@@ -110,6 +110,6 @@ def _directives(names: str) -> str:
 
 
 def _keys() -> str:
-    """The commented scenario that `tendonff new` writes."""
+    """The commented scenario that `tendonff new` writes, its comments close behind the values."""
     template = (ROOT / "compensator" / "scenario" / "scenario.toml").read_text(encoding="utf-8")
-    return f"```toml\n{template}```\n"
+    return f"```{{ .toml .wrapped }}\n{re.sub(r' {3,}#', '  #', template)}```\n"

@@ -152,7 +152,8 @@ def section(table: Table) -> str:
     lines = [f"### `{table.title}`", "", f"Read by {table.readers}. {table.note}".strip(), ""]
     lines += ["| key, unit | meaning | default |", "|---|---|---|"]
     for key, unit, default, meaning in rows(table):
-        lines.append(f"| `{key}`{f'<br>{unit}' if unit else ''} | {meaning} | {default} |")
+        broken = key.replace("_", "_<wbr>")  # a long key may take two lines on a phone
+        lines.append(f"| <code>{broken}</code>{f'<br>{unit}' if unit else ''} | {meaning} | {default} |")
     return "\n".join([*lines, ""])
 
 

@@ -165,8 +165,8 @@ def _warnings(
     if (weakening := chain.friction.weakening_speed_m_per_s) is not None:
         speed = f"{weakening:.3g} m/s"
         text = (
-            f"stick-slip: friction weakens with speed and the tendon slides slowly {when}; no force computed "
-            f"beforehand can hold it; {error}; slide well above or below {speed}, add damping at the load, "
+            f"stick-slip: friction weakens with speed and the tendon slides slowly {when}; feedforward cannot "
+            f"stabilise it; {error}; slide well above or below {speed}, add damping at the load, "
             "lubricate (mu_static closer to mu_dynamic), or close a feedback loop"
         )
     else:
@@ -177,7 +177,7 @@ def _warnings(
         )
         text = (
             f"unstable sliding: friction, proportional to tension, feeds {motion} "
-            f"{when}; no force computed beforehand can hold it; {error}; add damping in the tendon or at the load, "
+            f"{when}; feedforward cannot stabilise it; {error}; add damping in the tendon or at the load, "
             "or let the reference change more gently"
         )
     return (text,)

@@ -69,7 +69,7 @@ def _estimates(result: AdaptationData, case: Case, panel: Axes, rows: slice) -> 
     panel.plot(case.time_s[rows], case.mu_factor[rows], color=INK, linestyle=":", label="mu, true")
     low, high = trace.factors.min(), trace.factors.max()
     panel.set_ylim(min(low, case.mu_factor.min()) - 0.1, max(high, case.mu_factor.max()) + 0.1)
-    panel.set(xlabel="time [s]", ylabel="factor on the scenario's value")
+    panel.set(xlabel="time [s]", ylabel="parameter factor [-]")
     panel.legend(loc="lower right")
 
 

@@ -24,6 +24,7 @@ from tendonff.models.linearise import Lineariser
 from tendonff.models.path import JointMotion
 
 LEVEL_COLOURS = {"elastic": BLUE, "viscoelastic": VERMILION, "presliding": GREEN, CAPSTAN_PLANT: INK}
+_LEAST, _COARSE = 0.01, 10.0  # errors not resolved, and from which on two decimals are enough [% of range]
 LEVEL_STYLES = {"elastic": "-", "viscoelastic": "--", "presliding": "-.", CAPSTAN_PLANT: ":"}
 
 
@@ -51,20 +52,26 @@ def matrix_figure(result: MatrixData) -> Figure:
     panel.set(xlabel="plant", ylabel="design", title="RMS error, % of range (± spread over step and tolerance)")
     panel.grid(False)
     panel.tick_params(length=0)
-    for i, (_, row) in enumerate(rows):
-        for j, entry in enumerate(row):
+    for i, row in enumerate(cell_texts(result)):
+        for j, text in enumerate(row):
             dark = shown[i, j] > 1.5
-            panel.text(j, i, cell_text(entry), ha="center", va="center", fontsize=8, color="white" if dark else INK)
+            panel.text(j, i, text, ha="center", va="center", fontsize=8, color="white" if dark else INK)
     colour_bar = figure.colorbar(image, ax=panel, shrink=0.9)
     colour_bar.set_ticks([0.01, 0.1, 1, 10, 100], labels=["≤ 0.01", "0.1", "1", "10", "100"])
     return figure
 
 
-def cell_text(entry: Entry) -> str:
-    """Error and, where it matters, spread of a cell [% of range]."""
-    value, spread = entry.rmse_percent_of_range, entry.spread_percent_of_range
-    text = f"{value:.2g}" if value >= 0.01 else "< 0.01"
-    return f"{text} ± {spread:.1g}" if spread >= max(0.005, 0.01 * value) else text
+def cell_texts(result: MatrixData) -> list[list[str]]:
+    """Error and, where it matters, spread of each cell, all with the same decimals [% of range]."""
+    cells = [row for _, row in result.rows]
+    decimals = 2 if max(entry.rmse_percent_of_range for row in cells for entry in row) >= _COARSE else 3
+
+    def text(entry: Entry) -> str:
+        value, spread = entry.rmse_percent_of_range, entry.spread_percent_of_range
+        shown = f"{value:.{decimals}f}" if value >= _LEAST else f"< {_LEAST:g}"
+        return f"{shown} ± {spread:.{decimals}f}" if spread >= max(_LEAST / 2, _LEAST * value) else shown
+
+    return [[text(entry) for entry in row] for row in cells]
 
 
 def errors_figure(result: MatrixData, motion: JointMotion | None = None) -> Figure:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from matplotlib.figure import Figure
 
-from tendonff.compensator.compare.figures import cell_text
+from tendonff.compensator.compare.figures import cell_texts
 from tendonff.compensator.compare.matrix import Designed, MatrixData
 from tendonff.compensator.compare.result import ComparisonData
 from tendonff.compensator.reporting.page import (
@@ -50,6 +50,7 @@ def _expected(result: MatrixData) -> Table:
         caption=f"Worst RMS error on the presliding level, % of reference range, for {result.expectation.doubt}",
         columns=("profile", *(f"designed on {level}" for level in Level)),
         rows=[(c.label, *(worst(c, level) for level in Level)) for c in result.compensators],
+        one_quantity=True,
     )
 
 
@@ -62,7 +63,7 @@ def matrix_sections(
     errors = Table(
         caption="RMS error, % of reference range (± spread)",
         columns=heads,
-        rows=[(label, *(cell_text(entry) for entry in row)) for label, row in rows],
+        rows=[(label, *texts) for (label, _), texts in zip(rows, cell_texts(result), strict=True)],
     )
     peaks = Table(
         caption=f"Largest error [{unit.shown}] and lag [ms]",

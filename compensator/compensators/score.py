@@ -183,9 +183,9 @@ class IgnoredMotion:
             for name, angle in zip(self.motion.names, self.motion.angle_rad.T, strict=True)
         )
         return (
-            f"The joints move: {joints}. Ignoring that would leave an RMS error of "
-            f"{self.ignored.percent} % of range: the exact inverse for the mean pose, on the moving path. The one that "
-            f"knows the motion leaves {self.known.percent} %."
+            f"The joints move: {joints}. RMS error of the exact inverse on the moving path: "
+            f"{self.ignored.percent} % of range if it is designed for the mean pose, {self.known.percent} % if it "
+            "knows the motion."
         )
 
 

@@ -107,16 +107,16 @@ def tension_figure(result: DesignData) -> Figure:
 
 
 def force_figure(result: DesignData) -> Figure:
-    """Force, rate of force and travel of each compensator, with the actuator's limits where they are near."""
+    """Force, rate of force and travel of each compensator, with the actuator's limits."""
     figure, axes = new_figure(3, 1, share_x=True, height_in=6.2, height_ratios=(3, 2, 2))
     force, rate, travel = axes[:, 0]
     actuator, step = result.scenario.transmission.actuator, result.reference.step_s
     _draw(force, result, result.forces_N, lambda c: c.label)
-    _mark(force, actuator.force_min_N, actuator.force_max_N)
+    _mark(force, "N", actuator.force_min_N, actuator.force_max_N)
     rates = {name: np.gradient(profile, step) for name, profile in result.forces_N.items()}
     _draw(rate, result, rates)
     _zoom(rate, {name: values for name, values in rates.items() if name not in _BARE})
-    _mark(rate, -actuator.force_rate_max_N_per_s, actuator.force_rate_max_N_per_s)
+    _mark(rate, "N/s", -actuator.force_rate_max_N_per_s, actuator.force_rate_max_N_per_s)
     travels = {c.name: 1e3 * result.on_level(c.name, result.level).travel_m for c in result.compensators}
     _draw(travel, result, travels)
     force.set(ylabel="actuator force [N]")
@@ -144,10 +144,10 @@ def drive_figure(result: DesignData) -> Figure:
         else:
             plane.plot(use.speed_m_per_s[rows] / motor.travel_per_rad_m, use.torque_N_m(motor)[rows], **look)
     if actuator.speed_max_m_per_s is not None:
-        _mark(speed, -1e3 * actuator.speed_max_m_per_s, 1e3 * actuator.speed_max_m_per_s)
-    _mark(travel, *(1e3 * x for x in (actuator.travel_min_m, actuator.travel_max_m) if x is not None))
-    travel.set(xlabel="time [s]", ylabel="travel [mm]", title="Actuator travel from the start")
-    speed.set(xlabel="time [s]", ylabel="speed [mm/s]", title="Actuator speed")
+        _mark(speed, "mm/s", -1e3 * actuator.speed_max_m_per_s, 1e3 * actuator.speed_max_m_per_s)
+    _mark(travel, "mm", *(1e3 * x for x in (actuator.travel_min_m, actuator.travel_max_m) if x is not None))
+    travel.set(xlabel="time [s]", ylabel="travel [mm]", title="Travel from the start")
+    speed.set(xlabel="time [s]", ylabel="speed [mm/s]", title="Speed")
     power.set(xlabel="time [s]", ylabel="power [W]", title="Mechanical power")
     if motor is None:
         plane.set(xlabel="speed [mm/s]", ylabel="force [N]", title="Force over speed")
@@ -245,9 +245,18 @@ def _zoom(panel: Axes, curves: dict[str, FloatArray]) -> None:
         panel.set_ylim(-limit, limit)
 
 
-def _mark(panel: Axes, *limits: float) -> None:
-    """Draw limits of the actuator that lie within a third of the drawn range."""
+def _mark(panel: Axes, unit: str, *limits: float) -> None:
+    """Draw limits of the actuator that lie within a third of the drawn range, and write those that do not."""
     low, high = panel.get_ylim()
+    beyond = []
     for limit in limits:
         if low - (high - low) / 3 < limit < high + (high - low) / 3:
             panel.axhline(limit, **BOUND)
+        else:
+            beyond.append(limit)
+    if beyond:
+        shown = (
+            f"±{limits[1]:g}" if len(beyond) > 1 and limits[0] == -limits[1] else " and ".join(f"{x:g}" for x in beyond)
+        )
+        text = f"limit {shown} {unit} off scale".replace("-", "\N{MINUS SIGN}")
+        panel.set_title(text, loc="right", fontsize=8, color=GREY)

@@ -5,6 +5,7 @@ import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from rich.box import HEAVY_HEAD, SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
@@ -22,6 +23,8 @@ from tendonff.compensator.reporting.page import summary_head, write_pages
 from tendonff.compensator.scenario.sampled.joint_motion import sample_joints
 from tendonff.models.fidelity import Level
 from tendonff.ocp.tracking.result import Tracking
+
+_ROOM = 90  # columns of a terminal that hold the table of scores with its frame
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,7 +140,11 @@ def print_scores(result: DesignData, folder: Path) -> None:
     """Print the error of each compensator on each level, what to expect on a rig, and where the files are."""
     console = Console()
     table = Table(
-        title=f"{result.scenario.name}: RMS error, % of range of the {result.reference.name}", title_justify="left"
+        box=HEAVY_HEAD if console.width >= _ROOM else SIMPLE_HEAD,
+        pad_edge=console.width >= _ROOM,
+        collapse_padding=console.width < _ROOM,
+        title=f"{result.scenario.name}: RMS error, % of range of the {result.reference.name}",
+        title_justify="left",
     )
     table.add_column("compensator")
     table.add_column("worst case", justify="right")

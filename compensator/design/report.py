@@ -41,11 +41,11 @@ _CAPTIONS = {
     "tension": "Reference and output tension of each profile with the design's own parameters. Below: the "
     "compensated errors, enlarged; a curve that leaves the panel is larger.",
     "force": "Actuator force, its rate of change, and the travel of the actuator's end. Dashed: limits of the "
-    "actuator.",
+    "actuator; those off the scale are written.",
     "loop": "Left: the tendon's hysteresis, output over force. Right: output over reference; perfect compensation is "
     "the diagonal. Equal scales on both axes.",
     "error": "Error on each fidelity level with the design's own parameters, on one scale; right: enlarged.",
-    "drive": "What the profiles ask of the drive, on the design level. Dashed: its limits, where they are near.",
+    "drive": "Demands on the drive, on the design level. Dashed: its limits; those off the scale are written.",
 }
 
 
@@ -114,12 +114,14 @@ def design_report(result: DesignData, figures: dict[str, Figure], view: Interact
             for c in result.compensators
         ],
         least=1e-3,
+        one_quantity=True,
     )
     peaks = Table(
         caption="Largest error [N], the design's own parameters",
         columns=("profile", *(level.value for level in Level)),
         rows=[(c.label, *(score.peak_error for score in result.scores(c.name)[:-1])) for c in result.compensators],
         least=1e-3,
+        one_quantity=True,
     )
     return Report(
         title=f"Design: {result.scenario.name}",
@@ -165,7 +167,7 @@ def _holds(result: DesignData) -> tuple[Block, ...]:
         f"While the reference rests, the force of the exact inverse still moves: {'; '.join(found)}. At the end of a "
         "move the load's inertia and the damping turn the sliding round for some milliseconds, friction changes sign, "
         "and the force crosses the dead zone although the output hardly moves. Inside the dead zone nothing need "
-        'move: hold = "keep" in [reference] keeps the force, and says what that costs.'
+        'move: hold = "keep" in [reference] keeps the force, and the report states what that costs.'
     )
     return (Text(note),)
 
@@ -216,11 +218,11 @@ def _drive(result: DesignData) -> tuple[Block, ...]:
         row("motor: peak torque [N m]", [float(np.max(use.force_N)) * per_rad for use in used], motor.torque_max_N_m)
         row("motor: RMS torque [N m]", [use.force_rms_N * per_rad for use in used], motor.torque_rated_N_m)
         row("motor: peak speed [rad/s]", [speed / per_rad for speed in speeds], motor.speed_max_rad_per_s)
-        row("motor: way [turns]", [use.stroke_m / per_rad / (2 * np.pi) for use in used], None)
+        row("motor: revolutions", [use.stroke_m / per_rad / (2 * np.pi) for use in used], None)
         if motor.stall_torque_N_m is not None:
             row("motor: share of the torque-speed line", [use.load_of_the_line(motor) for use in used], 1.0)
     columns = ("quantity", *(labels[use.name] for use in used), "limit", "used")
-    table = Table(caption="What the drive must do", columns=columns, rows=tuple(rows))
+    table = Table(caption="Demands on the drive", columns=columns, rows=tuple(rows))
     return Text(_verdict(asked, motor)), table
 
 
@@ -231,7 +233,7 @@ def _verdict(asked: dict[str, float], motor: Motor | None) -> str:
         text = f"The drive is too small for these profiles: {'; '.join(beyond)}."
     else:
         what, share = max(asked.items(), key=lambda pair: pair[1])
-        text = f"The drive suffices for these profiles; what comes closest to its limit is {what}: {100 * share:.3g} %."
+        text = f"The drive suffices for these profiles; smallest margin: {what}, {100 * share:.3g} % of its limit."
     if motor is None:
         return text + " [actuator.motor] with drum, gear and the motor's data sheet sizes the motor too."
     missing = [] if motor.torque_rated_N_m is not None else ["torque_rated_N_m (continuous torque)"]

@@ -135,7 +135,7 @@ def _promises(designed: Sequence[Verified], proof: Sequence[Verified], *, is_com
         optimal, other = scores["optimal"], scores[best]
         if optimal.rmse_percent_of_range > _SMALL:
             found.append(
-                f"optimal: {optimal.percent} % of range on the finer chain, where {best} leaves {other.percent} %: "
+                f"optimal: {optimal.percent} % of range on the finer chain, where {best} has {other.percent} %: "
                 f"use {best} here"
             )
     return found

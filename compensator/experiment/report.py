@@ -1,5 +1,9 @@
 """The report of the two-motor test: what the three models show, in one page."""
 
+import math
+from collections.abc import Mapping
+from statistics import mean
+
 from matplotlib.figure import Figure
 
 from tendonff.compensator.experiment import numbers
@@ -15,6 +19,7 @@ from tendonff.compensator.reporting.page import (
     provenance_of,
 )
 from tendonff.compensator.scenario.experiment import MotorMode
+from tendonff.models.fidelity import Level
 
 _CAPTIONS = {
     "experiment_tensions": "Seven tensions along the path; the states are shaded and named.",
@@ -23,8 +28,8 @@ _CAPTIONS = {
     "experiment_hysteresis": "Tension at each motor over the elongation of the tendon.",
 }
 _NOTE = (
-    "The paper shows this test in pictures and prints no numbers, and its state diagram cannot be read: the ten states "
-    "are chosen here, and all models receive the schedule of the machine's level."
+    "Both ends of the tendon are pulled, held and released in turn; every model receives the schedule that the level "
+    "of [run] gives. The shares below are of the largest minus the smallest tension of the test."
 )
 
 
@@ -152,17 +157,40 @@ def _states(result: ExperimentData) -> Table:
 
 def _summary(result: ExperimentData) -> str:
     lead = result.runs[result.lead]
+    sentences = [_closest(result, result.measured)] if result.measured is not None else []
     held = {level: numbers.relaxation(run).values() for level, run in result.runs.items()}
     modes = {done.state.modes[motor] for done, motor in numbers.holds(lead)}
-    sentences = []
     if MotorMode.HOLD in modes or not modes:
         largest = {
             level: max((abs(v.change_percent_of_range) for v in some), default=0.0) for level, some in held.items()
         }
-        parts = ", ".join(f"{value:.2g} % on {level}" for level, value in largest.items())
-        sentences.append(f"While a motor holds its position, its tension changes by {parts} (of the range).")
+        sentences.append(f"While a motor holds its position, its tension changes by {_each(largest, '% of range')}.")
     if MotorMode.HOLD_FORCE in modes:
         farthest = {level: max(abs(v.travel_m) for v in some) for level, some in held.items()}
-        parts = ", ".join(f"{1e3 * value:.2g} mm on {level}" for level, value in farthest.items())
-        sentences.append(f"While a motor holds its force, creep moves it by {parts}.")
+        creep = {level: 1e3 * value for level, value in farthest.items()}
+        sentences.append(f"While a motor holds its force, creep moves it by {_each(creep, 'mm')}.")
+    widths = {
+        level: [value.width_s for done in numbers.reversals(run) if (value := numbers.transient(run, done)) is not None]
+        for level, run in result.runs.items()
+    }
+    if all(widths.values()):
+        longest = {level: 1e3 * max(some) for level, some in widths.items()}
+        sentences.append(f"After a reversal the output changes over {_each(longest, 'ms')}.")
+    if len(sentences) > (result.measured is not None):
+        sentences.append("The level whose numbers your rig shows is the one to design with.")
     return " ".join(sentences)
+
+
+def _each(values: Mapping[Level, float], unit: str) -> str:
+    """A quantity on each level, in words."""
+    return ", ".join(f"{value:.2g} ({level})" for level, value in values.items()) + f" {unit}"
+
+
+def _closest(result: ExperimentData, measured: MeasuredTensions) -> str:
+    """Which level the measured tensions agree with best, by the mean square over the sensors."""
+    errors = {
+        level: math.sqrt(mean(each.measured_rms_percent_of_range**2 for each in numbers.deviations(run, measured)))
+        for level, run in result.runs.items()
+    }
+    best = min(errors, key=lambda level: errors[level])
+    return f"{measured.name} agrees best with the {best} level: RMS difference {_each(errors, '% of range')}."

@@ -31,6 +31,8 @@ class Tuned:
         Starts of the first fit, as factors of the scenario's values (rigs).
     exponent_starts, release_starts : tuple of float
         Starts of the static laws' mu theta, and releasing as shares of pulling (rigs).
+    grid_rows : int
+        Samples of a piece on which these starts are compared, at least (method).
     most_exponent : float
         Largest mu theta that is searched (rule: a tension ratio of 3000).
     least_spread : float
@@ -123,6 +125,7 @@ class Tuned:
     mu_starts: tuple[float, ...] = (0.4, 1.0, 2.0)
     exponent_starts: tuple[float, ...] = (0.02, 0.1, 0.3, 0.6, 0.9, 1.2, 1.8, 2.5, 4.0)
     release_starts: tuple[float, ...] = (1.0, 0.85, 0.7, 0.5)
+    grid_rows: int = 500
     most_exponent: float = 8.0
     least_spread: float = 1e-3
     poor_percent: float = 10.0

@@ -44,7 +44,7 @@ def joint_figure(result: JointDesignData) -> Figure:
 
 def tension_figure(result: JointDesignData) -> Figure:
     """Tensions at the joint under the exact inverse, and their sum over the arms."""
-    figure, axes = new_figure(1, 1)
+    figure, axes = new_figure(1, 1, height_in=2.9)
     time = result.sampled.run_time_s
     rows, panel = thinned(len(time)), axes[0, 0]
     tension = result.profiles["inverse"].tension_N

@@ -51,9 +51,10 @@ def contributions_figure(found: Expectation, style: Style) -> Figure:
     """RMS error of the recommended profile by each uncertain number alone, beside the worst case of all."""
     factor = found.unit.factor
     shown = [each for each in found.contributions if np.isfinite(each.rmse)][:_MOST_BARS][::-1]
-    figure, axes = new_figure(1, 1, height_in=1.3 + 0.28 * len(shown))
+    figure, axes = new_figure(1, 1, height_in=1.0 + 0.28 * len(shown))
     panel = axes[0, 0]
     panel.barh([each.key for each in shown], [factor * each.rmse for each in shown], color=style.color)
+    panel.set_ylim(-0.6, len(shown) - 0.4)  # a single bar does not fill the panel
     panel.axvline(
         factor * found.best.nominal.rmse, color=GREY, linewidth=0.8, linestyle=":", label="nominal parameters"
     )

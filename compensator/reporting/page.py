@@ -102,6 +102,7 @@ class Table:
     rows: Sequence[Sequence[Cell]]
     digits: int = 3  # significant digits of a float
     least: float = 0.0  # smaller floats are shown as less than it, and set no decimals. Default 0: all differ
+    one_quantity: bool = False  # all columns of numbers hold it, so all have the same decimals
 
     def __post_init__(self) -> None:
         for k, row in enumerate(self.rows):
@@ -243,6 +244,9 @@ def _prepared(block: Block, numbers: Iterator[int], files: Mapping[Figure, Path]
             columns = [[row[k] for row in block.rows] for k in range(len(block.columns))]
             numeric = [is_aligned(column) for column in columns]
             decimals = [column_decimals(column, block.digits, block.least) for column in columns]
+            if block.one_quantity:
+                cells = [cell for column in columns for cell in column if not isinstance(cell, str)]
+                decimals = [column_decimals(cells, block.digits, block.least)] * len(columns)
             rows = [
                 [
                     (format_cell(cell, block.digits, places), right)

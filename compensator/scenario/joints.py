@@ -28,7 +28,7 @@ class ConstantJoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SineJoint:
-    """offset + min(t/fade_in_s, 1) sum_i a_i sin(2 pi f_i t).
+    """offset + fade(t) sum_i a_i sin(2 pi f_i t).
 
     Parameters
     ----------
@@ -40,12 +40,15 @@ class SineJoint:
         Frequencies f_i of the sines [Hz], as many.
     fade_in_s : float
         Time in which the swing grows to its full size [s].
+    fade : Shape, optional
+        Course of that growth: linear, min(t/fade_in_s, 1), or smooth, whose rate has no jump.
     """
 
     offset_rad: float = 0.0
     amplitudes_rad: tuple[float, ...] = ()
     frequencies_Hz: tuple[float, ...] = ()
     fade_in_s: float = 0.0
+    fade: Shape = Shape.LINEAR
 
     def __post_init__(self) -> None:
         _finite("offset_rad", (self.offset_rad,))

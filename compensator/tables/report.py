@@ -46,7 +46,7 @@ def table_report(result: TablesData, picture: Path) -> Report:
     )
     return Report(
         title=f"Compensation table: {result.scenario.name}",
-        summary=f"{result.headline} It has {first.table.nodes} values for {covered[0]:.4g} to {covered[-1]:.4g} N.",
+        summary=f"{first.table.nodes} values for {covered[0]:.4g} to {covered[-1]:.4g} N. {result.headline}",
         fine_print=(
             f"With exactly the scenario's parameters the RMS error is {own.rmse_percent_of_range:.2g} % on the "
             f"{result.level} level. That is the accuracy of the table, not of a rig, where the uncertainty of the "

@@ -83,9 +83,38 @@ class Solution:
         return found
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Minimum:
+    """Minimiser without its uncertainty."""
+
+    values: dict[str, float]
+    residuals: Residuals
+    cost: float
+    at_bound: tuple[str, ...]
+
+    def with_covariance(self, *, robust: bool = True) -> Solution:
+        """The minimiser and its uncertainty."""
+        covariance, degrees = block_covariance(self.residuals, robust=robust)
+        return Solution(
+            values=self.values,
+            covariance=covariance,
+            degrees=degrees,
+            residuals=self.residuals,
+            cost=self.cost,
+            at_bound=self.at_bound,
+        )
+
+
 def solve(
     evaluate: Evaluate, unknowns: Sequence[Unknown], *, robust: bool = True, most: int = 60, tolerance: float = 1e-8
 ) -> Solution:
+    """`minimise`, with the covariance of the values."""
+    return minimise(evaluate, unknowns, robust=robust, most=most, tolerance=tolerance).with_covariance(robust=robust)
+
+
+def minimise(
+    evaluate: Evaluate, unknowns: Sequence[Unknown], *, robust: bool = True, most: int = 60, tolerance: float = 1e-8
+) -> Minimum:
     """Minimise the residuals: soft-l1 loss (quadratic below one unit, linear above) or plain squares.
 
     At most so many evaluations; SolveError if the residuals are not finite at the start.
@@ -123,16 +152,8 @@ def solve(
     )
     residuals = at(found.x)
     values = {u.name: u.outside(v) for u, v in zip(unknowns, found.x, strict=True)}
-    covariance, degrees = block_covariance(residuals, robust=robust)
     bound = tuple(u.name for u, active in zip(unknowns, found.active_mask, strict=True) if active != 0)
-    return Solution(
-        values=values,
-        covariance=covariance,
-        degrees=degrees,
-        residuals=residuals,
-        cost=float(found.cost),
-        at_bound=bound,
-    )
+    return Minimum(values=values, residuals=residuals, cost=float(found.cost), at_bound=bound)
 
 
 def block_covariance(residuals: Residuals, *, robust: bool) -> tuple[Array, int]:
@@ -160,7 +181,11 @@ def block_covariance(residuals: Residuals, *, robust: bool) -> tuple[Array, int]
         # The blocks' own scatter is a noisy estimate; never fall below what independent rows would give.
         rows = max(len(r) - count, 1)
         plain = inverse * float((weight * r * r).sum() / rows)
-        excess = np.sqrt(np.maximum(np.diag(plain) / np.maximum(np.diag(clustered), 1e-300), 1.0))
+        alone = np.diag(clustered) <= np.finfo(float).eps * np.diag(plain)  # rounding is all that their blocks scatter
+        clustered[alone, :] = clustered[:, alone] = 0.0
+        clustered[alone, alone] = np.diag(plain)[alone]
+        excess = np.ones(len(clustered))
+        excess[~alone] = np.sqrt(np.maximum(np.diag(plain)[~alone] / np.diag(clustered)[~alone], 1.0))
         clustered = clustered * np.outer(excess, excess)
         part = clustered / np.outer(size[seen], size[seen])
         lost = (np.abs(vt[blind]) > 1e-3).any(axis=0) if blind.any() else np.zeros(scaled.shape[1], dtype=bool)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from tendonff.compensator.identification.fitting.judging import (
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.cleaning import Piece, Record
 from tendonff.compensator.scenario.measurement import Explain
-from tendonff.ocp.fits.least_squares import Blocks, Evaluate, Residuals, Solution, Unknown, solve
+from tendonff.ocp.fits.least_squares import Blocks, Residuals, Solution, Unknown, minimise
 from tendonff.ocp.fits.static import NEUTRAL, ORDER, Response, StaticParameter, input_from_output, output_from_input
 
 P = StaticParameter
@@ -157,90 +158,118 @@ def fit_static(
 
     With `hold_out` it is fitted without each part of the records as well.
     """
-    fit = _fit(records, model, explain, most, start, model.free, hold_out=hold_out)
+    task = _Task.of(records, model, explain, model.free)
+    fit = task.fit(records, most, start)
     if model.constants and explain is Explain.OUTPUT and P.ADHESION.value in fit.solution.at_bound:
         # The adhesion would have to be negative: both biases are free instead.
         biases = tuple(P.OUTPUT_BIAS if name is P.ADHESION else name for name in model.free)
-        split = _fit(records, model, explain, most, start, biases, hold_out=hold_out)
+        other = _Task.of(records, model, explain, biases)
+        split = other.fit(records, most, start)
         if split.solution.cost < 0.999 * fit.solution.cost:
-            return split
-    return fit
+            task, fit = other, split
+    return replace(fit, without=task.refitted(records, start, fit.solution)) if hold_out else fit
 
 
-def _fit(
-    records: Sequence[Record],
-    model: StaticModel,
-    explain: Explain,
-    most: int,
-    start: StaticFit | None,
-    free: Sequence[StaticParameter],
-    *,
-    hold_out: bool,
-) -> StaticFit:
-    runs, middle = list(_runs(records, explain)), middle_of(records)
-    span = max(span_of(records, explain), 1e-12)
-    unit = TUNED.static_robust_share * span
-    unknowns = _unknowns(records, free, span, start)
-    seconds = sum(float(np.ptp(r.piece.time_s)) for r in runs)
-    blocks = block_numbers([r.piece.time_s[:: r.thin][r.good] for r in runs], seconds)
-    columns = [ORDER.index(name) for name in free]
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Task:
+    """Residuals of one law over measured pieces."""
 
-    def evaluate(values: Mapping[str, float]) -> Residuals:
-        full = complete(values, model)
+    model: StaticModel
+    explain: Explain
+    free: Sequence[StaticParameter]
+    runs: Sequence[_Run]
+    middle_m: float
+    span_N: float
+    blocks: Blocks
+
+    @classmethod
+    def of(
+        cls, records: Sequence[Record], model: StaticModel, explain: Explain, free: Sequence[StaticParameter]
+    ) -> Self:
+        """The task over all records."""
+        runs = list(_runs(records, explain))
+        seconds = sum(float(np.ptp(r.piece.time_s)) for r in runs)
+        return cls(
+            model=model,
+            explain=explain,
+            free=free,
+            runs=runs,
+            middle_m=middle_of(records),
+            span_N=max(span_of(records, explain), 1e-12),
+            blocks=block_numbers([r.piece.time_s[:: r.thin][r.good] for r in runs], seconds),
+        )
+
+    @property
+    def unit_N(self) -> float:
+        """Of the residuals."""
+        return TUNED.static_robust_share * self.span_N
+
+    def fit(self, records: Sequence[Record], most: int, start: StaticFit | None) -> StaticFit:
+        """The law fitted to all rows, in at most so many evaluations from one start."""
+        unknowns = _unknowns(records, self.free, self.span_N, start)
+        starts = [] if start is None else [unknowns]
+        if start is None or not (self.model.spread or self.model.presliding):
+            starts.append(self._best_of_grid(unknowns, start))
+        found = min((minimise(self.evaluate, first, most=most) for first in starts), key=lambda m: m.cost)
+        solution = found.with_covariance()
+        return StaticFit(
+            model=self.model,
+            explain=self.explain,
+            values=complete(solution.values, self.model),
+            solution=solution,
+            unit_N=self.unit_N,
+            middle_m=self.middle_m,
+        )
+
+    def evaluate(self, values: Mapping[str, float]) -> Residuals:
+        """Residuals with slopes over the free values."""
+        full, columns = complete(values, self.model), [ORDER.index(name) for name in self.free]
         differences, slopes = [], []
-        for run in runs:
-            response = respond(full, run.piece, explain, middle, run.thin)
-            differences.append((response.prediction_N - run.wanted)[run.good] / unit)
-            slopes.append(response.slopes[run.good] / unit)
-        by_all = np.concatenate(slopes)
-        by_free = by_all[:, columns].copy()
-        if not model.asymmetric:  # one exponent for both directions; no symmetric law has spread bounds
-            by_free[:, 0] += by_all[:, ORDER.index(P.RELEASE)]
-        return Residuals(values=np.concatenate(differences), slopes=by_free, blocks=blocks)
+        for run in self.runs:
+            response = respond(full, run.piece, self.explain, self.middle_m, run.thin)
+            differences.append((response.prediction_N - run.wanted)[run.good] / self.unit_N)
+            by_all = response.slopes[run.good] / self.unit_N
+            slopes.append(by_all[:, columns])
+            if not self.model.asymmetric:  # one exponent for both directions; no symmetric law has spread bounds
+                slopes[-1][:, 0] += by_all[:, ORDER.index(P.RELEASE)]
+        return Residuals(values=np.concatenate(differences), slopes=np.concatenate(slopes), blocks=self.blocks)
 
-    starts = [] if start is None else [unknowns]
-    if start is None or not (model.spread or model.presliding):
-        starts.append(_best_of_grid(evaluate, unknowns, model, start))
-    solution = min((solve(evaluate, first, most=most) for first in starts), key=lambda s: s.cost)
-    values = complete(solution.values, model)
-    without = _refitted(evaluate, unknowns, solution, np.concatenate(_folds(runs))) if hold_out else {}
-    return StaticFit(
-        model=model,
-        explain=explain,
-        values=values,
-        solution=solution,
-        unit_N=unit,
-        middle_m=middle,
-        without={fold: complete(some, model) for fold, some in without.items()},
-    )
+    def _best_of_grid(self, unknowns: Sequence[Unknown], start: StaticFit | None) -> list[Unknown]:
+        """The exponents on a grid that come nearest; a release that never slides shows in no slope, so it is tried
+        too.
+        """
+        tried = (*TUNED.exponent_starts, *(() if start is None else (start.values[P.PULL],)))
+        shares = TUNED.release_starts if self.model.asymmetric else (1.0,)
+        grid = [_with_exponents(unknowns, pull, share * pull) for pull in tried for share in shares]
+        return min(grid, key=lambda us: self._cost_on_few({u.name: u.start for u in us}))
 
+    def _cost_on_few(self, values: Mapping[str, float]) -> float:
+        """Cost on a few of the rows."""
+        full, differences = complete(values, self.model), []
+        for run in self.runs:
+            every = max(1, len(run.good) // TUNED.grid_rows)
+            response = respond(full, run.piece, self.explain, self.middle_m, run.thin * every)
+            differences.append((response.prediction_N - run.wanted[::every])[run.good[::every]] / self.unit_N)
+        return float(np.mean(np.sqrt(1 + np.concatenate(differences) ** 2)))
 
-def _best_of_grid(
-    evaluate: Evaluate, unknowns: Sequence[Unknown], model: StaticModel, start: StaticFit | None
-) -> list[Unknown]:
-    """The exponents on a grid that come nearest; a release that never slides shows in no slope, so it is tried too."""
-    tried = (*TUNED.exponent_starts, *(() if start is None else (start.values[P.PULL],)))
-    shares = TUNED.release_starts if model.asymmetric else (1.0,)
-    grid = [_with_exponents(unknowns, pull, share * pull) for pull in tried for share in shares]
-    return min(grid, key=lambda us: float(np.sum(np.sqrt(1 + evaluate({u.name: u.start for u in us}).values ** 2))))
+    def refitted(
+        self, records: Sequence[Record], start: StaticFit | None, solution: Solution
+    ) -> dict[int, dict[StaticParameter, float]]:
+        """Values of fits without each part of the rows, from those of the whole fit on."""
+        unknowns = _unknowns(records, self.free, self.span_N, start)
+        near = [replace(u, start=solution.values[u.name]) for u in unknowns]
+        folds = np.concatenate(_folds(self.runs))
+        without = {}
+        for fold in np.unique(folds).tolist():
+            rest = folds != fold
 
+            def on_the_rest(values: Mapping[str, float], rest: Mask = rest) -> Residuals:
+                found = solution.residuals if values == solution.values else self.evaluate(values)
+                return Residuals(values=found.values[rest], slopes=found.slopes[rest], blocks=found.blocks[rest])
 
-def _refitted(
-    evaluate: Evaluate, unknowns: Sequence[Unknown], solution: Solution, folds: Folds
-) -> dict[int, dict[str, float]]:
-    """Values of fits without each part of the rows, from those of the whole fit on."""
-    near = [replace(u, start=solution.values[u.name]) for u in unknowns]
-    without = {}
-    for fold in np.unique(folds).tolist():
-        rest = folds != fold
-
-        def on_the_rest(values: Mapping[str, float], rest: Mask = rest) -> Residuals:
-            found = evaluate(values)
-            return Residuals(values=found.values[rest], slopes=found.slopes[rest], blocks=found.blocks[rest])
-
-        refit = solve(on_the_rest, near, most=10, tolerance=1e-4) if rest.any() else None
-        without[fold] = (refit or solution).values
-    return without
+            refit = minimise(on_the_rest, near, most=10, tolerance=1e-4) if rest.any() else None
+            without[fold] = complete((refit or solution).values, self.model)
+        return without
 
 
 def _folds(runs: Sequence[_Run]) -> list[Folds]:

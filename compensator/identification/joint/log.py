@@ -9,7 +9,7 @@ import numpy as np
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.cleaning import Piece, Record, clean
-from tendonff.compensator.identification.measured.reading import Finding, read_measurement
+from tendonff.compensator.identification.measured.reading import Finding, MissingColumnError, read_measurement
 from tendonff.compensator.identification.measured.smoothing import adaptive_low_pass, low_pass_piece
 from tendonff.compensator.joint.scenario import JointScenario
 from tendonff.compensator.scenario.measurement import Measurement
@@ -110,16 +110,13 @@ def _read(file: Path, how: Measurement, start_rad: float) -> JointLog:
     )
     try:
         raw = read_measurement(file, how)
-    except InputError as error:
-        if f'"{how.output_column}" is missing' in str(error):  # what a tendon's file needs without that angle
+    except MissingColumnError as error:
+        if error.key == "output":  # what a tendon's file needs without that angle
             raise InputError(motor) from None
-        if how.input_column != TORQUE or TORQUE not in str(error) or "missing" not in str(error):
+        if error.key != "input" or how.input_column != TORQUE:
             raise
-        if how.torque_constant_N_m_per_A is None:
-            raise InputError(
-                f"{error}; a column {CURRENT} needs the torque constant: --torque-constant, or "
-                "torque_constant_N_m_per_A in [drive]"
-            ) from None
+        if CURRENT not in error.present or how.torque_constant_N_m_per_A is None:
+            raise InputError(_no_torque(file.name, error.present)) from None
         how = replace(how, input_column=CURRENT)
         raw = read_measurement(file, how)
     if raw.input_m is None:
@@ -127,6 +124,19 @@ def _read(file: Path, how: Measurement, start_rad: float) -> JointLog:
     record = clean(raw, how)
     piece = max(record.pieces, key=lambda p: len(p.time_s))
     return _log(piece, record, start_rad)
+
+
+def _no_torque(name: str, present: Sequence[str]) -> str:
+    """Message for a file without the motor's torque; other torques of the joint have similar names, so none is
+    suggested.
+    """
+    constant = "--torque-constant, or torque_constant_N_m_per_A in [drive]"
+    if CURRENT in present:
+        return f'{name}: column "{TORQUE}" is missing, and {CURRENT} needs the torque constant: {constant}'
+    return (
+        f'{name}: column "{TORQUE}" is missing; columns: {", ".join(present)}. Name the torque of the motor with '
+        f"--input-column, or log its current as {CURRENT} and give {constant}"
+    )
 
 
 def _log(piece: Piece, record: Record, start_rad: float) -> JointLog:

@@ -46,6 +46,24 @@ LEAST_RISING = 0.5
 """A clock that rises in fewer of the rows is none."""
 
 
+class MissingColumnError(InputError):
+    """A file without a column that is needed.
+
+    Parameters
+    ----------
+    text : str
+        The message.
+    key : str
+        Channel of the column.
+    present : tuple of str
+        Columns of the file.
+    """
+
+    def __init__(self, text: str, *, key: str, present: tuple[str, ...]) -> None:
+        super().__init__(text)
+        self.key, self.present = key, present
+
+
 class DataIssue(StrEnum):
     """Kinds of data issues."""
 
@@ -178,14 +196,16 @@ def _columns(
 
 def _check_missing(path: Path, table: Table, names: Mapping[str, str], key: str) -> None:
     """Refuse a file without a column that is needed."""
-    near = nearest_column(names[key], [*table.columns, *table.offered])
+    present = (*table.columns, *table.offered)
+    near = nearest_column(names[key], present)
     missing = f'{path.name}: column "{names[key]}" is missing{near}'
     if key in ("time", "input") or (key == "output" and not _proximal(table, names)):
-        raise InputError(f"{missing} (choose one with --{key}-column, and its unit with --scale)")
-    if key.startswith("joint"):
-        raise InputError(
-            f"{missing}; the path moves with this joint: log its angle, or give a scenario of a path at rest"
-        )
+        way_out = f" (choose one with --{key}-column, and its unit with --scale)"
+    elif key.startswith("joint"):
+        way_out = "; the path moves with this joint: log its angle, or give a scenario of a path at rest"
+    else:
+        return
+    raise MissingColumnError(missing + way_out, key=key, present=present)
 
 
 def _guessed(table: Table, names: Mapping[str, str], findings: Findings) -> tuple[dict[str, str], dict[str, float]]:

@@ -95,7 +95,8 @@ def joint_angles(joint: Joint, name: str, time_s: FloatArray, folder: Path, end_
     if isinstance(joint, ConstantJoint):
         return np.full(time_s.shape, joint.angle_rad)
     if isinstance(joint, SineJoint):
-        return joint.offset_rad + along_sines(joint.amplitudes_rad, joint.frequencies_Hz, joint.fade_in_s, time_s)
+        amplitudes, frequencies = joint.amplitudes_rad, joint.frequencies_Hz
+        return joint.offset_rad + along_sines(amplitudes, frequencies, joint.fade_in_s, time_s, joint.fade)
     if isinstance(joint, WaypointJoint):
         return along_waypoints(joint.times_s, joint.angles_rad, joint.shape, time_s)
     return read_motion(folder / joint.file, name, time_s, end_s)

@@ -293,7 +293,7 @@ def test_the_motor_of_the_exosuit_is_sized(exosuit, tmp_path):
     assert len(slack) == 1  # of all profiles together
     assert "slack at the actuator's end under none, capstan, smoothed: " in slack[0]
     page = (tmp_path / "report.html").read_text()
-    assert "The drive suffices for these profiles; what comes closest to its limit is" in page
+    assert "The drive suffices for these profiles; smallest margin:" in page
     assert "Not judged, since not given: the torque-speed line" in page
     assert "Inside the dead zone nothing need move" not in page  # the ankle moves
     drive = summary["drive"]["inverse"]

@@ -35,14 +35,14 @@ def test_ignoring_the_motion_costs_far_more_than_the_inverse_leaves(result: Desi
     assert found.known == own
     assert found.ignored.rmse_percent_of_range > 20 * own.rmse_percent_of_range
     assert found.ignored.rmse_percent_of_range > 10
-    assert f"leave an RMS error of {found.ignored.percent} % of range" in found.text
+    assert f"on the moving path: {found.ignored.percent} % of range" in found.text
 
 
 def test_page_and_files_say_it_and_show_the_joints(result: Design, tmp_path: Path) -> None:
     assert result.ignored is not None
     result.write(tmp_path / "out")
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert f"leave an RMS error of {result.ignored.ignored.percent} % of range" in page
+    assert f"on the moving path: {result.ignored.ignored.percent} % of range" in page
     assert "Bottom: the joint angles" in page
     summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
     assert summary["ignored_motion"]["rmse_N"] == pytest.approx(result.ignored.ignored.rmse)

@@ -1,6 +1,7 @@
 """Sections and joints in a scenario file: what they mean, and one message for each way to get them wrong."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,15 +21,20 @@ def text(examples: Path) -> str:
     return (examples / "finger_moving.toml").read_text(encoding="utf-8")
 
 
-def test_sections_add_up_and_joints_move_them(text: str) -> None:
-    scenario = parse_scenario(text)
+@pytest.mark.parametrize(
+    ("fade", "course"),
+    [("linear", lambda s: s), ("smooth", lambda s: s**3 * (10 - 15 * s + 6 * s**2))],
+)
+def test_sections_add_up_and_joints_move_them(text: str, fade: str, course: Callable) -> None:
+    """With the smooth fade, the quintic step, neither speed nor acceleration jumps."""
+    scenario = parse_scenario(text.replace('fade = "smooth"', f'fade = "{fade}"'))
     assert scenario.transmission.path.total_angle_rad == pytest.approx(2.7)
     motion = sample_joints(scenario, 4.0)
     assert motion is not None
     assert motion.names == ("knuckle", "middle")
     time = motion.time_s
     assert time[-1] == pytest.approx(4.0)
-    expected = np.minimum(time / 0.5, 1) * 0.6 * np.sin(2 * np.pi * 0.7 * time)
+    expected = course(np.minimum(time / 0.5, 1)) * 0.6 * np.sin(2 * np.pi * 0.7 * time)
     assert motion.angle_rad[:, 0] == pytest.approx(expected)
     assert moved(scenario, 4.0).motion is not None
 

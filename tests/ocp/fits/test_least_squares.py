@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.fits.least_squares import Residuals, Unknown, solve
+from tendonff.ocp.fits.least_squares import Residuals, Unknown, block_covariance, solve
 
 TIME = np.linspace(0, 1, 400)
 UNKNOWNS = [
@@ -59,3 +59,25 @@ def test_an_unknown_on_its_bound_is_named():
 def test_a_model_without_a_finite_answer_is_an_error_that_says_where_to_look():
     with pytest.raises(SolveError, match="check units and signs"):
         solve(line(np.full_like(TIME, np.nan)), UNKNOWNS)
+
+
+def test_a_value_whose_blocks_show_no_scatter_has_the_variance_of_independent_rows():
+    rng = np.random.default_rng(0)
+    slopes = np.zeros((40, 2))
+    slopes[:20, 0], slopes[20:, 1] = 1e-12, 1.0  # the first value's rows are explained to the last digit
+    values = np.concatenate([np.full(20, 0.0), rng.standard_normal(20)])
+    rows = Residuals(values=values, slopes=slopes, blocks=np.arange(40) // 4)
+    covariance, degrees = block_covariance(rows, robust=False)
+    variance = (values**2).sum() / 38
+    assert degrees == 8
+    assert covariance[0, 0] == pytest.approx(variance / (20 * 1e-24))
+    assert covariance[1, 1] >= variance / 20
+    assert covariance[0, 1] == 0
+
+
+def test_a_nearly_blind_value_without_scatter_overflows_nothing():
+    slopes = np.ones((40, 2))
+    slopes[20:, 0] += 1e-8  # singular values 5e-9 apart
+    values = np.tile([3.0, -3.0], 20)  # every block's gradient is zero
+    covariance, _ = block_covariance(Residuals(values=values, slopes=slopes, blocks=np.arange(40) // 4), robust=False)
+    assert (np.diag(covariance) > 0).all()

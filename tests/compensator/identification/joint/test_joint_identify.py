@@ -71,6 +71,8 @@ def test_the_routine_stays_within_the_drive_and_makes_a_tendon_slack(tmp_path):
         ("time_s,motor_rad,motor_current_A", "torque constant"),
         ("time_s,motor_torque_N_m", "motor_rad"),
         ("time_s,motor_rad,force_N", "motor_torque_N_m"),
+        ("time_s,motor_rad,joint_torque_N_m", r'^(?!.*did you mean).*"motor_torque_N_m" is missing'),
+        ("motor_rad,motor_torque_N_m", r'^(?!.*torque constant).*"time_s" is missing'),
     ],
 )
 def test_a_column_that_is_missing_is_named(tmp_path, columns, told):
