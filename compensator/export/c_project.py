@@ -199,7 +199,7 @@ def _run_in_float(
     prefix: str,
     numbers: Mapping[str, object],
 ) -> Sequence[Mapping[str, FloatArray]] | None:
-    """What the modules answer in single precision to course, jumps, live course, and the reference from rest on."""
+    """Answers of the modules in single precision to course, jumps, live course, and the reference from rest on."""
     with_stream = numbers["stream"] is not None
     modules = tuple(m for m in c_modules(scenario, with_stream) if m not in ADAPTIVE_MODULES)
     every = c_sources(scenario, problem, modules, Precision.FLOAT, prefix, numbers)

@@ -82,7 +82,7 @@ class Enclosure:
 
 @dataclass(frozen=True, kw_only=True)
 class ObserverDesign:
-    """What an observer of a problem's output tension consists of.
+    """Parts of an observer of a problem's output tension.
 
     Attributes
     ----------
@@ -150,7 +150,7 @@ class ObserverDesign:
 
     @cached_property
     def enclosure(self) -> Enclosure:
-        """What encloses the output: mu theta of each direction within the spread, and the margin along the reference.
+        """Enclosure of the output: mu theta of each direction within the spread, and the margin along the reference.
 
         The margin is the largest over plants of 40 masses: friction of the two directions at every corner of what it
         may be, with tendon and load as the scenario, softer and stiffer.

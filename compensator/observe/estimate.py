@@ -1,4 +1,4 @@
-"""What an observer says: estimates with bounds, and the status of its last step."""
+"""Answers of an observer: estimates with bounds, and the status of its last step."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -55,7 +55,7 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Observation:
-    """What the far end does; None for what a scenario does not have.
+    """State of the far end; None for what a scenario does not have.
 
     Attributes
     ----------

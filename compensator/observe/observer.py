@@ -25,7 +25,7 @@ class Observer:
     scenario : str, path or Scenario
         Of one tendon.
     start : float, optional
-        Output tension at the start [N]; default: the scenario's first. NaN where nobody knows it: then `given` is
+        Output tension at the start [N]; default: the scenario's first. NaN where it is not known: then `given` is
         needed, and the bounds are those of any history until the tendon has slid.
     given : float, optional
         Input tension at the start [N], of a start in motion; default: at rest, the same tension everywhere.

@@ -60,7 +60,7 @@ class LoopSensor:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Slid:
-    """What a play at the end of a path remembers.
+    """Memory of a play at the end of a path.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class LoopTorque:
     """Torque at the joint of a loop from angle and signed torque of its drum, whatever loads the joint.
 
     T_joint = play(T + p) - p + spring theta + offset: the capstan law with the pre-tension p, behind a drive that is
-    sprung. Nobody knows the friction at the start: tension is taken as uniform there, until the drum has turned one
+    sprung. The friction at the start is not known: tension is taken as uniform there, until the drum has turned one
     way by `slid_rad` and the loop slides that way.
 
     Parameters

@@ -129,7 +129,13 @@ def _thinned(log: JointLog) -> _File:
         raise SolveError(f"{log.name}: no torque at the joint")
     every = max(1, round(ROW_S / log.run.step_s))
     motor = log.run.motor_rad + log.zero_rad
-    return log.time_s[::every], motor[::every], log.torque_N_m[::every], log.joint_torque_N_m[::every], log.counted[::every]
+    return (
+        log.time_s[::every],
+        motor[::every],
+        log.torque_N_m[::every],
+        log.joint_torque_N_m[::every],
+        log.counted[::every],
+    )
 
 
 def _errors(law: LoopTorque, file: _File) -> Array:
