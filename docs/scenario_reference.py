@@ -8,6 +8,7 @@ from enum import StrEnum
 
 import griffe
 
+from tendonff.compensator.joint.observer_table import ObserverTable
 from tendonff.compensator.joint.reference import JointCsv, JointSine, JointWaypoints
 from tendonff.compensator.scenario.experiment import Experiment
 from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, SineJoint, WaypointJoint
@@ -123,6 +124,12 @@ TABLES = (
         unwritten=("path", "tendon", "friction", "arms", "joint"),
     ),
     Table(title="[drive]", classes=(JointDrive,), readers="as above"),
+    Table(
+        title="[observer] of a joint",
+        classes=(ObserverTable,),
+        readers="`tf.Observer`",
+        note="Written by `identify` where something else loads the joint.",
+    ),
     Table(
         title="[reference] of a joint",
         classes=(JointSine, JointWaypoints, JointCsv),

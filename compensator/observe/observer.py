@@ -7,7 +7,9 @@ from pathlib import Path
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.joint.detect import is_joint_file
+from tendonff.compensator.joint.scenario import JointScenario, load_joint_scenario
 from tendonff.compensator.observe.estimate import Observation, ObserverStatus
+from tendonff.compensator.observe.joint import LoopObserver
 from tendonff.compensator.observe.tendon import TendonObserver
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario
 from tendonff.models.errors import ParameterError
@@ -22,8 +24,8 @@ class Observer:
 
     Parameters
     ----------
-    scenario : str, path or Scenario
-        Of one tendon.
+    scenario : str, path, Scenario or JointScenario
+        Of one tendon, or of a joint with the laws that `identify` writes as [observer].
     start : float, optional
         Output tension at the start [N]; default: the scenario's first. NaN where it is not known: then `given` is
         needed, and the bounds are those of any history until the tendon has slid.
@@ -55,28 +57,35 @@ class Observer:
 
     def __init__(
         self,
-        scenario: str | os.PathLike[str] | Scenario,
+        scenario: str | os.PathLike[str] | Scenario | JointScenario,
         *,
         start: float | None = None,
         given: float | None = None,
     ) -> None:
         if isinstance(scenario, str | os.PathLike):
             path = Path(scenario)
-            if is_joint_file(path):
-                raise InputError(f"{path.name}: an observer of a driven joint is not there; export-c has joint_observe")
-            scenario = load_scenario(path)
+            scenario = load_joint_scenario(path) if is_joint_file(path) else load_scenario(path)
+        self._tendon: TendonObserver | None = None
+        self._loop: LoopObserver | None = None
+        self.joints: tuple[str, ...] = ()
+        self.step_s = scenario.run.step_s
+        if isinstance(scenario, JointScenario):
+            self._loop = _loop_of(scenario, start, given)
+            return
         if start is not None and math.isnan(start) and given is None:
             raise InputError("start is NaN, so nothing is known of the output; state the input tension: given")
-        self._core = TendonObserver(scenario, start, given)
-        self.step_s, self.joints = self._core.step_s, self._core.joints
-        if ObserverStatus.INPUT_HELD in self._core.status:
-            raise InputError(f"an observer cannot start at {self._core.start:g} N: it is out of the scenario's range")
+        core = TendonObserver(scenario, start, given)
+        self._tendon, self.joints = core, core.joints
+        if ObserverStatus.INPUT_HELD in core.status:
+            raise InputError(f"an observer cannot start at {core.start:g} N: it is out of the scenario's range")
 
     def step(
         self,
         *,
         tension_N: float | None = None,
         position_m: float | None = None,
+        motor_rad: float | None = None,
+        motor_torque_N_m: float | None = None,
         joints: Mapping[str, float] | Sequence[float] | None = None,
         dt: float | None = None,
     ) -> Observation:
@@ -84,11 +93,13 @@ class Observer:
 
         Parameters
         ----------
-        tension_N : float or None
-            Input tension [N]. None or NaN for one that did not arrive: the last estimate is held.
+        tension_N : float, optional
+            Of a tendon: input tension [N]. None or NaN for one that did not arrive: the last estimate is held.
         position_m : float, optional
-            Position of the near end relative to the start [m], positive towards the actuator; None where it is not
-            measured.
+            Of a tendon: position of the near end relative to the start [m], positive towards the actuator; None where
+            it is not measured.
+        motor_rad, motor_torque_N_m : float, optional
+            Of a joint: angle and torque of the motor, as they were logged for `identify` [rad, N m].
         joints : mapping of str to float, or sequence of float, optional
             Angles [rad] of the joints that `joints` names, by name or in that order.
         dt : float, optional
@@ -99,13 +110,18 @@ class Observer:
         ParameterError
             If an angle of a joint is missing.
         """
+        if self._tendon is None and self._loop is not None:
+            return self._loop.step(*(math.nan if x is None else float(x) for x in (motor_rad, motor_torque_N_m)))
+        if self._tendon is None or motor_rad is not None or motor_torque_N_m is not None:
+            raise ParameterError("an observer of a tendon takes tension_N and position_m, not the motor's angle")
         tension, position = (math.nan if x is None else float(x) for x in (tension_N, position_m))
-        return self._core.step(self.step_s if dt is None else dt, tension, position, self._given(joints))
+        return self._tendon.step(self.step_s if dt is None else dt, tension, position, self._given(joints))
 
     @property
     def status(self) -> tuple[ObserverStatus, ...]:
         """Status of the last step; empty where nothing is to be said."""
-        return self._core.status
+        core = self._tendon or self._loop
+        return () if core is None else core.status
 
     def _given(self, joints: Mapping[str, float] | Sequence[float] | None) -> Sequence[float]:
         if joints is None:
@@ -115,3 +131,15 @@ class Observer:
         if missing or len(joints) > len(names):
             raise ParameterError(f"joints must be the angles of {', '.join(names) or 'none'}, got {joints}")
         return [joints[name] for name in names] if isinstance(joints, Mapping) else joints
+
+
+def _loop_of(scenario: JointScenario, start: float | None, given: float | None) -> LoopObserver:
+    file = scenario.source.name
+    if scenario.observer is None:
+        raise InputError(
+            f"{file}: table [observer] is missing; tendonff identify writes it where something else loads the joint. "
+            "Where nothing does, export-c has joint_observe"
+        )
+    if start is not None or given is not None:
+        raise InputError(f"{file}: an observer of a joint starts without knowledge; leave start and given out")
+    return LoopObserver(scenario.observer)

@@ -29,6 +29,8 @@ class JointIdentification(JointIdentificationData):
         Name of the chosen law.
     sensor : SensorFit or None
         Virtual sensor of the joint's angle, where an encoder was logged and the law does not describe the device.
+    torque : TorqueFit or None
+        Its torque by the same, where that was logged too.
     described : bool
         Whether the law describes the device.
     estimates : tuple of Estimate

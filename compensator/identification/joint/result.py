@@ -10,6 +10,7 @@ import numpy as np
 from tendonff.compensator.identification.joint.first_look import FirstLook
 from tendonff.compensator.identification.joint.parameters import JointNumber
 from tendonff.compensator.identification.joint.sensor import SensorFit
+from tendonff.compensator.identification.joint.torque import TorqueFit
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.reading import Finding
 from tendonff.compensator.identification.result import Estimate
@@ -81,6 +82,7 @@ class JointIdentificationData:
     text: str
     law: str
     sensor: SensorFit | None
+    torque: TorqueFit | None
     described: bool
     estimates: tuple[Estimate, ...]
     looks: tuple[FirstLook, ...]
@@ -106,7 +108,8 @@ class JointIdentificationData:
         if not self.described:
             worst = max(c.torque_percent for c in self.of_role("fit"))
             if self.sensor is not None:
-                return f"Something else loads the joint; {self.sensor.sentence}."
+                parts = [self.sensor.sentence, *(() if self.torque is None else (self.torque.sentence,))]
+                return f"Something else loads the joint; {'; '.join(parts)}."
             return f"No law explains the log: the best, {self.law}, leaves {worst:.2g} % of the torque's range."
         parts = [
             _shown(self.estimate(name), label, unit, scale)
@@ -139,6 +142,7 @@ class JointIdentificationData:
             "estimates": {e.name: e.as_json() for e in self.estimates},
             "correlation": {"names": list(self.correlation_names), "matrix": self.correlation.tolist()},
             "virtual_sensor": None if self.sensor is None else self.sensor.as_json(),
+            "virtual_torque_sensor": None if self.torque is None else self.torque.as_json(),
             "first_look": [_look(look) for look in self.looks],
             "effects": [
                 {"name": name, "gain_of_log_likelihood": gain, "taken_up": taken} for name, gain, taken in self.laws
