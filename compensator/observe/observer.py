@@ -10,25 +10,27 @@ from tendonff.compensator.joint.detect import is_joint_file
 from tendonff.compensator.joint.scenario import JointScenario, load_joint_scenario
 from tendonff.compensator.observe.estimate import Observation, ObserverStatus
 from tendonff.compensator.observe.joint import LoopObserver
+from tendonff.compensator.observe.mechanism import MechanismObserver
 from tendonff.compensator.observe.tendon import TendonObserver
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario
 from tendonff.models.errors import ParameterError
 
 
 class Observer:
-    """The output of a tendon, with bounds, from what its near end measures: the exported `observer`, compiled here.
+    """The output of a tendon or joint, with bounds, from what its near end measures: the exported C, compiled here.
 
-    It is the forward chain of `simulate` under the measured input tension. A measured position of the near end tells
-    in addition what moves the far end from outside. Starts at rest under the scenario's first tension. Needs a C
+    Of a tendon it is the forward chain of `simulate` under the measured input tension. A measured position of the near
+    end shows in addition what moves the far end from outside. Of a joint it is the chain from the motor's angle; the
+    motor's torque shows what the joint touches. Starts at rest under the scenario's first tension or angle. Needs a C
     compiler, or the package ziglang.
 
     Parameters
     ----------
     scenario : str, path, Scenario or JointScenario
-        Of one tendon, or of a joint with the laws that `identify` writes as [observer].
+        Of one tendon; of a joint with one motor; or of a joint with the laws that `identify` writes as [observer].
     start : float, optional
-        Output tension at the start [N]; default: the scenario's first. NaN where it is not known: then `given` is
-        needed, and the bounds are those of any history until the tendon has slid.
+        Output tension [N] or angle of the joint [rad] at the start; default: the scenario's first. NaN where the output
+        tension is not known: then `given` is needed, and the bounds are those of any history until the tendon has slid.
     given : float, optional
         Input tension at the start [N], of a start in motion; default: at rest, the same tension everywhere.
 
@@ -67,10 +69,19 @@ class Observer:
             scenario = load_joint_scenario(path) if is_joint_file(path) else load_scenario(path)
         self._tendon: TendonObserver | None = None
         self._loop: LoopObserver | None = None
+        self._mechanism: MechanismObserver | None = None
         self.joints: tuple[str, ...] = ()
         self.step_s = scenario.run.step_s
         if isinstance(scenario, JointScenario):
-            self._loop = _loop_of(scenario, start, given)
+            if given is not None or (scenario.observer is not None and start is not None):
+                raise InputError(
+                    f"{scenario.source.name}: an observer of a joint takes no {'start' if start else 'given'}"
+                )
+            if scenario.observer is not None:
+                self._loop = LoopObserver(scenario.observer)
+            else:
+                self._mechanism = MechanismObserver(scenario, start)
+                self.joints = self._mechanism.joints
             return
         if start is not None and math.isnan(start) and given is None:
             raise InputError("start is NaN, so nothing is known of the output; state the input tension: given")
@@ -110,17 +121,23 @@ class Observer:
         ParameterError
             If an angle of a joint is missing.
         """
-        if self._tendon is None and self._loop is not None:
-            return self._loop.step(*(math.nan if x is None else float(x) for x in (motor_rad, motor_torque_N_m)))
+        length = self.step_s if dt is None else dt
+        motor, torque = (math.nan if x is None else float(x) for x in (motor_rad, motor_torque_N_m))
+        if self._tendon is None and (tension_N is not None or position_m is not None):
+            raise ParameterError("an observer of a joint takes motor_rad and motor_torque_N_m, not a tension")
+        if self._loop is not None:
+            return self._loop.step(motor, torque)
+        if self._mechanism is not None:
+            return self._mechanism.step(length, motor, torque, self._given(joints))
         if self._tendon is None or motor_rad is not None or motor_torque_N_m is not None:
             raise ParameterError("an observer of a tendon takes tension_N and position_m, not the motor's angle")
         tension, position = (math.nan if x is None else float(x) for x in (tension_N, position_m))
-        return self._tendon.step(self.step_s if dt is None else dt, tension, position, self._given(joints))
+        return self._tendon.step(length, tension, position, self._given(joints))
 
     @property
     def status(self) -> tuple[ObserverStatus, ...]:
         """Status of the last step; empty where nothing is to be said."""
-        core = self._tendon or self._loop
+        core = self._tendon or self._loop or self._mechanism
         return () if core is None else core.status
 
     def _given(self, joints: Mapping[str, float] | Sequence[float] | None) -> Sequence[float]:
@@ -131,15 +148,3 @@ class Observer:
         if missing or len(joints) > len(names):
             raise ParameterError(f"joints must be the angles of {', '.join(names) or 'none'}, got {joints}")
         return [joints[name] for name in names] if isinstance(joints, Mapping) else joints
-
-
-def _loop_of(scenario: JointScenario, start: float | None, given: float | None) -> LoopObserver:
-    file = scenario.source.name
-    if scenario.observer is None:
-        raise InputError(
-            f"{file}: table [observer] is missing; tendonff identify writes it where something else loads the joint. "
-            "Where nothing does, export-c has joint_observe"
-        )
-    if start is not None or given is not None:
-        raise InputError(f"{file}: an observer of a joint starts without knowledge; leave start and given out")
-    return LoopObserver(scenario.observer)

@@ -66,10 +66,7 @@ def test_a_loop_that_slides_carries_the_capstan_ratio_of_both_ways():
     assert LAW.range_at(0.0, 0.2) == pytest.approx((0.34 * np.exp(-0.35) - 0.13, 0.34 * np.exp(0.3) - 0.13))
 
 
-def test_a_scenario_names_what_its_observer_lacks():
-    asked = scenario()
-    with pytest.raises(tf.InputError, match=r"table \[observer\] is missing"):
-        tf.Observer(asked)
+def test_a_table_names_what_it_lacks():
     with pytest.raises(tf.ParameterError, match="torque_release_exponent"):
         table(torque_pull_exponent=0.3)
 
@@ -99,7 +96,9 @@ def test_the_jaw_torque_of_whole_strokes_follows_from_the_motor(tool, part, most
         errors.append(core.torque(rows["input_angle_rad"], rows["input_torque_Nm"]) - rows["output_torque_Nm"])
         inside.append(np.abs(errors[-1]) <= table.torque_band_N_m)
     rms = 1e3 * float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
-    record_property("figure", f"jaw torque, {part}: {rms:.2f} mNm, {100 * np.mean(np.concatenate(inside)):.0f} % inside")
+    record_property(
+        "figure", f"jaw torque, {part}: {rms:.2f} mNm, {100 * np.mean(np.concatenate(inside)):.0f} % inside"
+    )
     assert rms <= most_mNm
 
 
