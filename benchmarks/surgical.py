@@ -53,7 +53,7 @@ def draw(fit: TorqueFit, folder: Path, target: Path) -> None:
             panel.plot(time, 1e3 * there, color=INK, label="measured at the jaw")
             panel.plot(time, 1e3 * law, color=VERMILION, linestyle="--", label="from the motor, with 95 % band")
             panel.set_title(title)
-            panel.set(xlabel="time [s]")
+            panel.set(xlabel="time [s]", ylim=(1e3 * there.min() - 3 * band, 1e3 * there.max() + 3 * band))
         axes[0, 0].set_ylabel("torque [mN m]")
         legend_below(figure, axes[0, 0])
         figure.savefig(target, metadata={"Date": None} if target.suffix == ".svg" else None)

@@ -1,4 +1,4 @@
-"""The observer of a driven joint with one motor: the exported C the other way round, at three amounts of friction.
+"""The observer of a driven joint with one motor: the exported C inverted, at three amounts of friction.
 
 Angle and contact are both unknown, angle and torque of the motor are both measured: the angle follows from the motor's
 by the chain, and the contact is integrated until the chain asks for the torque that the motor gives.
