@@ -25,7 +25,7 @@ import numpy as np
 from identify_bound import bounds
 from independent_plant import Array, Plant
 
-from tendonff.compensator.identification.output import Identification
+from tendonff.compensator.identification.result import Identification
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.identification.suggest import suggest
 from tendonff.compensator.scenario.sampled.sampling import sample_reference

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.identification.joint.estimates import derived
-from tendonff.compensator.identification.joint.output import JointIdentification
+from tendonff.compensator.identification.joint.result import JointIdentification
 from tendonff.compensator.identification.joint.run import identify_joint
 from tendonff.compensator.joint.design import design_joint
 from tendonff.compensator.joint.scenario import load_joint_scenario

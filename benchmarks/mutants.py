@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import tendonff as tf
+from benchmarks.safety_mutants import LIVE, RESTS, SWAPS
 
 FLAGS = ("-std=c99", "-O1", "-w", "-ffp-contract=off", "-fno-math-errno")
 DRIVER = Path(__file__).with_name("mutants.c")
@@ -34,73 +35,6 @@ class Mutant:
     text: str
 
 
-SWAPS = (  # file, what, old, new
-    ("types.h", "force_min lowered", "#define TFF_FORCE_MIN_N ", "#define TFF_FORCE_MIN_N -10.0 + "),
-    ("limits.c", "upper rate branch removed", "force > high", "force > TFF_LARGEST_N"),
-    ("limits.c", "lower rate branch removed", "force < low", "force < -TFF_LARGEST_N"),
-    ("limits.c", "upper clamp removed", "force = self->high;", "force = wanted;"),
-    ("limits.c", "lower clamp removed", "force = self->low;", "force = wanted;"),
-    ("limits.c", "start not clamped below", "start < TFF_FORCE_MIN_N", "start < -TFF_LARGEST_N"),
-    ("limits.c", "start not clamped above", "start > TFF_FORCE_MAX_N", "start > TFF_LARGEST_N"),
-    ("limits.c", "wider limits taken: change", "(change < TFF_CHANGE_MAX_N)", "(change > TFF_CHANGE_MAX_N)"),
-    ("parameters.c", "NaN is good", "((value >= low) && (value <= high))", "(!(value < low) && !(value > high))"),
-    ("parameters.c", "no upper end", " && (value <= high)", ""),
-    (
-        "parameters.c",
-        "crossed limits are good",
-        "(self->force_min, self->force_min, self->force_max)",
-        "(self->force_min, self->force_min, self->force_min)",
-    ),
-    (
-        "parameters.c",
-        "force_max not looked at",
-        "good *= tff_parameters_within(self->force_max",
-        "(void)tff_parameters_within(self->force_max",
-    ),
-    (
-        "parameters.c",
-        "rate not looked at",
-        "good *= tff_parameters_within(self->force_rate_max",
-        "(void)tff_parameters_within(self->force_rate_max",
-    ),
-    ("inverse.c", "bad parameters taken", "if (good != 0)", "if (good >= 0)"),
-    ("capstan.c", "bad parameters taken", "if (good != 0)", "if (good >= 0)"),
-    ("table.c", "bad parameters taken", "if (good != 0)", "if (good >= 0)"),
-    ("limits.c", "infinity passes", "wanted <= TFF_LARGEST_N", "wanted > TFF_FORCE_MAX_N"),
-    ("limits.c", "minus infinity passes", "wanted >= -TFF_LARGEST_N", "wanted < TFF_FORCE_MIN_N"),
-    ("limits.c", "not a number passes", "/* not a number, or minus infinity */", "force = wanted;"),
-    ("limits.c", "failure not flagged", "uint32_t status = TFF_FAILED;", "uint32_t status = TFF_OK;"),
-    ("limits.c", "hold gives zero", "return self->force;", "return 0;"),
-    ("limits.c", "hold not flagged", "self->status = why;", "self->status = TFF_OK;"),
-    ("limits.c", "hold not gathered", "self->seen |= why;", ""),
-    ("limits.c", "bits not gathered", "self->seen |= status;", ""),
-    ("limits.c", "output not kept", "self->force = force;\n    self->status", "self->status"),
-    ("limits.h", "every value is within", "((value >= low) && (value <= high)) ? 1 : 0", "1"),
-    ("limits.h", "no lower end", "(value >= low) && ", ""),
-    ("limits.h", "no upper end", " && (value <= high)", ""),
-    ("inverse.c", "inverse: limits bypassed", "force = tff_output_set(&self->output, exact)", "force = exact"),
-    (
-        "capstan.c",
-        "capstan: limits bypassed",
-        "force = tff_output_set(&self->output, self->wanted)",
-        "force = self->wanted",
-    ),
-    (
-        "table.c",
-        "table: limits bypassed",
-        "force = tff_output_set(&self->output, self->wanted)",
-        "force = self->wanted",
-    ),
-    ("inverse.c", "inverse: bad input taken", "(tff_is_within(reference", "(1 + tff_is_within(reference"),
-    ("capstan.c", "capstan: bad input taken", "(tff_is_within(reference", "(1 + tff_is_within(reference"),
-    ("table.c", "table: bad input taken", "(tff_is_within(reference", "(1 + tff_is_within(reference"),
-    ("inverse.c", "WOULD_PUSH not set", "output.status |= TFF_WOULD_PUSH;", "output.status |= 0u;"),
-    ("inverse.c", "WOULD_PUSH not gathered", "output.seen |= TFF_WOULD_PUSH;", "output.seen |= 0u;"),
-    ("plant.c", "plant: failure not flagged", "self->status = TFF_FAILED;", ""),
-    ("plant.c", "plant: slack not flagged", "self->status = TFF_WOULD_PUSH;", ""),
-    ("profile.c", "profile runs over its end", "? index :", "? index : 0u *"),
-    ("profile.c", "end not flagged", "self->output.status = TFF_ENDED;", "self->output.status = TFF_OK;"),
-)
 FACTORS = (
     ("FORCE_MAX_N", 10),
     ("FORCE_MAX_N", 0.5),
@@ -117,7 +51,9 @@ NUMBER = re.compile(r"-?\d[\d.e+-]*[fu]?")
 
 def safety(files: dict[str, str]) -> Iterator[Mutant]:
     """Mutants that can hurt a person or break the rig."""
-    for end, what, old, new in SWAPS:
+    for end, what, old, new in (*SWAPS, *LIVE, *RESTS):
+        if f"tff_{end}" not in files:
+            continue  # the scenario has no such module
         text = files[f"tff_{end}"]
         if old not in text:
             raise SystemExit(f"{what}: tff_{end} does not hold {old!r}; bring the list up to date")
@@ -242,6 +178,7 @@ def main() -> int:
     parser.add_argument("--precision", choices=("double", "float"), default="double")
     parser.add_argument("--count", type=int, default=90)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only", default="", help="safety mutants whose name holds this")
     parser.add_argument("--first", type=int, default=0, help="random mutants to pass over, of the same seed")
     options = parser.parse_args()
     scenario = tf.load_scenario(options.scenario)
@@ -265,7 +202,7 @@ def main() -> int:
             return program is not None and passes(program)
 
         alive = []
-        listed = list(safety(exported.files))
+        listed = [m for m in safety(exported.files) if options.only in m.what]
         for mutant in listed:
             if survives(mutant):
                 alive.append(mutant.what)

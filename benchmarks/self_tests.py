@@ -20,8 +20,9 @@ import tendonff as tf
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.reference import Shape, SineReference, WaypointReference
 from tendonff.compensator.scenario.scenario import load_scenario
-from tendonff.compensator.scenario.settings import Stream
+from tendonff.compensator.scenario.settings import Adaptation, Stream
 from tendonff.models.errors import ParameterError
+from tendonff.ocp.adaptation.tuning import Sensor, Tunable
 from tendonff.ocp.errors import SolveError
 
 FLAGS = ("-std=c99", "-O2", "-w", "-fno-math-errno")  # contraction as the compiler likes it
@@ -102,6 +103,22 @@ def a_scenario(chance: np.random.Generator) -> tf.Scenario:
         reference=reference,
         run=replace(base.run, step_s=step, level=level),
         stream=stream,
+        adaptation=_self_tuning(chance, span, span / transmission.load.stiffness_N_per_m),
+    )
+
+
+def _self_tuning(chance: np.random.Generator, tension_N: float, travel_m: float) -> Adaptation | None:
+    """Self-tuning from either sensor in half of the scenarios."""
+    if chance.random() < 0.5:
+        return None
+    sensor = list(Sensor)[int(chance.integers(0, 2))]
+    both = (Tunable.MU_PULL, Tunable.MU_RELEASE)
+    others = [(), (Tunable.MU,), both, (Tunable.MU, Tunable.LOAD_STIFFNESS), (Tunable.MU, Tunable.TENDON_STIFFNESS)]
+    return Adaptation(
+        sensor=sensor,
+        parameters=others[int(chance.integers(0, len(others)))],
+        noise=float(chance.choice([0.0, 0.005])) * (tension_N if sensor is Sensor.OUTPUT_TENSION else travel_m),
+        delay_samples=int(chance.integers(0, 6)),
     )
 
 
@@ -125,7 +142,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     chance = np.random.default_rng(options.seed)
-    bad, tried, refused, harmful = [], 0, collections.Counter(), collections.Counter()
+    bad, tried, tuned, refused, harmful = [], 0, 0, collections.Counter(), collections.Counter()
     while tried < options.count:
         try:
             scenario = a_scenario(chance)
@@ -135,11 +152,13 @@ def main() -> int:
             refused[type(error).__name__] += 1
             continue
         tried += 1
+        tuned += scenario.adaptation is not None
         for precision, exported in exports.items():
             harmful.update(each.module for each in exported.judged if each.fault and precision is tf.Precision.DOUBLE)
             if said := self_test(exported):
                 bad.append(f"{tried} {precision}: {said}")
                 print(bad[-1], flush=True)
+    print(f"of these {tuned} with self-tuning")
     print(
         f"{options.count} legal scenarios: {len(bad)} self tests of {2 * options.count} fail; refused {dict(refused)}"
     )

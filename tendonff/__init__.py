@@ -10,33 +10,33 @@ from typing import TYPE_CHECKING
 from tendonff._version import __version__
 
 if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the interpreter
-    from tendonff.compensator.adapt.output import AdaptationStudy
+    from tendonff.compensator.adapt.result import AdaptationStudy
     from tendonff.compensator.adapt.run import adapt
     from tendonff.compensator.compare.joint import JointComparison, compare_joint
-    from tendonff.compensator.compare.output import Comparison
+    from tendonff.compensator.compare.result import Comparison
     from tendonff.compensator.compare.run import compare
     from tendonff.compensator.compensators.base import Compensator, Problem
     from tendonff.compensator.compensators.plant import Plant, Response
     from tendonff.compensator.compensators.profile import Profile
     from tendonff.compensator.compensators.registry import COMPENSATORS
-    from tendonff.compensator.design.output import Design
+    from tendonff.compensator.design.result import Design
     from tendonff.compensator.design.run import design
-    from tendonff.compensator.experiment.output import ExperimentResult
+    from tendonff.compensator.experiment.result import ExperimentResult
     from tendonff.compensator.experiment.run import experiment
     from tendonff.compensator.export.c_project import export_project as export_c
     from tendonff.compensator.export.fmu import build_fmu as export_fmu
     from tendonff.compensator.export.kinds import FmiVersion
     from tendonff.compensator.export.kinds import Kind as FmuKind
     from tendonff.compensator.files.reading import InputError
-    from tendonff.compensator.identification.joint.output import JointIdentification
+    from tendonff.compensator.identification.joint.result import JointIdentification
     from tendonff.compensator.identification.joint.routine import suggest_routine
     from tendonff.compensator.identification.joint.run import identify_joint
     from tendonff.compensator.identification.measured.centreline.run import read_centreline
-    from tendonff.compensator.identification.output import Identification
+    from tendonff.compensator.identification.result import Identification
     from tendonff.compensator.identification.run import identify
     from tendonff.compensator.identification.suggest import suggest
     from tendonff.compensator.joint.design import design_joint
-    from tendonff.compensator.joint.output import JointDesign
+    from tendonff.compensator.joint.result import JointDesign
     from tendonff.compensator.joint.scenario import JointScenario, load_joint_scenario
     from tendonff.compensator.observe.estimate import Estimate, Observation, ObserverStatus
     from tendonff.compensator.observe.observer import Observer
@@ -44,7 +44,7 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.compensator.runtime.runtime import Runtime, RuntimeState
     from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
     from tendonff.compensator.scenario.scenario import Scenario, load_scenario
-    from tendonff.compensator.tables.output import Tables
+    from tendonff.compensator.tables.result import Tables
     from tendonff.compensator.tables.run import make_tables as make_table
     from tendonff.compensator.watch.output import Watch
     from tendonff.compensator.watch.run import watch
@@ -149,32 +149,32 @@ __all__ = [
 ]
 
 _HOMES = {
-    "compensator.adapt.output": ("AdaptationStudy",),
+    "compensator.adapt.result": ("AdaptationStudy",),
     "compensator.adapt.run": ("adapt",),
-    "compensator.compare.output": ("Comparison",),
+    "compensator.compare.result": ("Comparison",),
     "compensator.compare.run": ("compare",),
     "compensator.compensators.base": ("Compensator", "Problem"),
     "compensator.compensators.plant": ("Plant", "Response"),
     "compensator.compensators.profile": ("Profile",),
     "compensator.compensators.registry": ("COMPENSATORS",),
-    "compensator.design.output": ("Design",),
+    "compensator.design.result": ("Design",),
     "compensator.design.run": ("design",),
-    "compensator.experiment.output": ("ExperimentResult",),
+    "compensator.experiment.result": ("ExperimentResult",),
     "compensator.experiment.run": ("experiment",),
     "compensator.export.c_project": ("export_c:export_project",),
     "compensator.export.fmu": ("export_fmu:build_fmu",),
     "compensator.export.kinds": ("FmiVersion", "FmuKind:Kind"),
     "compensator.files.reading": ("InputError",),
-    "compensator.identification.joint.output": ("JointIdentification",),
+    "compensator.identification.joint.result": ("JointIdentification",),
     "compensator.identification.joint.routine": ("suggest_routine",),
     "compensator.identification.joint.run": ("identify_joint",),
     "compensator.identification.measured.centreline.run": ("read_centreline",),
-    "compensator.identification.output": ("Identification",),
+    "compensator.identification.result": ("Identification",),
     "compensator.identification.run": ("identify",),
     "compensator.identification.suggest": ("suggest",),
     "compensator.compare.joint": ("JointComparison", "compare_joint"),
     "compensator.joint.design": ("design_joint",),
-    "compensator.joint.output": ("JointDesign",),
+    "compensator.joint.result": ("JointDesign",),
     "compensator.joint.scenario": ("JointScenario", "load_joint_scenario"),
     "compensator.observe.estimate": ("Estimate", "Observation", "ObserverStatus"),
     "compensator.observe.observer": ("Observer",),
@@ -182,7 +182,7 @@ _HOMES = {
     "compensator.runtime.runtime": ("Runtime", "RuntimeState"),
     "compensator.scenario.sampled.sampling": ("Reference", "sample_reference"),
     "compensator.scenario.scenario": ("Scenario", "load_scenario"),
-    "compensator.tables.output": ("Tables",),
+    "compensator.tables.result": ("Tables",),
     "compensator.tables.run": ("make_table:make_tables",),
     "compensator.watch.output": ("Watch",),
     "compensator.watch.run": ("watch",),

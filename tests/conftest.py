@@ -5,8 +5,11 @@ import os
 # Each worker of a run in parallel has one processor: threads of the linear algebra would only wait for each other. The
 # library reads this when numpy is imported; commands that tests start inherit it.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# What exported folders are compiled with by their Makefile: most tests wait for the compiler, not for its code.
+os.environ.setdefault("CFLAGS", "-O0")
 
 import functools
+import gc
 import importlib.util
 import io
 import re
@@ -32,13 +35,18 @@ from tendonff.models.parameters import (
     Transmission,
 )
 from tendonff.models.parameters import Path as TendonPath
-from tendonff.ocp.codegen.compiler import find_compiler
+from tendonff.ocp.codegen import compiler
 
 ROOT = Path(__file__).resolve().parents[1]
 
 _SHARED = re.compile(r'scope="(module|session)"')
 
 mpl.use("Agg")
+gc.set_threshold(50_000, 20, 100)  # as in the program: importing and drawing make many objects that stay
+
+# Here too: a third of the time to compile, and the same numbers to the bit (`tests/ocp/step/test_engines.py`).
+_SHIPPED = compiler._FLAGS
+compiler._FLAGS = tuple("-O1" if flag == "-O3" else flag for flag in _SHIPPED)
 
 # A failure prints what reproduces it; no deadline, for machines differ in speed; the same examples on every run, so
 # that a red build is a change of the code.
@@ -53,6 +61,12 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "tendonff"))
 def examples() -> Path:
     """Folder of the example scenarios."""
     return ROOT / "examples"
+
+
+@pytest.fixture(scope="session")
+def shipped_flags() -> tuple[str, ...]:
+    """What the library compiles with; the tests optimise less."""
+    return _SHIPPED
 
 
 @pytest.fixture(scope="session")
@@ -247,7 +261,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> object:
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Skip what compares with compiled C where there is no compiler."""
-    if item.get_closest_marker("compiler") and find_compiler() is None:
+    if item.get_closest_marker("compiler") and compiler.find_compiler() is None:
         pytest.skip("no C compiler found (looked for CC, cc, gcc, clang and the package ziglang)")
 
 

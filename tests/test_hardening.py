@@ -12,8 +12,9 @@ import time
 from dataclasses import replace
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from random_examples import tried_on
 
 from tendonff.compensator.cli import run
 from tendonff.compensator.compare.run import compare
@@ -128,7 +129,7 @@ def ran(arguments):
 pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning")
 
 
-@settings(max_examples=100)
+@tried_on(100)
 @given(data=st.data())
 def test_a_damaged_scenario_is_simulated_or_refused(tiny, lines, folder, data):
     index = data.draw(st.integers(0, len(lines) - 1))
@@ -140,7 +141,7 @@ def test_a_damaged_scenario_is_simulated_or_refused(tiny, lines, folder, data):
     assert out.exists() == (code == 0)
 
 
-@settings(max_examples=60)
+@tried_on(60)
 @given(data=st.data())
 def test_a_damaged_scenario_is_designed_or_refused(lines, folder, data):
     index = data.draw(st.integers(0, len(lines) - 1))
@@ -148,7 +149,7 @@ def test_a_damaged_scenario_is_designed_or_refused(lines, folder, data):
     message_of(lambda: summary(design(parse_scenario(text, folder / "s.toml"))))
 
 
-@settings(max_examples=15)
+@tried_on(15)
 @given(data=st.data())
 def test_a_damaged_scenario_is_compared_or_refused(lines, folder, data):
     index = data.draw(st.integers(0, len(lines) - 1))
@@ -156,7 +157,7 @@ def test_a_damaged_scenario_is_compared_or_refused(lines, folder, data):
     message_of(lambda: compare(parse_scenario(text, folder / "s.toml")))
 
 
-@settings(max_examples=20)
+@tried_on(20)
 @given(data=st.data())
 def test_a_damaged_scenario_is_tabulated_or_refused(lines, folder, data):
     index = data.draw(st.integers(0, len(lines) - 1))
@@ -171,7 +172,7 @@ def test_an_actuator_too_slow_for_the_two_motor_test_is_refused_before_it_starts
 
 
 # What is read from a rig: good rows with a damaged one among them.
-@settings(max_examples=30)
+@tried_on(30)
 @given(cells=st.lists(CELLS, min_size=1, max_size=4), at=st.integers(0, 60), rows=st.sampled_from([0, 1, 60]))
 def test_a_damaged_measurement_is_read_or_refused(folder, cells, at, rows):
     good = [f"{0.01 * k:.2f},{40 + k % 7},{30 + k % 5}" for k in range(rows)]
@@ -181,7 +182,7 @@ def test_a_damaged_measurement_is_read_or_refused(folder, cells, at, rows):
     message_of(lambda: read_measurement(path, Measurement()))
 
 
-@settings(max_examples=40)
+@tried_on(40)
 @given(data=st.data())
 def test_any_position_of_the_sliders_is_drawn_or_refused(tiny, data):
     explorer = Explorer(tiny)
@@ -196,7 +197,7 @@ def test_friction_that_lets_nothing_through_is_refused_and_radians_are_mentioned
     assert "total_angle_rad, which is in radians" in message_of(lambda: design(replace(tiny, transmission=absurd)))
 
 
-@settings(max_examples=100)
+@tried_on(100)
 @given(
     header=st.sampled_from(["time_s,force_N", "force_N,time_s", "time_s;force_N", "", "t,F", "time_s,force_N,extra"]),
     rows=st.lists(st.lists(CELLS, min_size=1, max_size=3), max_size=6),
@@ -219,7 +220,7 @@ def test_a_damaged_force_file_is_played_or_refused(tiny, folder, header, rows, e
         assert all(len(row) == len(table[0]) for row in table)
 
 
-@settings(max_examples=40)
+@tried_on(40)
 @given(content=st.one_of(st.binary(max_size=80), st.text(max_size=80).map(lambda s: s.encode("utf-8", "ignore"))))
 def test_a_reference_file_of_any_bytes_is_designed_or_refused(lines, folder, content):
     (folder / "reference.csv").write_bytes(b"time_s,tension_N\n0,30\n" + content)

@@ -9,6 +9,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+LONG = {"6_from_data_to_design"}  # its fit; `docs/tutorials/identify.md` runs the same commands
 STORE = runpy.run_path(str(ROOT / "notebooks" / "store.py"))
 NUMBER = re.compile(r"[-+]?\d+(?:[.,]\d+)*(?:e[-+]?\d+)?")
 
@@ -25,7 +26,11 @@ def numbers(text: str) -> list[float]:
 @pytest.mark.compiler
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::RuntimeWarning", "ignore::DeprecationWarning", "ignore::UserWarning")
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(path, marks=pytest.mark.nightly) if path.stem in LONG else path for path in NOTEBOOKS],
+    ids=lambda path: path.stem,
+)
 def test_a_fresh_run_prints_what_is_stored_and_draws_as_many_pictures(path: Path) -> None:
     """Words alike, numbers to 2 % (other processors round otherwise); only words where numbers vary by nature."""
     stored = nbformat.read(path, as_version=4)

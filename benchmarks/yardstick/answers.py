@@ -6,7 +6,7 @@ to a place s, pulling and releasing; y = ln(T + p), with p the friction that doe
 
 import numpy as np
 
-from benchmarks.yardstick.brute import coulomb_run, presliding_run
+from benchmarks.yardstick.brute import coulomb_run, presliding_run, relaxing_run
 from benchmarks.yardstick.case import Array, Case
 
 CELLS = 400
@@ -104,18 +104,6 @@ def cones(case: Case) -> dict[str, Array]:
     }
 
 
-def relaxation(case: Case) -> dict[str, Array]:
-    """A visco-elastic tendon stretched in full slip and held: (k1 e + k2 (e - z)) everywhere, times e^(-mu s)."""
-    raw, t = case.raw, case.time_s
-    ramp_s, top_m = case.phases[0].time_s[1], case.phases[0].ends["near"]["travel_m"][1]
-    a, tau, rate = case.path[0].exponents[0], raw["relaxation_time_s"], top_m / ramp_s
-    elongation = rate * np.minimum(t, ramp_s)
-    lag = rate * tau * -np.expm1(-np.minimum(t, ramp_s) / tau) * np.exp(-np.maximum(t - ramp_s, 0.0) / tau)
-    mean = raw["start_N"] + raw["stiffness_N_per_m"] * elongation + raw["relaxing_stiffness_N_per_m"] * lag
-    near = mean * a / -np.expm1(-a)
-    return {"near_tension_N": near, "far_tension_N": near * np.exp(-a)}
-
-
 def loop(case: Case) -> dict[str, Array]:
     """A pre-tensioned loop in gross sliding one way: T1 phi(a) + T2 phi(-a) = 2 T, T1 - T2 = D, at the joint.
 
@@ -160,7 +148,7 @@ def slider(case: Case) -> dict[str, Array]:
 
 _ANSWERS = {
     "cones": cones,
-    "relaxation": relaxation,
+    "relaxation": relaxing_run,
     "loop": loop,
     "slider": slider,
     "coulomb": coulomb_run,

@@ -14,6 +14,7 @@ Law = Callable[[Array, Array, Array], tuple[Array, Array, Array, Array]]
 """Slips, differences and sums of the tensions at each piece -> residual, and its slopes over the three."""
 PIECES = 50
 MOST_TURNS, CLOSE_N, STICK, CORNER = 200, 1e-4, 5.0, 8
+ROUNDING_N = 1e-9
 
 
 class Pieces:
@@ -133,3 +134,73 @@ def presliding_run(case: Case) -> dict[str, Array]:
         return law
 
     return pieces.run(law_of)
+
+
+class LedContacts:
+    """Equal contacts between two led ends: each sticks, or slips at its limit. Exact: an active set."""
+
+    def __init__(self, exponent: float, count: int) -> None:
+        self.ratio, self.slip, self.way = np.exp(exponent / count), np.zeros(count), np.zeros(count, int)
+        self.before: Array | None = None
+
+    def balance(self, unslipped: Array, stiff: Array) -> Array:
+        """Tension of each span [N], from that without the slip since the start and its stiffness [N/m]."""
+        start = self.slip, self.way
+        tension = self.turns(unslipped, stiff)
+        if tension is None and self.before is not None:  # many contacts turn at once: half the way first
+            self.slip, self.way = start
+            self.balance((self.before + unslipped) / 2, stiff)
+            tension = self.balance(unslipped, stiff)
+        elif tension is None:
+            raise RuntimeError(f"no balance of {len(self.slip)} contacts found")
+        self.before = unslipped
+        return tension
+
+    def turns(self, unslipped: Array, stiff: Array) -> Array | None:
+        """Tensions once no contact changes any more; None if they never stop."""
+        n = len(self.slip)
+        slope, at = np.zeros((n + 1, n)), np.arange(n)  # of the tensions over the slip
+        slope[at, at], slope[at + 1, at] = -stiff[:-1], stiff[1:]
+        for _ in range(2 * n):
+            matrix, wanted = np.eye(n), self.slip.copy()
+            for way in (1, -1):
+                slips = self.way == way
+                matrix[slips], wanted[slips] = self.over(slope, way)[slips], -self.over(unslipped, way)[slips]
+            slip = np.linalg.solve(matrix, wanted)
+            tension: Array = unslipped + slope @ slip
+            goes_on = np.where(self.way * (slip - self.slip) > 0, self.way, 0)
+            begins = sum(way * (self.over(tension, way) > ROUNDING_N) for way in (1, -1))
+            before, self.way = self.way, np.where(self.way == 0, begins, goes_on)
+            if (self.way == before).all():
+                self.slip = slip
+                return tension
+        return None
+
+    def over(self, tension: Array, way: int) -> Array:
+        """Tension beyond the limit of each contact, towards the near end (1) or the far one (-1); or its slope."""
+        high, low = (tension[:-1], tension[1:])[::way]
+        excess: Array = high - self.ratio * low
+        return excess
+
+
+def relaxing_run(case: Case) -> dict[str, Array]:
+    """A visco-elastic tendon (Zener) whose ends are held, or led, by springs: what a spring lets go slips back."""
+    raw, start = case.raw, case.raw["start_N"]
+    share = np.r_[0.5, np.ones(PIECES - 1), 0.5] / PIECES
+    lasting, relaxing = (raw[f"{name}stiffness_N_per_m"] / share for name in ("", "relaxing_"))
+    turn = raw["row_s"] / raw["relaxation_time_s"] / 2  # of the relaxing part in a row, by the trapezoidal rule
+    stiff = lasting + relaxing / (1 + turn)
+    given = np.r_[1 / raw["hold_N_per_m"], np.zeros(PIECES - 1), 1 / raw["hold_N_per_m"]]  # compliance of the ends
+    near, far = (np.nan_to_num(case.drive(end, "travel_m")) for end in ("near", "far"))
+    contacts, first = LedContacts(sum(s.exponents[0] for s in case.path), PIECES), start / lasting
+    elongation, relaxed, rows = first, first, []
+    for led in zip(near, -far, strict=True):
+        past = -relaxing * ((1 - turn) * relaxed + turn * elongation) / (1 + turn)
+        free = first + start * given
+        free[[0, -1]] += led
+        tension = contacts.balance((stiff * free + past) / (1 + stiff * given), stiff / (1 + stiff * given))
+        before, elongation = elongation, (tension - past) / stiff
+        relaxed = ((1 - turn) * relaxed + turn * (before + elongation)) / (1 + turn)
+        rows.append(tension)
+    found = np.array(rows)
+    return {"near_tension_N": found[:, 0], "far_tension_N": found[:, -1]}

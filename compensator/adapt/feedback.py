@@ -19,8 +19,8 @@ ComplexArray = NDArray[np.complexfloating]
 
 STIFFNESS_SPREAD = 0.2
 RECOMMENDED_SHARE = 0.5
-DEFAULT_SHARE = 0.125
-"""Of the bound: takes out what tuning cannot and passes little of the sensor's noise."""
+DEFAULT_SHARE = 0.375
+"""Of the bound, where something is unexplained: takes out what tuning cannot. A third of it where nothing is."""
 
 _FREQUENCIES = 4000
 

@@ -2,55 +2,27 @@
 
 import csv
 import os
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 
 from tendonff.compensator.adapt.figures import adaptation_figures
 from tendonff.compensator.adapt.report import adaptation_report
-from tendonff.compensator.adapt.result import AdaptationData, Scheme
+from tendonff.compensator.adapt.result import AdaptationStudy, Scheme
 from tendonff.compensator.files.writing import atomic_directory, atomic_file
 from tendonff.compensator.reporting.page import summary_head, write_pages
 
 _MOST_ROWS = 2000
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AdaptationStudy(AdaptationData):
-    """A study that can be written.
-
-    Attributes
-    ----------
-    scenario : Scenario
-        The scenario it was made for.
-    reference : Reference
-        Desired tension, sampled.
-    tuning : Tuning
-        Numbers of the recursion.
-    information : Information
-        Along the reference, on the scenario's own plant.
-    certificate : FeedbackCertificate or None
-        Of the integral action; None without a measured output tension.
-    interval : CertifiedInterval or None
-        Along the reference; None where the path moves.
-    bounds_N : tuple[ndarray, ndarray] or None
-        That interval for the design's force, shape (n,) each.
-    cases : tuple of Case
-        Every plant.
-    headline : str
-        One sentence.
-    warnings : tuple of str
-        What the user should know.
-    """
-
-    def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
-        """Write `estimate.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
-        figures = adaptation_figures(self)
-        with atomic_directory(folder) as partial:
-            write_estimates(self, partial / "estimate.csv")
-            write_pages(partial, summary(self), figures, adaptation_report(self, figures), pdf=pdf)
+def write_files(result: AdaptationStudy, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
+    """Write the files of `AdaptationStudy.write`."""
+    figures = adaptation_figures(result)
+    with atomic_directory(folder) as partial:
+        write_estimates(result, partial / "estimate.csv")
+        write_pages(partial, summary(result), figures, adaptation_report(result, figures), pdf=pdf)
 
 
-def write_estimates(result: AdaptationData, path: Path) -> None:
+def write_estimates(result: AdaptationStudy, path: Path) -> None:
     """Write `estimate.csv`: every plant over time, at most 2000 samples each."""
     names = [f"{parameter}_factor" for parameter in result.tuning.parameters]
     schemes = [scheme for scheme in Scheme if scheme in result.cases[0].traces]
@@ -67,7 +39,7 @@ def write_estimates(result: AdaptationData, path: Path) -> None:
                 writer.writerow([case.variation.name, *(f"{number:.9g}" for number in numbers)])
 
 
-def summary(result: AdaptationData) -> dict[str, object]:
+def summary(result: AdaptationStudy) -> dict[str, object]:
     """The contents of `summary.json`."""
     tuning, known, certificate = result.tuning, result.information, result.certificate
     return {

@@ -1,5 +1,6 @@
 """Result of a study of the self-tuning compensator, and its plants, which differ from the scenario."""
 
+import os
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -203,8 +204,32 @@ class Case:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AdaptationData:
-    """The whole study. `AdaptationStudy` documents its fields."""
+class AdaptationStudy:
+    """Self-tuning on every plant of a study.
+
+    Attributes
+    ----------
+    scenario : Scenario
+        The scenario it was made for.
+    reference : Reference
+        Desired tension, sampled.
+    tuning : Tuning
+        Numbers of the recursion.
+    information : Information
+        Along the reference, on the scenario's own plant.
+    certificate : FeedbackCertificate or None
+        Of the integral action; None without a measured output tension.
+    interval : CertifiedInterval or None
+        Along the reference; None where the path moves.
+    bounds_N : tuple[ndarray, ndarray] or None
+        That interval for the design's force, shape (n,) each.
+    cases : tuple of Case
+        Every plant.
+    headline : str
+        One sentence.
+    warnings : tuple of str
+        What the user should know.
+    """
 
     scenario: Scenario
     reference: Reference
@@ -216,3 +241,10 @@ class AdaptationData:
     cases: tuple[Case, ...]
     headline: str
     warnings: tuple[str, ...]
+
+    def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
+        """Write `estimate.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
+        # Output is made from results: the one import that may not stand at the top.
+        from tendonff.compensator.adapt.output import write_files
+
+        write_files(self, folder, pdf=pdf)

@@ -8,10 +8,10 @@ from itertools import pairwise
 import numpy as np
 
 from tendonff.compensator.adapt.feedback import FeedbackCertificate, feedback_certificate
-from tendonff.compensator.adapt.output import AdaptationStudy
 from tendonff.compensator.adapt.result import (
     SETTLED_S,
     WINDOW_S,
+    AdaptationStudy,
     Case,
     Change,
     Scheme,

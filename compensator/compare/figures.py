@@ -7,7 +7,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from tendonff.compensator.compare.matrix import Entry, MatrixData
-from tendonff.compensator.compare.result import CAPSTAN_PLANT, ComparisonData
+from tendonff.compensator.compare.result import CAPSTAN_PLANT, Comparison
 from tendonff.compensator.reporting.colours import BLUE, GREEN, INK, VERMILION
 from tendonff.compensator.reporting.plots import (
     bode_figure,
@@ -28,7 +28,7 @@ _LEAST, _COARSE = 0.01, 10.0  # errors not resolved, and from which on two decim
 LEVEL_STYLES = {"elastic": "-", "viscoelastic": "--", "presliding": "-.", CAPSTAN_PLANT: ":"}
 
 
-def compare_figures(result: ComparisonData) -> dict[str, Figure]:
+def compare_figures(result: Comparison) -> dict[str, Figure]:
     """All figures of a comparison by file name."""
     with figure_style():
         return {
@@ -110,7 +110,7 @@ def errors_figure(result: MatrixData, motion: JointMotion | None = None) -> Figu
     return figure
 
 
-def levels_figure(result: ComparisonData) -> Figure:
+def levels_figure(result: Comparison) -> Figure:
     """Differences between the levels: the loop, and the tension in a hold."""
     figure, axes = new_figure(1, 2, height_in=3.2)
     loop, hold = axes[0]
@@ -127,7 +127,7 @@ def levels_figure(result: ComparisonData) -> Figure:
     return figure
 
 
-def small_signal_figure(result: ComparisonData) -> Figure:
+def small_signal_figure(result: Comparison) -> Figure:
     """Small changes of the force around rest, where the tendon sticks: Bode plot from force to output tension."""
     transmission, start = result.scenario.transmission, result.reference.initial_tension_N
     frequencies, gains = np.geomspace(0.1, 1000, 400), {}

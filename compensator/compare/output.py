@@ -2,7 +2,6 @@
 
 import math
 import os
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -10,59 +9,17 @@ import numpy as np
 from tendonff.compensator.compare.figures import compare_figures
 from tendonff.compensator.compare.matrix import ENOUGH_PERCENT, MatrixData
 from tendonff.compensator.compare.report import compare_report
-from tendonff.compensator.compare.result import ComparisonData
+from tendonff.compensator.compare.result import Comparison
 from tendonff.compensator.files.writing import atomic_directory, csv_text, write_text
 from tendonff.compensator.reporting.page import summary_head, write_pages
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Comparison(ComparisonData):
-    """A comparison that can be written.
-
-    Attributes
-    ----------
-    scenario : Scenario
-        The scenario it was made for.
-    time_s, wanted : numpy.ndarray, shape (n,)
-        Reference.
-    unit : Unit
-        Of the reference and its errors.
-    plants : tuple of str
-        Names of the plants.
-    static : str
-        Name of the compensator by the static law.
-    compensators : tuple of Designed
-        In the order in which they are shown.
-    entries : tuple of Entry
-        Compensator by compensator, design level by design level, plant by plant.
-    outputs : dict of tuple[str, Level, str] to numpy.ndarray
-        Shape (n,); what is delivered by name of the compensator, design level and plant, at the rows of the reference.
-    bands : dict of tuple[str, Level] to ErrorBand
-        Errors of each design over what may be the real system, on the most detailed level.
-    expectation : Expectation
-        Of the designs on the recommended level.
-    recommended_level : Level
-        Simplest level that is good enough on the most detailed plant.
-    recommendation : str
-        One sentence.
-    warnings : tuple of str
-        What the user should know before relying on it, one sentence each.
-    reference : Reference
-        Desired tension, sampled.
-    traits : dict of str to LevelTraits
-        Differences between the levels and the static law.
-    costs : dict of str to LevelCost
-        Cost of each level and the static law, by name.
-    ignored : IgnoredMotion or None
-        Error if the motion of joints is ignored; None where none does.
-    """
-
-    def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
-        """Write `matrix.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
-        figures = compare_figures(self)
-        with atomic_directory(folder) as partial:
-            write_matrix(partial, self)
-            write_pages(partial, summary(self), figures, compare_report(self, figures), pdf=pdf)
+def write_files(result: Comparison, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
+    """Write the files of `Comparison.write`."""
+    figures = compare_figures(result)
+    with atomic_directory(folder) as partial:
+        write_matrix(partial, result)
+        write_pages(partial, summary(result), figures, compare_report(result, figures), pdf=pdf)
 
 
 def write_matrix(folder: Path, result: MatrixData) -> None:
@@ -89,7 +46,7 @@ def matrix_summary(result: MatrixData) -> dict[str, object]:
     }
 
 
-def summary(result: ComparisonData) -> dict[str, object]:
+def summary(result: Comparison) -> dict[str, object]:
     """The contents of `summary.json`."""
     return {
         **matrix_summary(result),

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from tendonff.compensator.compare.figures import cell_texts
 from tendonff.compensator.compare.matrix import Designed, MatrixData
-from tendonff.compensator.compare.result import ComparisonData
+from tendonff.compensator.compare.result import Comparison
 from tendonff.compensator.reporting.page import (
     Block,
     FileNote,
@@ -88,7 +88,7 @@ def matrix_sections(
     )
 
 
-def compare_report(result: ComparisonData, figures: dict[str, Figure]) -> Report:
+def compare_report(result: Comparison, figures: dict[str, Figure]) -> Report:
     """The page of a comparison."""
     joints, moving = "", []
     if result.ignored is not None:

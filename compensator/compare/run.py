@@ -15,8 +15,7 @@ from tendonff.compensator.compare.matrix import (
     noise_warnings,
     recommend,
 )
-from tendonff.compensator.compare.output import Comparison
-from tendonff.compensator.compare.result import CAPSTAN_PLANT, PLANTS
+from tendonff.compensator.compare.result import CAPSTAN_PLANT, PLANTS, Comparison
 from tendonff.compensator.compensators.base import SLOW_PARTS, Compensator, Problem, answers_of
 from tendonff.compensator.compensators.expectation import (
     error_bands,

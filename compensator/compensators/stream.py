@@ -200,9 +200,25 @@ def smoothed(design: StreamDesign, reference_N: FloatArray, initial_N: float) ->
     What arrives and is not finite holds the last one; `initial_N` is the tension at rest before.
     """
     taps = design.filter.taps
-    last = centre = min(max(initial_N, design.low_N), design.high_N)
-    held, left, span, lost = last, 0, design.re_entry, 0
-    line = [centre] * design.line
+    start = min(max(initial_N, design.low_N), design.high_N)
+    if np.isfinite(reference_N).all():
+        arrived = np.clip(reference_N, design.low_N, design.high_N)
+    else:
+        arrived = _held(design, reference_N, start)
+    if design.band_N:
+        arrived = _in_band(arrived, start, design.band_N)
+    line = np.concatenate([np.full(design.line, start), arrived])
+    windows = np.lib.stride_tricks.sliding_window_view(line, len(taps))[1 : len(reference_N) + 1]
+    newest = windows[:, -1]
+    found: FloatArray = newest + (windows - newest[:, None]) @ taps
+    return found
+
+
+def _held(design: StreamDesign, reference_N: FloatArray, start_N: float) -> FloatArray:
+    """References as they arrive, clamped; what is lost holds the last one, and the way back is smooth [N]."""
+    last = held = start_N
+    left, span, lost = 0, design.re_entry, 0
+    found = []
     for given in reference_N.tolist():
         if math.isfinite(given):
             clamped = min(max(given, design.low_N), design.high_N)
@@ -214,12 +230,17 @@ def smoothed(design: StreamDesign, reference_N: FloatArray, initial_N: float) ->
             left = max(left - 1, 0)
         else:
             lost = min(lost + 1, design.re_entry)
-        centre = min(max(centre, last - design.band_N), last + design.band_N)
-        line.append(centre)
-    windows = np.lib.stride_tricks.sliding_window_view(np.array(line), len(taps))[1 : len(reference_N) + 1]
-    newest = windows[:, -1]
-    found: FloatArray = newest + (windows - newest[:, None]) @ taps
-    return found
+        found.append(last)
+    return np.array(found)
+
+
+def _in_band(tension_N: FloatArray, start_N: float, band_N: float) -> FloatArray:
+    """Centre of a deadband that the tension, shape (n,), drags along [N]."""
+    centre, found = start_N, []
+    for now in tension_N.tolist():
+        centre = min(max(centre, now - band_N), now + band_N)
+        found.append(centre)
+    return np.array(found)
 
 
 def stream_force(design: StreamDesign, problem: Problem, reference_N: FloatArray) -> FloatArray:

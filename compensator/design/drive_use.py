@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tendonff.compensator.compensators.profile import FloatArray
-from tendonff.compensator.design.result import DesignData
+from tendonff.compensator.design.result import Design
 from tendonff.models.parameters.drive import Motor
 
 SHOWN = ("inverse", "optimal")
@@ -55,7 +55,7 @@ class DriveUse:
         )
 
 
-def drive_use(result: DesignData) -> tuple[DriveUse, ...]:
+def drive_use(result: Design) -> tuple[DriveUse, ...]:
     """The profiles that know the chain, as the drive sees them."""
     found = []
     for name in SHOWN:
@@ -67,7 +67,7 @@ def drive_use(result: DesignData) -> tuple[DriveUse, ...]:
     return tuple(found)
 
 
-def drive_columns(result: DesignData) -> dict[str, FloatArray]:
+def drive_columns(result: Design) -> dict[str, FloatArray]:
     """Columns of `profile.csv` beside the forces: travel, command of a position drive, motor torque and angle."""
     used, motor = drive_use(result), result.scenario.transmission.actuator.motor
     columns = {f"travel_{use.name}_m": use.travel_m for use in used}
@@ -80,7 +80,7 @@ def drive_columns(result: DesignData) -> dict[str, FloatArray]:
     return columns
 
 
-def drive_summary(result: DesignData) -> dict[str, object]:
+def drive_summary(result: Design) -> dict[str, object]:
     """Entries of `summary.json` on the drive, by name of the compensator."""
     motor, found = result.scenario.transmission.actuator.motor, dict[str, object]()
     for use in drive_use(result):
@@ -100,7 +100,7 @@ def drive_summary(result: DesignData) -> dict[str, object]:
     return found
 
 
-def drive_warnings(result: DesignData) -> list[str]:
+def drive_warnings(result: Design) -> list[str]:
     """Limits of drive and motor that a profile does not keep."""
     actuator, found = result.scenario.transmission.actuator, []
     for use in drive_use(result):

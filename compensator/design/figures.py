@@ -12,7 +12,7 @@ from tendonff.compensator.compensators.base import Compensator
 from tendonff.compensator.compensators.expectation import FRICTIONLESS
 from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.design.drive_use import drive_use
-from tendonff.compensator.design.result import DesignData
+from tendonff.compensator.design.result import Design
 from tendonff.compensator.reporting.colours import GREY, INK
 from tendonff.compensator.reporting.expected import BOUND, contributions_figure
 from tendonff.compensator.reporting.plots import (
@@ -30,7 +30,7 @@ _LOOPS = ("none", "inverse")  # whose loop of output over force is drawn
 _WIDE = 3.4  # line under another that coincides with it
 
 
-def design_figures(result: DesignData) -> dict[str, Figure]:
+def design_figures(result: Design) -> dict[str, Figure]:
     """All figures of a design by file name."""
     with figure_style():
         return {
@@ -44,7 +44,7 @@ def design_figures(result: DesignData) -> dict[str, Figure]:
         }
 
 
-def expectation_figure(result: DesignData) -> Figure:
+def expectation_figure(result: Design) -> Figure:
     """Output tension of the recommended profile over all that the uncertainty admits."""
     figure, axes = new_figure(2, 1, share_x=True, height_in=4.4, height_ratios=(3, 2))
     tension, error = axes[:, 0]
@@ -81,7 +81,7 @@ def _around(*shown: FloatArray) -> tuple[float, float]:
     return low - margin, high + margin
 
 
-def tension_figure(result: DesignData) -> Figure:
+def tension_figure(result: Design) -> Figure:
     """Reference and output tension of each compensator on the design level, and the compensated errors enlarged."""
     moved = result.ignored is not None
     height, ratios = (6.2, (3, 2, 1)) if moved else (5.0, (3, 2))
@@ -106,7 +106,7 @@ def tension_figure(result: DesignData) -> Figure:
     return figure
 
 
-def force_figure(result: DesignData) -> Figure:
+def force_figure(result: Design) -> Figure:
     """Force, rate of force and travel of each compensator, with the actuator's limits."""
     figure, axes = new_figure(3, 1, share_x=True, height_in=6.2, height_ratios=(3, 2, 2))
     force, rate, travel = axes[:, 0]
@@ -126,7 +126,7 @@ def force_figure(result: DesignData) -> Figure:
     return figure
 
 
-def drive_figure(result: DesignData) -> Figure:
+def drive_figure(result: Design) -> Figure:
     """Travel, speed and power of the drive, and its torque over its speed, with the limits."""
     figure, axes = new_figure(2, 2, height_in=4.6)
     (travel, speed), (power, plane) = axes
@@ -159,7 +159,7 @@ def drive_figure(result: DesignData) -> Figure:
     return figure
 
 
-def loop_figure(result: DesignData) -> Figure:
+def loop_figure(result: Design) -> Figure:
     """Hysteresis: output tension over the force, and over the reference."""
     figure, axes = new_figure(1, 2, height_in=3.8)
     by_force, by_reference = axes[0]
@@ -182,7 +182,7 @@ def loop_figure(result: DesignData) -> Figure:
     return figure
 
 
-def error_figure(result: DesignData) -> Figure:
+def error_figure(result: Design) -> Figure:
     """Error over time on each level, on one scale; right: enlarged."""
     figure, axes = new_figure(len(Level), 2, share_x=True, height_in=5.8)
     wanted = result.reference.tension_N
@@ -208,7 +208,7 @@ def error_figure(result: DesignData) -> Figure:
 
 
 def _draw(
-    panel: Axes, result: DesignData, curves: dict[str, FloatArray], label: Callable[[Compensator], str] | None = None
+    panel: Axes, result: Design, curves: dict[str, FloatArray], label: Callable[[Compensator], str] | None = None
 ) -> None:
     """Draw a curve of each compensator; one that hides another differs by width and in the legend."""
     rows = thinned(len(result.reference.time_s))
@@ -217,7 +217,7 @@ def _draw(
 
 
 def _looks(
-    result: DesignData, curves: dict[str, FloatArray], label: Callable[[Compensator], str] | None = None
+    result: Design, curves: dict[str, FloatArray], label: Callable[[Compensator], str] | None = None
 ) -> dict[str, dict[str, Any]]:
     """Line style of each compensator for matplotlib: a curve under another is wide, and the other's legend notes it."""
     hidden = coinciding(curves, max((float(np.ptp(curve)) for curve in curves.values()), default=0.0))

@@ -2,7 +2,7 @@
 
 import math
 import os
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 
 from rich.box import HEAVY_HEAD, SIMPLE_HEAD
@@ -16,7 +16,7 @@ from tendonff.compensator.compensators.score import Verified
 from tendonff.compensator.design.drive_use import drive_columns, drive_summary
 from tendonff.compensator.design.figures import design_figures
 from tendonff.compensator.design.report import design_report, headline, interactive_panels
-from tendonff.compensator.design.result import DesignData
+from tendonff.compensator.design.result import Design
 from tendonff.compensator.files.writing import atomic_directory, write_csv
 from tendonff.compensator.reporting.expected import expectation_summary
 from tendonff.compensator.reporting.page import summary_head, write_pages
@@ -27,49 +27,18 @@ from tendonff.ocp.tracking.result import Tracking
 _ROOM = 90  # columns of a terminal that hold the table of scores with its frame
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Design(DesignData):
-    """A design that can be written.
-
-    Attributes
-    ----------
-    scenario : Scenario
-        The scenario it was made for.
-    reference : Reference
-        What was to be delivered, sampled.
-    compensators : tuple of Compensator
-        In the order in which they are shown.
-    profiles : dict of str to Profile
-        By name of the compensator.
-    failed : dict of str to str
-        What ended the computation of other profiles, by name of the compensator.
-    verified : tuple of Verified
-        Every compensator on every level.
-    proof : tuple of Verified
-        Every compensator on the design level with more masses and a smaller step.
-    stick_slip : StickSlipPrediction
-        Where friction that weakens with speed makes feedforward fail.
-    expectation : Expectation
-        What to expect on a rig, and the profile that does best there.
-    ignored : IgnoredMotion or None
-        What it would cost to ignore that joints move; None where none does.
-    warnings : tuple of str
-        What the user should know.
-    """
-
-    def write(self, folder: str | os.PathLike[str], *, interactive: bool = False, pdf: bool = False) -> None:
-        """Write `profile.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder.
-
-        An interactive report has a view with zoom, hover and a legend that hides curves, and needs Bokeh.
-        """
-        figures = design_figures(self)
-        view = interactive_panels(self) if interactive else None
-        with atomic_directory(folder) as partial:
-            write_csv(partial / "profile.csv", profile_columns(self))
-            write_pages(partial, summary(self), figures, design_report(self, figures, view), pdf=pdf)
+def write_files(
+    result: Design, folder: str | os.PathLike[str], *, interactive: bool = False, pdf: bool = False
+) -> None:
+    """Write the files of `Design.write`."""
+    figures = design_figures(result)
+    view = interactive_panels(result) if interactive else None
+    with atomic_directory(folder) as partial:
+        write_csv(partial / "profile.csv", profile_columns(result))
+        write_pages(partial, summary(result), figures, design_report(result, figures, view), pdf=pdf)
 
 
-def profile_columns(result: DesignData) -> dict[str, FloatArray]:
+def profile_columns(result: Design) -> dict[str, FloatArray]:
     """The columns of `profile.csv`."""
     forces = {f"force_{name}_N": force for name, force in result.forces_N.items()}
     time = result.reference.time_s
@@ -86,7 +55,7 @@ def profile_columns(result: DesignData) -> dict[str, FloatArray]:
     }
 
 
-def summary(result: DesignData) -> dict[str, object]:
+def summary(result: Design) -> dict[str, object]:
     """The contents of `summary.json`."""
 
     def scores(verified: tuple[Verified, ...]) -> dict[str, dict[str, object]]:
@@ -136,7 +105,7 @@ def _tracking_summary(tracking: Tracking) -> dict[str, object]:
     }
 
 
-def print_scores(result: DesignData, folder: Path) -> None:
+def print_scores(result: Design, folder: Path) -> None:
     """Print the error of each compensator on each level, what to expect on a rig, and where the files are."""
     console = Console()
     table = Table(

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from tendonff.compensator.compensators.expectation import two_digits
 from tendonff.compensator.compensators.plant import FINE_REFINEMENT, FINE_SEGMENTS
 from tendonff.compensator.design.drive_use import drive_use
-from tendonff.compensator.design.result import DesignData
+from tendonff.compensator.design.result import Design
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.reporting.colours import INK, Style
 from tendonff.compensator.reporting.expected import robustness_table
@@ -49,7 +49,7 @@ _CAPTIONS = {
 }
 
 
-def headline(result: DesignData) -> str:
+def headline(result: Design) -> str:
     """Expected error on a rig, and the next command."""
     found, best = result.expectation, result.recommended
     label = best.label
@@ -58,7 +58,7 @@ def headline(result: DesignData) -> str:
     return found.headline(label, measure if found.doubt.is_assumed else f"tendonff export-c {file} --out c")
 
 
-def fine_print(result: DesignData) -> str:
+def fine_print(result: Design) -> str:
     """Numerical and model-internal results."""
     best = result.recommended
     own = (
@@ -73,7 +73,7 @@ def fine_print(result: DesignData) -> str:
     return f"{own}. That is the accuracy of the computation; on a rig the uncertainty of the parameters decides."
 
 
-def interactive_panels(result: DesignData) -> Interactive:
+def interactive_panels(result: Design) -> Interactive:
     """Output tension, force and error of all profiles, to be zoomed."""
     reference = result.reference
     output, force, error = {"reference": (reference.tension_N, Style(color=INK, linestyle="-"))}, {}, {}
@@ -90,7 +90,7 @@ def interactive_panels(result: DesignData) -> Interactive:
     )
 
 
-def design_report(result: DesignData, figures: dict[str, Figure], view: Interactive | None = None) -> Report:
+def design_report(result: Design, figures: dict[str, Figure], view: Interactive | None = None) -> Report:
     """The page of a design."""
     joints = "" if result.ignored is None else " Bottom: the joint angles."
     ignored = () if result.ignored is None else (Text(result.ignored.text),)
@@ -151,7 +151,7 @@ def design_report(result: DesignData, figures: dict[str, Figure], view: Interact
     )
 
 
-def _holds(result: DesignData) -> tuple[Block, ...]:
+def _holds(result: Design) -> tuple[Block, ...]:
     """Why the force of the exact inverse changes while the reference rests."""
     reference, profile = result.reference, result.profiles.get("inverse")
     if profile is None or reference.hold is Hold.KEEP or reference.periodic or result.ignored is not None:
@@ -172,7 +172,7 @@ def _holds(result: DesignData) -> tuple[Block, ...]:
     return (Text(note),)
 
 
-def _positions(result: DesignData) -> tuple[Block, ...]:
+def _positions(result: Design) -> tuple[Block, ...]:
     """Errors of the load's position, where the reference is a position."""
     if result.reference.position_m is None:
         return ()
@@ -191,7 +191,7 @@ def _positions(result: DesignData) -> tuple[Block, ...]:
     return (table,)
 
 
-def _drive(result: DesignData) -> tuple[Block, ...]:
+def _drive(result: Design) -> tuple[Block, ...]:
     """Stroke, speed, force, power and the motor's torque beside their limits."""
     actuator = result.scenario.transmission.actuator
     motor, used = actuator.motor, drive_use(result)
@@ -244,7 +244,7 @@ def _verdict(asked: dict[str, float], motor: Motor | None) -> str:
 _BEYOND = 1.005  # of a limit: rounding
 
 
-def _solver(result: DesignData) -> tuple[Block, ...]:
+def _solver(result: Design) -> tuple[Block, ...]:
     """Outcome of the optimal-control problem; nothing where none was solved."""
     tracking = result.tracking
     if tracking is None:
@@ -257,7 +257,7 @@ def _solver(result: DesignData) -> tuple[Block, ...]:
     return Text(f"{tracking.message[:1].upper()}{tracking.message[1:]}."), table
 
 
-def _robust_section(result: DesignData) -> tuple[Section, ...]:
+def _robust_section(result: Design) -> tuple[Section, ...]:
     """Effect of uncertainty on each profile, and its largest contribution."""
     found, labels = result.expectation, {c.name: c.label for c in result.compensators}
     note = Text(

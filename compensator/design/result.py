@@ -1,5 +1,6 @@
 """Result of a design."""
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -15,8 +16,34 @@ from tendonff.ocp.tracking.result import Tracking
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DesignData:
-    """Force profiles for one scenario and what each delivers. `Design` documents its fields."""
+class Design:
+    """Force profiles for one scenario, and what each delivers.
+
+    Attributes
+    ----------
+    scenario : Scenario
+        The scenario it was made for.
+    reference : Reference
+        What was to be delivered, sampled.
+    compensators : tuple of Compensator
+        In the order in which they are shown.
+    profiles : dict of str to Profile
+        By name of the compensator.
+    failed : dict of str to str
+        What ended the computation of other profiles, by name of the compensator.
+    verified : tuple of Verified
+        Every compensator on every level.
+    proof : tuple of Verified
+        Every compensator on the design level with more masses and a smaller step.
+    stick_slip : StickSlipPrediction
+        Where friction that weakens with speed makes feedforward fail.
+    expectation : Expectation
+        What to expect on a rig, and the profile that does best there.
+    ignored : IgnoredMotion or None
+        What it would cost to ignore that joints move; None where none does.
+    warnings : tuple of str
+        What the user should know.
+    """
 
     scenario: Scenario
     reference: Reference
@@ -66,3 +93,13 @@ class DesignData:
     def on_proof(self, name: str) -> Verified:
         """Output of a compensator on the finer chain."""
         return next(v for v in self.proof if v.compensator == name)
+
+    def write(self, folder: str | os.PathLike[str], *, interactive: bool = False, pdf: bool = False) -> None:
+        """Write `profile.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder.
+
+        An interactive report has a view with zoom, hover and a legend that hides curves, and needs Bokeh.
+        """
+        # Output is made from results: the one import that may not stand at the top.
+        from tendonff.compensator.design.output import write_files
+
+        write_files(self, folder, interactive=interactive, pdf=pdf)

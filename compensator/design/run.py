@@ -16,7 +16,7 @@ from tendonff.compensator.compensators.score import (
     verify,
 )
 from tendonff.compensator.design.drive_use import drive_warnings
-from tendonff.compensator.design.output import Design
+from tendonff.compensator.design.result import Design
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.scenario.reference import CsvReference, Hold
 from tendonff.compensator.scenario.sampled.from_file import noise_advice, ripple_advice

@@ -9,7 +9,7 @@ from matplotlib.patheffects import AbstractPathEffect, withStroke
 
 from tendonff.compensator.experiment.machine import StatePass
 from tendonff.compensator.experiment.numbers import driven_motor, holds, reversals
-from tendonff.compensator.experiment.result import SECTIONS, ExperimentData, ExperimentRun
+from tendonff.compensator.experiment.result import SECTIONS, ExperimentResult, ExperimentRun
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.reporting.colours import BLUE, GREY, INK, VERMILION
 from tendonff.compensator.reporting.plots import LINE_STYLES, figure_style, legend_below, new_figure, thinned
@@ -61,7 +61,7 @@ def _shade_states(axes: Axes, run: ExperimentRun, *, named: bool, shaded: bool =
 
 
 @figure_style()
-def tensions_figure(result: ExperimentData) -> Figure:
+def tensions_figure(result: ExperimentResult) -> Figure:
     """Seven tensions over time on the three levels, states shaded and named."""
     figure, axes = new_figure(len(result.runs), 1, height_in=7.0, share_x=True)
     for row, (level, run) in enumerate(result.runs.items()):
@@ -86,7 +86,7 @@ def tensions_figure(result: ExperimentData) -> Figure:
 
 
 @figure_style()
-def distribution_figure(result: ExperimentData) -> Figure:
+def distribution_figure(result: ExperimentResult) -> Figure:
     """Tension over time and angle, on the level of the machine."""
     run = result.runs[result.lead]
     rows = thinned(len(run.time_s), _HEAT_ROWS)
@@ -111,7 +111,7 @@ def _end(run: ExperimentRun, motor: int) -> tuple[FloatArray, str]:
     return run.link_tension_N[:, 0 if motor == 0 else -1], f"$f_{1 if motor == 0 else SECTIONS}$"
 
 
-def _draw_detail(panel: Axes, result: ExperimentData, done: StatePass, motor: int, what: str) -> None:
+def _draw_detail(panel: Axes, result: ExperimentResult, done: StatePass, motor: int, what: str) -> None:
     symbol, creeps = "", done.state.modes[motor] is MotorMode.HOLD_FORCE
     for level, run in result.runs.items():
         course, symbol = _end(run, motor)
@@ -130,7 +130,7 @@ def _draw_detail(panel: Axes, result: ExperimentData, done: StatePass, motor: in
 
 
 @figure_style()
-def details_figure(result: ExperimentData) -> Figure | None:
+def details_figure(result: ExperimentResult) -> Figure | None:
     """Holds and reversals, the three levels in one panel each; None for a test that has neither."""
     lead = result.runs[result.lead]
     held, turned = list(holds(lead))[:2], reversals(lead)[:2]
@@ -152,7 +152,7 @@ def details_figure(result: ExperimentData) -> Figure | None:
 
 
 @figure_style()
-def hysteresis_figure(result: ExperimentData) -> Figure:
+def hysteresis_figure(result: ExperimentResult) -> Figure:
     """Tension at both ends over the elongation of the tendon, three levels."""
     figure, axes = new_figure(1, 2, height_in=3.4, share_y=True)
     for motor in (0, 1):
@@ -170,7 +170,7 @@ def hysteresis_figure(result: ExperimentData) -> Figure:
     return figure
 
 
-def experiment_figures(result: ExperimentData) -> dict[str, Figure]:
+def experiment_figures(result: ExperimentResult) -> dict[str, Figure]:
     """All figures by file name; without the details where the states have no hold and no reversal."""
     figures = {
         "experiment_distribution": distribution_figure(result),

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.experiment.machine import StatePass
-from tendonff.compensator.experiment.result import SECTIONS, ExperimentData, ExperimentRun, MeasuredTensions
+from tendonff.compensator.experiment.result import SECTIONS, ExperimentResult, ExperimentRun, MeasuredTensions
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.files.tables import read_table
 from tendonff.models.capstan.two_ended import TwoEndedLaw
@@ -227,7 +227,7 @@ def refinement(coarse: ExperimentRun, fine: ExperimentRun) -> Refinement:
     )
 
 
-def warnings_of(result: ExperimentData) -> list[str]:
+def warnings_of(result: ExperimentResult) -> list[str]:
     """Warnings of the test."""
     lead = result.runs[result.lead]
     notes = [

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -10,44 +10,18 @@ import numpy as np
 from tendonff.compensator.experiment import numbers
 from tendonff.compensator.experiment.figures import experiment_figures
 from tendonff.compensator.experiment.report import experiment_report
-from tendonff.compensator.experiment.result import SECTIONS, ExperimentData, ExperimentRun
+from tendonff.compensator.experiment.result import SECTIONS, ExperimentResult, ExperimentRun
 from tendonff.compensator.files.writing import atomic_directory, csv_text, write_text
 from tendonff.compensator.reporting.page import write_pages
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ExperimentResult(ExperimentData):
-    """A test that can be written.
-
-    Attributes
-    ----------
-    scenario : Scenario
-        The scenario it was made for.
-    plan : Plan
-        The test: rig, states and commands.
-    lead : Level
-        On which the machine ran.
-    runs : dict of Level to ExperimentRun
-        All three levels, on the path's own number of masses.
-    fine : ExperimentRun
-        The leading level with more masses.
-    quasi_static : ExperimentRun
-        The elastic level with a stiffer bristle, no viscous friction and no Stribeck effect: nearest to the static law.
-    quasi_static_factor : float
-        By how much its bristle is stiffer.
-    measured : MeasuredTensions or None
-        Measured tensions beside it, where a file was given.
-    """
-
-    def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
-        """Write `experiment_<level>.csv`, `summary.json`, figures and `report.html`, all or nothing; makes
-        the folder.
-        """
-        figures = experiment_figures(self)
-        with atomic_directory(folder) as partial:
-            for level, run in self.runs.items():
-                write_run(run, partial / f"experiment_{level}.csv")
-            write_pages(partial, summary(self), figures, experiment_report(self, figures), pdf=pdf)
+def write_files(result: ExperimentResult, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
+    """Write the files of `ExperimentResult.write`."""
+    figures = experiment_figures(result)
+    with atomic_directory(folder) as partial:
+        for level, run in result.runs.items():
+            write_run(run, partial / f"experiment_{level}.csv")
+        write_pages(partial, summary(result), figures, experiment_report(result, figures), pdf=pdf)
 
 
 def write_run(run: ExperimentRun, path: Path) -> None:
@@ -62,7 +36,7 @@ def write_run(run: ExperimentRun, path: Path) -> None:
     write_text(path, csv_text(columns, zip(*columns.values(), strict=True)))
 
 
-def summary(result: ExperimentData) -> dict[str, object]:
+def summary(result: ExperimentResult) -> dict[str, object]:
     """The contents of `summary.json`."""
     lead, measured = result.runs[result.lead], result.measured
     per_level = {

@@ -6,8 +6,9 @@ from statistics import mean
 
 from matplotlib.figure import Figure
 
+from tendonff.compensator.compensators.expectation import two_digits
 from tendonff.compensator.experiment import numbers
-from tendonff.compensator.experiment.result import ExperimentData, MeasuredTensions
+from tendonff.compensator.experiment.result import ExperimentResult, MeasuredTensions
 from tendonff.compensator.reporting.page import (
     FileNote,
     Picture,
@@ -33,7 +34,7 @@ _NOTE = (
 )
 
 
-def experiment_report(result: ExperimentData, figures: dict[str, Figure]) -> Report:
+def experiment_report(result: ExperimentResult, figures: dict[str, Figure]) -> Report:
     """The page of an experiment."""
     pictures = pictures_of(figures, _CAPTIONS)
     held = Table(
@@ -118,7 +119,7 @@ def experiment_report(result: ExperimentData, figures: dict[str, Figure]) -> Rep
     )
 
 
-def _measured(result: ExperimentData, measured: MeasuredTensions) -> Table:
+def _measured(result: ExperimentResult, measured: MeasuredTensions) -> Table:
     """RMS difference of each sensor from each model."""
     by_level = {level: numbers.deviations(run, measured) for level, run in result.runs.items()}
     return Table(
@@ -136,7 +137,7 @@ def _present(pictures: dict[str, Picture], name: str) -> tuple[Picture, ...]:
     return (pictures[name],) if name in pictures else ()
 
 
-def _states(result: ExperimentData) -> Table:
+def _states(result: ExperimentResult) -> Table:
     lead = result.runs[result.lead]
     return Table(
         caption="States; A acts, A_h holds its position, A_f its force, L loads",
@@ -155,7 +156,7 @@ def _states(result: ExperimentData) -> Table:
     )
 
 
-def _summary(result: ExperimentData) -> str:
+def _summary(result: ExperimentResult) -> str:
     lead = result.runs[result.lead]
     sentences = [_closest(result, result.measured)] if result.measured is not None else []
     held = {level: numbers.relaxation(run).values() for level, run in result.runs.items()}
@@ -183,10 +184,11 @@ def _summary(result: ExperimentData) -> str:
 
 def _each(values: Mapping[Level, float], unit: str) -> str:
     """A quantity on each level, in words."""
-    return ", ".join(f"{value:.2g} ({level})" for level, value in values.items()) + f" {unit}"
+    first, *others = [f"{two_digits(value)} {{}}({level})" for level, value in values.items()]
+    return ", ".join((first.format(f"{unit} "), *(other.format("") for other in others)))
 
 
-def _closest(result: ExperimentData, measured: MeasuredTensions) -> str:
+def _closest(result: ExperimentResult, measured: MeasuredTensions) -> str:
     """Which level the measured tensions agree with best, by the mean square over the sensors."""
     errors = {
         level: math.sqrt(mean(each.measured_rms_percent_of_range**2 for each in numbers.deviations(run, measured)))

@@ -1,5 +1,6 @@
 """Result of a two-motor test."""
 
+import os
 from dataclasses import dataclass
 
 import numpy as np
@@ -103,8 +104,28 @@ class MeasuredTensions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ExperimentData:
-    """The test on all models. `ExperimentResult` documents its fields."""
+class ExperimentResult:
+    """The two-motor test on all three levels.
+
+    Attributes
+    ----------
+    scenario : Scenario
+        The scenario it was made for.
+    plan : Plan
+        The test: rig, states and commands.
+    lead : Level
+        On which the machine ran.
+    runs : dict of Level to ExperimentRun
+        All three levels, on the path's own number of masses.
+    fine : ExperimentRun
+        The leading level with more masses.
+    quasi_static : ExperimentRun
+        The elastic level with a stiffer bristle, no viscous friction and no Stribeck effect: nearest to the static law.
+    quasi_static_factor : float
+        By how much its bristle is stiffer.
+    measured : MeasuredTensions or None
+        Measured tensions beside it, where a file was given.
+    """
 
     scenario: Scenario
     plan: Plan
@@ -114,3 +135,12 @@ class ExperimentData:
     quasi_static: ExperimentRun
     quasi_static_factor: float
     measured: MeasuredTensions | None = None
+
+    def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
+        """Write `experiment_<level>.csv`, `summary.json`, figures and `report.html`, all or nothing; makes
+        the folder.
+        """
+        # Output is made from results: the one import that may not stand at the top.
+        from tendonff.compensator.experiment.output import write_files
+
+        write_files(self, folder, pdf=pdf)

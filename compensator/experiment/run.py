@@ -14,8 +14,7 @@ import numpy as np
 
 from tendonff.compensator.experiment.machine import Machine, Schedule, StatePass, plan_experiment
 from tendonff.compensator.experiment.numbers import read_measured
-from tendonff.compensator.experiment.output import ExperimentResult
-from tendonff.compensator.experiment.result import ExperimentRun
+from tendonff.compensator.experiment.result import ExperimentResult, ExperimentRun
 from tendonff.compensator.experiment.rig import Plan, Rig, RigRows
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.reading import FloatArray

@@ -138,3 +138,18 @@ def adaptive_golden(problem: Problem, settings: Adaptation, course: Course, prec
     if course.chain.motion is None:
         low, high = certified(problem).interval.history_N(course.plant_force_N, start)
     return AdaptiveGolden(measured=measured, force_N=np.array(force), low_N=low, high_N=high)
+
+
+def adaptive_test(problem: Problem, settings: Adaptation, course: Course, precision: Precision) -> dict[str, object]:
+    """Values for the self test of tuner and interval."""
+    tuning = tuning_of(problem, settings)
+    return {
+        "golden": adaptive_golden(problem, settings, course, precision),
+        "tuning": tuning,
+        "far": 1e3 * tuning.span,  # no factor explains that
+        "mu_index": settings.parameters.index(_main(settings)),
+        "mu_dynamic": main_mu(problem, settings),
+        "mu_release": other_mu(problem, settings),
+        "tolerance_N": adaptive_tolerance_N(course, precision),
+        "bounds_tolerance_N": 0.02 if precision is Precision.FLOAT else 1e-9 * course.scale_N,
+    }

@@ -15,7 +15,7 @@ from tendonff.compensator.compensators.profile import FloatArray, Profile
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.stream import StreamChoice, choose_stream
 from tendonff.compensator.compensators.table import BuiltTable, table_of
-from tendonff.compensator.export.adaptive import adaptive_golden, adaptive_tolerance_N, main_mu, other_mu
+from tendonff.compensator.export.adaptive import adaptive_test
 from tendonff.compensator.export.golden import Golden, golden_vectors
 from tendonff.compensator.export.host import run_on_host
 from tendonff.compensator.export.judgement import Judged, chosen, driven, judge, judge_stream, profiles_of
@@ -165,14 +165,7 @@ def export_project(
     notes: tuple[str, ...] = ()
     if scenario.adaptation is not None:
         notes = learnt(problem, tuning_of(problem, scenario.adaptation)).sentences()
-        vectors = adaptive_golden(problem, scenario.adaptation, golden.course, precision)
-        further["adaptive"] = {
-            "golden": vectors,
-            "mu_dynamic": main_mu(problem, scenario.adaptation),
-            "mu_release": other_mu(problem, scenario.adaptation),
-            "tolerance_N": adaptive_tolerance_N(golden.course, precision),
-            "bounds_tolerance_N": 0.02 if precision is Precision.FLOAT else 1e-9 * golden.course.scale_N,
-        }
+        further["adaptive"] = adaptive_test(problem, scenario.adaptation, golden.course, precision)
     texts = c_sources(scenario, problem, modules, precision, prefix, further)
     texts |= folder_files(scenario, problem, modules, precision, prefix, further)
     texts["design.json"] = _design_json(

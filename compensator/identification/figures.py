@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tendonff.compensator.identification.measured import Array
-from tendonff.compensator.identification.result import IdentificationData, PieceComparison
+from tendonff.compensator.identification.result import Identification, PieceComparison
 from tendonff.compensator.identification.suggest import Excitation
 from tendonff.compensator.reporting.colours import BLUE, GREY, INK, ORANGE, VERMILION
 from tendonff.compensator.reporting.plots import figure_style, new_figure, save_figure, thinned
@@ -16,7 +16,7 @@ from tendonff.compensator.scenario.measurement import Explain
 MOST_PANELS = 4
 
 
-def draw(found: IdentificationData, folder: Path, *, pdf: bool = False) -> dict[str, Path]:
+def draw(found: Identification, folder: Path, *, pdf: bool = False) -> dict[str, Path]:
     """Write every figure that the data has material for; the files that a report shows, by name."""
     shown = _chosen(found.comparisons)
     with figure_style():
@@ -53,7 +53,7 @@ def _title(piece: PieceComparison) -> str:
     return f"{piece.name} ({'validation' if piece.role == 'validate' else 'fitted'})"
 
 
-def _over_time(found: IdentificationData, comparisons: Sequence[PieceComparison]) -> Figure:
+def _over_time(found: Identification, comparisons: Sequence[PieceComparison]) -> Figure:
     figure, axes = new_figure(len(comparisons), 1)
     name, other, scale, unit = CHANNELS[found.explain]
     for ax, piece in zip(axes[:, 0], comparisons, strict=True):
@@ -70,7 +70,7 @@ def _over_time(found: IdentificationData, comparisons: Sequence[PieceComparison]
     return figure
 
 
-def _loops(found: IdentificationData, comparisons: Sequence[PieceComparison]) -> Figure:
+def _loops(found: Identification, comparisons: Sequence[PieceComparison]) -> Figure:
     columns = min(2, len(comparisons))
     rows = -(-len(comparisons) // columns)
     figure, axes = new_figure(rows, columns, height_in=2.8 * rows + 0.5)

@@ -6,7 +6,7 @@ from pathlib import Path
 from shlex import quote
 
 from tendonff.compensator.files.text import as_argument
-from tendonff.compensator.identification.result import RULE, Estimate, IdentificationData, headline, missing
+from tendonff.compensator.identification.result import RULE, Estimate, Identification, headline, missing
 from tendonff.compensator.reporting.page import Block, FileNote, PictureFile, Provenance, Report, Section, Table, Text
 from tendonff.compensator.scenario.measurement import Measurement
 
@@ -28,7 +28,7 @@ _PLAIN = {
 """Options that are a number."""
 
 
-def identification_report(found: IdentificationData, pictures: Mapping[str, Path]) -> Report:
+def identification_report(found: Identification, pictures: Mapping[str, Path]) -> Report:
     """The page of an identification whose figures lie in files, by name."""
     estimates = Table(
         caption=(

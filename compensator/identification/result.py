@@ -1,6 +1,7 @@
 """Result of identification, as data and as `fit.json`."""
 
 import math
+import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -168,8 +169,53 @@ class PieceComparison:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class IdentificationData:
-    """Everything that a set of measurements identifies of a scenario. `Identification` documents its fields."""
+class Identification:
+    """Everything that a set of measurements identifies of a scenario.
+
+    Attributes
+    ----------
+    scenario : Scenario
+        The scenario with the identified values.
+    asked : Measurement
+        How the files were to be read.
+    conditions : dict of str to str
+        Labels by file name.
+    explain : Explain
+        Channel that the model explains.
+    described : bool
+        The chosen law describes the device.
+    estimates : tuple of Estimate
+        Every value, fitted or kept.
+    correlation_names : tuple of str
+        Names of the fitted values.
+    correlation : Array
+        Shape (k, k); correlations of the fitted values.
+    laws : tuple of CandidateLaw
+        Candidate laws, compared.
+    files : tuple of FileResult
+        Error and data issues of each file.
+    fit_percent, validation_percent : float, float or None
+        RMS error over all files of that role in percent of their common range; None without validation files.
+    replay_percent : float or None
+        RMS error of `scenario`, simulated again over the fitted files, % of range; None where no law describes the
+        device.
+    sliding : tuple of SlidingRatio
+        Logarithmic ratio of the tensions, by direction.
+    warnings : tuple of str
+        What the user should know.
+    comparisons : tuple of PieceComparison
+        Measurement and model of each piece.
+    inputs : tuple of Path
+        The measured files.
+    by_file : tuple of ByFile
+        Estimates by each of several files alone.
+    output_delay_s : float or None
+        How much later the output is read than the input.
+    sections : tuple of SectionFriction
+        Friction between tension cells, where there are more than two.
+    comparable : bool
+        The tensions are of the scenario's size; else no excitation is suggested.
+    """
 
     scenario: Scenario
     asked: Measurement
@@ -230,6 +276,15 @@ class IdentificationData:
             "warnings": list(self.warnings),
         }
 
+    def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
+        """Write `fitted.toml`, `fit.json`, figures, the suggested excitation and `report.html`, all or nothing; makes
+        the folder.
+        """
+        # Output is made from results: the one import that may not stand at the top.
+        from tendonff.compensator.identification.output import write_files
+
+        write_files(self, folder, pdf=pdf)
+
 
 def _file(result: FileResult, unit: str) -> dict[str, Any]:
     return {
@@ -267,7 +322,7 @@ def _gross(ratio: SlidingRatio) -> Mapping[str, Any]:
     }
 
 
-def headline(found: IdentificationData, folder: str = "") -> str:
+def headline(found: Identification, folder: str = "") -> str:
     """The answer in one line: friction, how well it explains the log, and the command to go on with."""
     if not found.described:
         return f"No law explains the log: the best, {found.law}, leaves {found.fit_percent:.2g} % of range"
@@ -292,7 +347,7 @@ def _relative(estimate: Estimate) -> float:
     return (estimate.interval[1] - estimate.interval[0]) / 2 / abs(estimate.value)
 
 
-def missing(found: IdentificationData) -> str:
+def missing(found: Identification) -> str:
     """Values that the log does not identify, and the one measurement that would identify most of them."""
     names = [e for e in found.estimates if not e.identifiable and e.name not in EXPONENTS.values()]
     if not found.described or not names:
@@ -302,7 +357,7 @@ def missing(found: IdentificationData) -> str:
     return f"not identifiable (see the report): {', '.join(e.name for e in names)}{way}"
 
 
-def summary_lines(found: IdentificationData, folder: str = "") -> Sequence[str]:
+def summary_lines(found: Identification, folder: str = "") -> Sequence[str]:
     """The answer in a few lines of text, its files being in `folder`."""
     lines = [headline(found, folder)]
     lines += [

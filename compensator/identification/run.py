@@ -32,8 +32,8 @@ from tendonff.compensator.identification.measured.plan import (
 )
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.outcome import Fitted, Outcome, carried_on, compared, outcome_of, with_coulomb
-from tendonff.compensator.identification.output import Identification
 from tendonff.compensator.identification.parameters import Parameter
+from tendonff.compensator.identification.result import Identification
 from tendonff.compensator.identification.spread import with_spread
 from tendonff.compensator.identification.study import Stage, Study, attempted
 from tendonff.compensator.scenario.measurement import Explain

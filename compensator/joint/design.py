@@ -8,9 +8,8 @@ import numpy as np
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.joint.compensators import JointTask, compensators_of
-from tendonff.compensator.joint.output import JointDesign
 from tendonff.compensator.joint.plant import REFINEMENT, joint_load, verifying_masses
-from tendonff.compensator.joint.result import JointProfile
+from tendonff.compensator.joint.result import JointDesign, JointProfile
 from tendonff.compensator.joint.scenario import JointScenario, SampledJoint
 from tendonff.models.joint.closed_form import DataSheet, GrossSliding, data_sheet, sweep_pretension
 from tendonff.models.joint.parameters import DriveKind, JointDrive, Mechanism

@@ -5,7 +5,7 @@ from dataclasses import asdict
 import numpy as np
 from matplotlib.figure import Figure
 
-from tendonff.compensator.joint.result import JointDesignData
+from tendonff.compensator.joint.result import JointDesign
 from tendonff.compensator.joint.scenario import JointScenario
 from tendonff.compensator.reporting.colours import BLUE, GREY, INK
 from tendonff.compensator.reporting.expected import contributions_figure
@@ -13,7 +13,7 @@ from tendonff.compensator.reporting.plots import figure_style, legend_below, new
 from tendonff.models.joint.parameters import DriveKind
 
 
-def joint_figures(result: JointDesignData) -> dict[str, Figure]:
+def joint_figures(result: JointDesign) -> dict[str, Figure]:
     """All figures of a design by file name."""
     with figure_style():
         figures = {"joint": joint_figure(result), "tension": tension_figure(result), "motor": motor_figure(result)}
@@ -23,7 +23,7 @@ def joint_figures(result: JointDesignData) -> dict[str, Figure]:
         return figures
 
 
-def joint_figure(result: JointDesignData) -> Figure:
+def joint_figure(result: JointDesign) -> Figure:
     """Wanted and reached, and the errors of all compensators."""
     figure, axes = new_figure(2, 1, share_x=True, height_in=4.6)
     sampled = result.sampled
@@ -42,7 +42,7 @@ def joint_figure(result: JointDesignData) -> Figure:
     return figure
 
 
-def tension_figure(result: JointDesignData) -> Figure:
+def tension_figure(result: JointDesign) -> Figure:
     """Tensions at the joint under the exact inverse, and their sum over the arms."""
     figure, axes = new_figure(1, 1, height_in=2.9)
     time = result.sampled.run_time_s
@@ -55,7 +55,7 @@ def tension_figure(result: JointDesignData) -> Figure:
     return figure
 
 
-def motor_figure(result: JointDesignData) -> Figure:
+def motor_figure(result: JointDesign) -> Figure:
     """Motor angle beyond that of the ratio alone, and the motors' torque."""
     figure, axes = new_figure(2, 1, share_x=True, height_in=4.6)
     time = result.sampled.run_time_s
@@ -77,7 +77,7 @@ def motor_figure(result: JointDesignData) -> Figure:
     return figure
 
 
-def pretension_figure(result: JointDesignData) -> Figure:
+def pretension_figure(result: JointDesign) -> Figure:
     """Cost of a pre-tension in lost motion and in friction of the drive, and the torque that it holds."""
     figure, axes = new_figure(1, 2, height_in=2.8)
     tension = np.array([at for at, _ in result.sheets])

@@ -1,7 +1,7 @@
 """The files of a joint's design: profile, summary, figures and report."""
 
 import os
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 
 import numpy as np
 
@@ -9,54 +9,22 @@ from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.writing import atomic_directory, write_csv
 from tendonff.compensator.joint.figures import joint_figures, motor_names
 from tendonff.compensator.joint.report import joint_report
-from tendonff.compensator.joint.result import JointDesignData
+from tendonff.compensator.joint.result import JointDesign
 from tendonff.compensator.reporting.expected import expectation_summary
 from tendonff.compensator.reporting.page import summary_head, write_pages
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class JointDesign(JointDesignData):
-    """A design of a joint that can be written.
-
-    Attributes
-    ----------
-    scenario : JointScenario
-        The scenario it was made for.
-    sampled : SampledJoint
-        Its reference, sampled.
-    compensators : tuple of JointCompensator
-        In the order in which they are shown.
-    profiles : dict of str to JointProfile
-        By name of the compensator.
-    inversion : JointInversion
-        The exact inverse before the drive.
-    homing_rad : ndarray, shape (rows, motors)
-        Commands of the homing stroke, which the profiles go on from; empty without one.
-    sheet : DataSheet or None
-        Closed forms of a loop.
-    sheets : tuple of (float, DataSheet)
-        Of a loop: the same over pre-tensions.
-    expectation : Expectation
-        What to expect on a rig, and the profile that does best there.
-    middle : Mechanism or None
-        What the robust profile is designed for; None where there is none.
-    masses, refinement : int
-        Of the verifying mechanism: masses a tendon, and its steps in one of the design.
-    warnings : tuple of str
-        What the user should know.
-    """
-
-    def write(self, folder: str | os.PathLike[str]) -> None:
-        """Write `profile.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
-        figures = joint_figures(self)
-        with atomic_directory(folder) as partial:
-            write_csv(partial / "profile.csv", profile_columns(self))
-            if self.sampled.lead:
-                write_csv(partial / "homing.csv", homing_columns(self))
-            write_pages(partial, summary(self), figures, joint_report(self, figures))
+def write_files(result: JointDesign, folder: str | os.PathLike[str]) -> None:
+    """Write the files of `JointDesign.write`."""
+    figures = joint_figures(result)
+    with atomic_directory(folder) as partial:
+        write_csv(partial / "profile.csv", profile_columns(result))
+        if result.sampled.lead:
+            write_csv(partial / "homing.csv", homing_columns(result))
+        write_pages(partial, summary(result), figures, joint_report(result, figures))
 
 
-def profile_columns(result: JointDesignData) -> dict[str, FloatArray]:
+def profile_columns(result: JointDesign) -> dict[str, FloatArray]:
     """Columns of `profile.csv`: a loop's motor by compensator, a pair's by tendon and with the exact inverse."""
     sampled = result.sampled
     wanted = sampled.wanted[sampled.lead :]
@@ -75,7 +43,7 @@ def profile_columns(result: JointDesignData) -> dict[str, FloatArray]:
     return columns
 
 
-def homing_columns(result: JointDesignData) -> dict[str, FloatArray]:
+def homing_columns(result: JointDesign) -> dict[str, FloatArray]:
     """Columns of `homing.csv`: time, joint angle, and the motors' commands; the profile goes on from there."""
     sampled = result.sampled
     rows = slice(0, sampled.lead)
@@ -84,7 +52,7 @@ def homing_columns(result: JointDesignData) -> dict[str, FloatArray]:
     return columns | {name: result.homing_rad[:, k] for k, name in enumerate(names)}
 
 
-def summary(result: JointDesignData) -> dict[str, object]:
+def summary(result: JointDesign) -> dict[str, object]:
     """The contents of `summary.json`."""
     unit, level = result.scenario.reference.unit, result.scenario.run.level.value
     found: dict[str, object] = {

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 from matplotlib.figure import Figure
 
-from tendonff.compensator.joint.result import JointDesignData
+from tendonff.compensator.joint.result import JointDesign
 from tendonff.compensator.reporting.expected import robustness_table
 from tendonff.compensator.reporting.page import (
     Block,
@@ -28,7 +28,7 @@ _CAPTIONS = {
 }
 
 
-def joint_report(result: JointDesignData, figures: Mapping[str, Figure]) -> Report:
+def joint_report(result: JointDesign, figures: Mapping[str, Figure]) -> Report:
     """The page of a design."""
     unit = "deg" if result.is_angle else "N m"
     scale = 180 / math.pi if result.is_angle else 1.0
@@ -68,7 +68,7 @@ def joint_report(result: JointDesignData, figures: Mapping[str, Figure]) -> Repo
     )
 
 
-def _robustness(result: JointDesignData) -> tuple[Block, ...]:
+def _robustness(result: JointDesign) -> tuple[Block, ...]:
     """Errors over what is uncertain, and what the robust profile is made for."""
     found, middle = result.expectation, result.middle
     table = robustness_table(found, {c.name: c.label for c in result.compensators}, result.masses)
@@ -87,7 +87,7 @@ def _robustness(result: JointDesignData) -> tuple[Block, ...]:
     )
 
 
-def _backlash_of_joint(result: JointDesignData) -> float:
+def _backlash_of_joint(result: JointDesign) -> float:
     """Half the play of the gear, as an angle of the joint at the start [rad]."""
     mechanism = result.scenario.mechanism
     arms = mechanism.arms_at(float(result.sampled.angle_rad[0]))
@@ -95,7 +95,7 @@ def _backlash_of_joint(result: JointDesignData) -> float:
     return 0.5 * mechanism.drive.play_rad * drum / abs(arms[0])
 
 
-def _sheet(result: JointDesignData) -> Table:
+def _sheet(result: JointDesign) -> Table:
     """Closed forms, in words."""
     sheet = result.sheet
     rows: list[tuple[str, float, str]] = []

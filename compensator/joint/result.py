@@ -1,6 +1,7 @@
 """Result of a joint's design."""
 
 import math
+import os
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,8 +55,36 @@ class JointProfile:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class JointDesignData:
-    """A design of a joint. `JointDesign` documents its fields."""
+class JointDesign:
+    """Motor angles for one joint, and what each delivers.
+
+    Attributes
+    ----------
+    scenario : JointScenario
+        The scenario it was made for.
+    sampled : SampledJoint
+        Its reference, sampled.
+    compensators : tuple of JointCompensator
+        In the order in which they are shown.
+    profiles : dict of str to JointProfile
+        By name of the compensator.
+    inversion : JointInversion
+        The exact inverse before the drive.
+    homing_rad : ndarray, shape (rows, motors)
+        Commands of the homing stroke, which the profiles go on from; empty without one.
+    sheet : DataSheet or None
+        Closed forms of a loop.
+    sheets : tuple of (float, DataSheet)
+        Of a loop: the same over pre-tensions.
+    expectation : Expectation
+        What to expect on a rig, and the profile that does best there.
+    middle : Mechanism or None
+        What the robust profile is designed for; None where there is none.
+    masses, refinement : int
+        Of the verifying mechanism: masses a tendon, and its steps in one of the design.
+    warnings : tuple of str
+        What the user should know.
+    """
 
     scenario: JointScenario
     sampled: SampledJoint
@@ -109,3 +138,10 @@ class JointDesignData:
         said += f"masses a tendon, step/{self.refinement})."
         export = f"tendonff export-c {as_argument(self.scenario.source)} --out c"
         return f"{said} {self.expectation.headline(self.recommended.label, export)}"
+
+    def write(self, folder: str | os.PathLike[str]) -> None:
+        """Write `profile.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
+        # Output is made from results: the one import that may not stand at the top.
+        from tendonff.compensator.joint.output import write_files
+
+        write_files(self, folder)

@@ -190,10 +190,6 @@ def provenance_of(scenario: Scenario | JointScenario, command: str, options: str
     return Provenance(scenario=scenario, command=written, inputs=inputs)
 
 
-def _text_of(scenario: Scenario | JointScenario) -> str:
-    return scenario.to_toml() if isinstance(scenario, JointScenario) else scenario_to_toml(scenario)
-
-
 def _hash_of(scenario: Scenario | JointScenario) -> str:
     return scenario.digest() if isinstance(scenario, JointScenario) else scenario_hash(scenario)
 
@@ -216,7 +212,11 @@ def render_report(report: Report, files: Mapping[Figure, Path] = MappingProxyTyp
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    provenance, figures = report.provenance, count(1)
+    provenance, figures, scenario = report.provenance, count(1), report.provenance.scenario
+    if isinstance(scenario, JointScenario):
+        caption, text = "Scenario file", scenario.to_toml()
+    else:
+        caption, text = "Complete scenario, including defaults", scenario_to_toml(scenario)
     reference = provenance.scenario.reference_file()
     inputs = [*([] if reference is None else [reference]), *provenance.inputs]
     blocks = [block for section in report.sections for block in section.blocks]
@@ -227,7 +227,8 @@ def render_report(report: Report, files: Mapping[Figure, Path] = MappingProxyTyp
             {"title": section.title, "blocks": [_prepared(block, figures, files) for block in section.blocks]}
             for section in report.sections
         ],
-        scenario_text=_text_of(provenance.scenario),
+        scenario_caption=caption,
+        scenario_text=text,
         scenario_file=provenance.scenario.source.name,
         scenario_hash=_hash_of(provenance.scenario),
         inputs=[(path.name, file_hash(path)) for path in inputs],

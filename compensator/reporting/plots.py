@@ -5,6 +5,7 @@ as well, so that they stay apart in a black-and-white print. Figures carry no da
 """
 
 import io
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -146,7 +147,8 @@ def legend_below(figure: Figure, panel: Axes, columns: int = 5) -> None:
 
 def _legend_in(labels: Sequence[str], columns: int) -> float:
     """Width of a legend, filled column by column [in]."""
-    lengths = np.array_split([len(label) for label in labels], columns)  # as matplotlib deals them out
+    seen = [re.sub(r"[$_{}\\]", "", label) for label in labels]  # of formulas, what is printed
+    lengths = np.array_split([len(label) for label in seen], columns)  # as matplotlib deals them out
     return sum(_LETTER_IN * max(column, default=0) + _HANDLE_IN for column in lengths)
 
 

@@ -88,8 +88,9 @@ class Adaptation:
     range : tuple of float, optional
         Bounds of each estimate relative to the scenario's value [-]. Default 0.5 to 2.
     integral_gain_per_s : float, optional
-        Integral action on the logarithm of the measured output tension [1/s], >= 0; 0 for none. Default: an eighth of
-        what is certified where the output tension is measured, else none.
+        Integral action on the logarithm of the measured output tension [1/s], >= 0; 0 for none. It acts in full where
+        the model leaves something unexplained, with a third elsewhere. Default: three eighths of what is certified
+        where the output tension is measured, else none.
     """
 
     sensor: Sensor

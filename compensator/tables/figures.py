@@ -5,12 +5,12 @@ from matplotlib.figure import Figure
 
 from tendonff.compensator.reporting.colours import BLUE, VERMILION
 from tendonff.compensator.reporting.plots import figure_style, new_figure
-from tendonff.compensator.tables.result import TablesData
+from tendonff.compensator.tables.result import Tables
 from tendonff.models.capstan import Branch
 
 
 @figure_style()
-def table_figure(result: TablesData) -> Figure:
+def table_figure(result: Tables) -> Figure:
     """Force over reference on both branches with transitions, and the transition on its own."""
     table = result.tables[0].built.table
     p = table.adhesion_N

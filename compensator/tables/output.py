@@ -1,7 +1,7 @@
 """The files of compensation tables: for spreadsheets, programs and controllers, and the report."""
 
 import os
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 
 from tendonff._version import __version__
 from tendonff.compensator.export.text.c_text import table_header
@@ -11,52 +11,21 @@ from tendonff.compensator.reporting.plots import save_figure
 from tendonff.compensator.scenario.scenario import scenario_hash
 from tendonff.compensator.tables.figures import table_figure
 from tendonff.compensator.tables.report import table_report
-from tendonff.compensator.tables.result import FORMULA, AngleTable, TablesData
+from tendonff.compensator.tables.result import FORMULA, AngleTable, Tables
 from tendonff.models.capstan import Branch
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tables(TablesData):
-    """Tables that can be written.
-
-    Attributes
-    ----------
-    scenario : Scenario
-        The scenario it was made for.
-    level : Level
-        Fidelity level of the sweeps.
-    reference : Reference
-        What was to be delivered, sampled.
-    tables : tuple of AngleTable
-        One for each wrap angle and rate.
-    axes : tuple of str
-        Further columns of the file.
-    scores : dict of Level to Score
-        What the scenario's own table delivers on each level, within the actuator's limits.
-    expectation : Expectation
-        Of "table" beside "none" and "frictionless", over what may be the real transmission.
-    options : str
-        Options of the command that would make the same, for the report.
-    warnings : tuple of str
-        What the user should know.
-    harm : tuple of str
-        Why the table must not be used as it is: its error is above that of no compensation.
-    """
-
-    def write(self, folder: str | os.PathLike[str], *, prefix: str = "tff", pdf: bool = False) -> None:
-        """Write `table.csv`, `table.json`, `table.h`, a figure and `report.html`, all or nothing; makes the folder.
-
-        The names in `table.h` begin with `prefix`.
-        """
-        with atomic_directory(folder) as partial:
-            write_text(partial / "table.csv", table_csv(self))
-            write_json(partial / "table.json", summary(self))
-            write_text(partial / "table.h", table_header(self.scenario, self.tables[0].built, self.level, prefix))
-            picture, *_ = save_figure(table_figure(self), partial / "table", pdf=pdf)
-            write_report(partial / "report.html", table_report(self, picture))
+def write_files(result: Tables, folder: str | os.PathLike[str], *, prefix: str = "tff", pdf: bool = False) -> None:
+    """Write the files of `Tables.write`."""
+    with atomic_directory(folder) as partial:
+        write_text(partial / "table.csv", table_csv(result))
+        write_json(partial / "table.json", summary(result))
+        write_text(partial / "table.h", table_header(result.scenario, result.tables[0].built, result.level, prefix))
+        picture, *_ = save_figure(table_figure(result), partial / "table", pdf=pdf)
+        write_report(partial / "report.html", table_report(result, picture))
 
 
-def table_csv(result: TablesData) -> str:
+def table_csv(result: Tables) -> str:
     """Text of `table.csv`: one row per node."""
     lines: list[tuple[str | float, ...]] = []
     for made in result.tables:
@@ -72,7 +41,7 @@ def table_csv(result: TablesData) -> str:
     return csv_text(names, lines)
 
 
-def summary(result: TablesData) -> dict[str, object]:
+def summary(result: Tables) -> dict[str, object]:
     """The contents of `table.json`: formula, model, parameters, ranges, errors, and the nodes."""
     scenario = result.scenario
 

@@ -3,11 +3,11 @@
 from pathlib import Path
 
 from tendonff.compensator.reporting.page import FileNote, PictureFile, Report, Section, Table, Text, provenance_of
-from tendonff.compensator.tables.result import FORMULA, TablesData
+from tendonff.compensator.tables.result import FORMULA, Tables
 from tendonff.models.capstan import Branch
 
 
-def table_report(result: TablesData, picture: Path) -> Report:
+def table_report(result: Tables, picture: Path) -> Report:
     """The page of a table, whose figure is written already."""
     own = result.scores[result.level]
     first = result.tables[0].built

@@ -1,5 +1,6 @@
 """Result of `table`."""
 
+import os
 from dataclasses import dataclass
 
 from tendonff.compensator.compensators.expectation import Expectation
@@ -37,10 +38,31 @@ class AngleTable:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TablesData:
+class Tables:
     """Tables of a scenario: the first for its own wrap angle and rate, or for the requested axes.
 
-    `Tables` documents its fields.
+    Attributes
+    ----------
+    scenario : Scenario
+        The scenario it was made for.
+    level : Level
+        Fidelity level of the sweeps.
+    reference : Reference
+        What was to be delivered, sampled.
+    tables : tuple of AngleTable
+        One for each wrap angle and rate.
+    axes : tuple of str
+        Further columns of the file.
+    scores : dict of Level to Score
+        What the scenario's own table delivers on each level, within the actuator's limits.
+    expectation : Expectation
+        Of "table" beside "none" and "frictionless", over what may be the real transmission.
+    options : str
+        Options of the command that would make the same, for the report.
+    warnings : tuple of str
+        What the user should know.
+    harm : tuple of str
+        Why the table must not be used as it is: its error is above that of no compensation.
     """
 
     scenario: Scenario
@@ -60,3 +82,13 @@ class TablesData:
         return self.expectation.headline(
             "compensation table", f"tendonff export-c {as_argument(self.scenario.source)} --out c"
         )
+
+    def write(self, folder: str | os.PathLike[str], *, prefix: str = "tff", pdf: bool = False) -> None:
+        """Write `table.csv`, `table.json`, `table.h`, a figure and `report.html`, all or nothing; makes the folder.
+
+        The names in `table.h` begin with `prefix`.
+        """
+        # Output is made from results: the one import that may not stand at the top.
+        from tendonff.compensator.tables.output import write_files
+
+        write_files(self, folder, prefix=prefix, pdf=pdf)

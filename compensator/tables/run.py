@@ -13,8 +13,7 @@ from tendonff.compensator.compensators.table import CompensationTable, table_of,
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.sampled.joint_motion import posed
 from tendonff.compensator.scenario.scenario import Scenario
-from tendonff.compensator.tables.output import Tables
-from tendonff.compensator.tables.result import AngleTable
+from tendonff.compensator.tables.result import AngleTable, Tables
 from tendonff.models.fidelity import Level
 from tendonff.ocp.tracking.diagnosis import law_of, reasons
 

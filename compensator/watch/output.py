@@ -194,7 +194,7 @@ def watch_report(found: Watch, figures: dict[str, Figure]) -> Report:
     names = list(dict.fromkeys(w.name for w in found.windows))
     files = Table(
         caption="Files",
-        columns=("file", "windows", "of which tell something", "median RMS error of the torque [% of range]"),
+        columns=("file", "windows", "of which identify friction", "median RMS error of the torque [% of range]"),
         rows=[_row(name, [w for w in found.windows if w.name == name]) for name in names],
     )
     pictures = pictures_of(figures, _CAPTIONS)

@@ -34,7 +34,7 @@ def keys_of(system: object) -> list[str]:
             f"{place}.{name}"
             for place, record in _places(system).items()
             for name in _numbers(record)
-            if not (name == "total_angle_rad" and _has_sections(record))
+            if not (name == "total_angle_rad" and getattr(record, "sections", False))  # that add up to it
         ),
     ]
 
@@ -85,11 +85,6 @@ def with_numbers(system: S, values: Mapping[str, float]) -> S:
         if key in values:
             changed = _scaled(changed, key, values[key])
     return changed
-
-
-def _has_sections(record: object) -> bool:
-    """Whether it is a path whose sections add up to its angle."""
-    return bool(getattr(record, "sections", False))
 
 
 def _numbers(record: object) -> list[str]:

@@ -12,7 +12,7 @@ from tendonff.models.fidelity import Level
 from tendonff.models.layout import fields_of
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.adaptation.recursion import covariance_names, return_law, trust_law, update_law
-from tendonff.ocp.adaptation.tuning import DOUBTED, GATE, MAX_DELAY, PEAK, SPREADS, Nuisance, Tunable, Tuning
+from tendonff.ocp.adaptation.tuning import DOUBTED, EXPLAINED, GATE, MAX_DELAY, PEAK, SPREADS, Nuisance, Tunable, Tuning
 from tendonff.ocp.codegen.compiler import find_compiler, load_library, why_no_compiler
 from tendonff.ocp.codegen.partial_evaluation import FoldedLaw, PartialEvaluator
 from tendonff.ocp.codegen.precision import Precision
@@ -152,6 +152,7 @@ def tuner_context(
         "gate": GATE,
         "peak": PEAK,
         "doubted": DOUBTED,
+        "explained": EXPLAINED,
         "reals": layout.size,
         "masses": chain.count,
         "numbers": list(chain.numbers()),

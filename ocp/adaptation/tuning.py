@@ -30,6 +30,9 @@ GATE = 0.01
 DOUBTED = 1.44
 """Mean square of what is unexplained, in squares of what a good model leaves, from which on it is said."""
 
+EXPLAINED = 1 / 3
+"""Share of its gain with which the integral acts where nothing is unexplained: there it adds noise and delay only."""
+
 PEAK = 1.5
 """Ratio of the residual over `QUICK_S` to its mean over `SLOW_S` from which the former counts."""
 

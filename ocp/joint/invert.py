@@ -168,8 +168,8 @@ def invert_joint(
     first = memory.copy()
     angle = np.concatenate([first.z[1:2], angle[1:]])
     rows = runner.invert(memory, angle, contact, problem.mechanism.drive.least_tension_N or 0.0)
-    travel = np.vstack([_travel(first), rows.travel_m])
-    drum = np.vstack([_drum(first), rows.drum_N])
+    travel = np.vstack([np.array([x[-2] for x in first.x]) - first.start_m, rows.travel_m])
+    drum = np.vstack([first.tension_N, rows.drum_N])  # at rest the tension is the same along a tendon
     tension = np.vstack([first.tension_N, rows.tension_N])
     # A drum that holds a loose end holds nothing.
     slack = np.concatenate([[first.closure_rad * min(map(abs, problem.windings_m))], rows.slack_m])
@@ -241,15 +241,6 @@ def motor_torques(problem: JointProblem, motor_rad: Array, drum_N: Array, step_s
         return held
     speed = np.gradient(motor_rad, step_s, axis=0)
     return drive.torque_N_m(held, np.gradient(speed, step_s, axis=0), np.sign(speed))
-
-
-def _travel(memory: JointMemory) -> Array:
-    return np.array([x[-2] for x in memory.x]) - memory.start_m
-
-
-def _drum(memory: JointMemory) -> Array:
-    """At rest the tension is the same along a tendon."""
-    return memory.tension_N
 
 
 def _status(problem: JointProblem, rows: int, lowest: Array, slack: Array, step_s: float) -> tuple[JointStatus, str]:

@@ -91,7 +91,8 @@ def contact_code(
             if key not in printed:
                 printed[key] = f"contact_{len(printed) + 1}"
                 texts.append(printer.fold(law, printed[key]).code)
-            given = [s.name() for s in law.inputs if ca.depends_on(_all(law), s)]
+            results = ca.vertcat(*law.outputs.values())
+            given = [s.name() for s in law.inputs if ca.depends_on(results, s)]
             given = [f"path->angle[{k}]" if name == "angle_rad" else name for name in given]
             arguments = [*given, *(f"&contact[{k}].{name}" for name in law.outputs)]
             calls[alike][k] = f"    {prefix}_{printed[key]}({', '.join(arguments)});"
@@ -127,8 +128,9 @@ def contact_code(
         own=own,
         constants={name: value for name, value in everything.items() if name not in own},
         floors={name: COEFFICIENT_FLOOR for name in own if name.startswith(_COEFFICIENTS)},
-        record=f"typedef struct {{ /* friction of one mass of a bend */\n    {precision} "
-        f"{', '.join(fields)};\n}} {prefix}_contact;\n",
+        record="typedef struct { /* friction of one mass of a bend */\n"
+        + "".join(f"    {precision} {name};\n" for name in fields)
+        + f"}} {prefix}_contact;\n",
         functions="\n".join(functions),
     )
 
@@ -158,10 +160,6 @@ def _function(comment: str, name: str, arguments: str, lines: list[str]) -> list
         "}",
         "",
     ]
-
-
-def _all(law: Law) -> ca.SX:
-    return ca.vertcat(*law.outputs.values())
 
 
 def _helper(chain: Chain, prefix: str, precision: Precision) -> str:

@@ -90,7 +90,7 @@ def test_design_gives_what_is_stored(example, output, golden):
 @pytest.mark.compiler
 @pytest.mark.parametrize(
     "example",
-    [name if name in {"bowden", "finger"} else pytest.param(name, marks=pytest.mark.nightly) for name in EXAMPLES],
+    [name if name == "finger" else pytest.param(name, marks=pytest.mark.nightly) for name in EXAMPLES],
 )
 def test_compare_gives_what_is_stored(example, output, golden):
     stored = golden(f"{example}/compare")

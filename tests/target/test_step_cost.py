@@ -13,7 +13,7 @@ from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs
 from tendonff.models.parameters import Transmission
 from tendonff.models.path import JointMotion, Section
-from tendonff.ocp.codegen.compiler import _FLAGS, _GCC_FLAGS, _machine_flags
+from tendonff.ocp.codegen.compiler import _GCC_FLAGS, _machine_flags
 from tendonff.ocp.step.c_engine import _step_source, chain_struct, places_of
 
 ROWS, STEP_S, START_N = 500, 1e-3, 40.0
@@ -38,7 +38,7 @@ def array(kind: str, name: str, values: np.ndarray) -> str:
 
 
 @pytest.fixture
-def cost(toolbox, examples, tmp_path):
+def cost(toolbox, examples, tmp_path, shipped_flags):
     """Instructions of one row."""
     toolbox.need("gcc", "valgrind")
     rig = load_scenario(examples / "finger.toml").transmission
@@ -59,7 +59,7 @@ def cost(toolbox, examples, tmp_path):
         case += array("double", "inputs", table)
         case += "".join(array("double", "places", p) for p in places_of(chain, 0.0, STEP_S, ROWS))
         (folder / "case.h").write_text(case)
-        flags = [flag for flag in (*_FLAGS, *_machine_flags(), *_GCC_FLAGS) if flag not in ("-shared", "-fPIC")]
+        flags = [flag for flag in (*shipped_flags, *_machine_flags(), *_GCC_FLAGS) if flag not in ("-shared", "-fPIC")]
         toolbox.run(
             *("gcc", *flags, "-w", "-I", folder, toolbox.here / "step_cost.c", "-o", folder / "run", "-lm"),
         )

@@ -12,7 +12,6 @@ from tendonff.ocp.simulate import Simulator
 
 MASSES, LOOP_MASSES, SUBSTEPS, SLICES = 30, 20, 2, 9
 STIFF_BRISTLE_N_PER_M, HELD_N_PER_M, LOAD_N_PER_M = 1e8, 1e7, 3000.0
-RELAXING_HELD_N_PER_M = 1e8  # a hold that recoils by a micrometre as the tension falls reverses the contacts beside it
 LEVELS = tuple(str(level) for level in tf.Level)
 
 
@@ -151,10 +150,10 @@ def _tendon(case: Case, level: tf.Level) -> dict[str, Array]:
 
 
 def _hold(case: Case, end: dict[str, object], chain: tf.Chain, name: str) -> float:
-    """Spring of an end in a role: none under a tension, stiff where it is held or led, else that of a load."""
+    """Spring of an end: none under a tension, the case's or a stiff one where held or led, else that of a load."""
     if "tension_N" in end:
         return 0.0
-    held = RELAXING_HELD_N_PER_M if "relaxing_stiffness_N_per_m" in case.raw else HELD_N_PER_M
+    held: float = case.raw.get("hold_N_per_m", HELD_N_PER_M)
     return held if end else (chain.far.stiffness_N_per_m if name == "far" else LOAD_N_PER_M)
 
 

@@ -15,7 +15,7 @@ from tendonff.compensator.scenario.measurement import Explain, Measurement
 from tendonff.models.errors import ParameterError
 
 if TYPE_CHECKING:
-    from tendonff.compensator.identification.output import Identification
+    from tendonff.compensator.identification.result import Identification
 
 SCALED = ("time", "input", "output", "input_position", "output_position", "actuator_force")
 _SCALE = (

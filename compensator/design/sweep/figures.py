@@ -4,12 +4,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tendonff.compensator.design.sweep.kinds import named
-from tendonff.compensator.design.sweep.result import SweepData, key_label
+from tendonff.compensator.design.sweep.result import Sweep, key_label
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure
 
 
 @figure_style()
-def sweep_figures(result: SweepData) -> dict[str, Figure]:
+def sweep_figures(result: Sweep) -> dict[str, Figure]:
     """By file name: the share of units over the error, and the error over each key that takes several values."""
     share, axes = new_figure()
     panel = axes[0, 0]

@@ -2,43 +2,36 @@
 
 import math
 import os
-from dataclasses import dataclass
 
 from tendonff.compensator.design.sweep.figures import sweep_figures
 from tendonff.compensator.design.sweep.kinds import kind_of
 from tendonff.compensator.design.sweep.report import sweep_report
-from tendonff.compensator.design.sweep.result import QUANTILES, YIELD_PERCENT, SweepData
+from tendonff.compensator.design.sweep.result import QUANTILES, YIELD_PERCENT, Sweep
 from tendonff.compensator.files.writing import atomic_directory, csv_text, write_parquet, write_text
 from tendonff.compensator.reporting.page import summary_head, write_pages
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sweep(SweepData):
-    """A sweep that can be written."""
-
-    def write(self, folder: str | os.PathLike[str], *, parquet: bool = False, pdf: bool = False) -> None:
-        """Write `samples.csv` (and `samples.parquet`), `summary.json`, figures and `report.html`, all or nothing; makes
-        the folder.
-        """
-        figures = sweep_figures(self)
-        with atomic_directory(folder) as partial:
-            names, rows = sample_columns(self), [(*r.values, *r.percent, *r.peak) for r in self.rows]
-            lines = [(r.index, *row) for r, row in zip(self.rows, rows, strict=True)]
-            write_text(partial / "samples.csv", csv_text(names, lines))  # what failed is an empty cell
-            if parquet:
-                numbers = dict(zip(names[1:], zip(*rows, strict=True), strict=True))
-                write_parquet(partial / "samples.parquet", {names[0]: [r.index for r in self.rows], **numbers})
-            write_pages(partial, summary(self), figures, sweep_report(self, figures), pdf=pdf)
+def write_files(result: Sweep, folder: str | os.PathLike[str], *, parquet: bool = False, pdf: bool = False) -> None:
+    """Write the files of `Sweep.write`."""
+    figures = sweep_figures(result)
+    with atomic_directory(folder) as partial:
+        names, rows = sample_columns(result), [(*r.values, *r.percent, *r.peak) for r in result.rows]
+        lines = [(r.index, *row) for r, row in zip(result.rows, rows, strict=True)]
+        write_text(partial / "samples.csv", csv_text(names, lines))  # what failed is an empty cell
+        if parquet:
+            numbers = dict(zip(names[1:], zip(*rows, strict=True), strict=True))
+            write_parquet(partial / "samples.parquet", {names[0]: [r.index for r in result.rows], **numbers})
+        write_pages(partial, summary(result), figures, sweep_report(result, figures), pdf=pdf)
 
 
-def sample_columns(result: SweepData) -> list[str]:
+def sample_columns(result: Sweep) -> list[str]:
     """Names of the columns: the sample, the keys, errors and peaks of each compensator."""
     peak = f"peak_error_{kind_of(result.scenario).unit(result.scenario).key}"
     scores = [f"{name}_{what}" for what in ("rmse_percent_of_range", peak) for name in result.compensators]
     return ["sample", *result.keys, *scores]
 
 
-def summary(result: SweepData) -> dict[str, object]:
+def summary(result: Sweep) -> dict[str, object]:
     """The contents of `summary.json`."""
 
     def finite(value: float) -> float | None:

@@ -5,11 +5,11 @@ from collections.abc import Mapping
 from matplotlib.figure import Figure
 
 from tendonff.compensator.design.sweep.kinds import named
-from tendonff.compensator.design.sweep.result import QUANTILES, YIELD_PERCENT, SweepData, key_label
+from tendonff.compensator.design.sweep.result import QUANTILES, YIELD_PERCENT, Sweep, key_label
 from tendonff.compensator.reporting.page import FileNote, Report, Section, Table, pictures_of, provenance_of
 
 
-def sweep_report(result: SweepData, figures: Mapping[str, Figure]) -> Report:
+def sweep_report(result: Sweep, figures: Mapping[str, Figure]) -> Report:
     """The page of a sweep."""
     unit = "units" if result.is_random else "points"
     labels = {name: each.label for name, each in named(result.scenario, result.compensators).items()}
@@ -25,6 +25,7 @@ def sweep_report(result: SweepData, figures: Mapping[str, Figure]) -> Report:
         caption=f"RMS error that a share of the {unit} stays within [% of reference range]",
         columns=("compensator", *(f"{100 * q:g} %" for q in QUANTILES)),
         rows=[(labels[name], *result.quantiles(name)) for name in result.compensators],
+        one_quantity=True,
     )
     budget = Table(
         caption="First-order budget: error with one parameter at the ends of its range, all else nominal [% of range]",

@@ -42,7 +42,7 @@ Cost = tuple[str, float, float, tuple[float, ...], tuple[float, ...]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SweepData:
+class Sweep:
     """Scores over units."""
 
     scenario: AnyScenario
@@ -104,10 +104,19 @@ class SweepData:
                 f"{label}. Every profile knows the parameters of its point; on a rig their uncertainty adds to that."
             )
         return (
-            f"{self.expectation.headline(label, f'tendonff export-c {as_argument(self.scenario.source)} --out c')} "
-            f"Of {len(self.rows)} units drawn from it 95 % stay below {two_digits(most)} %, "
-            f"{two_digits(100 * self.yield_of(best, 1.0))} % of them below 1 %."
+            f"95 % of {len(self.rows)} units drawn from the uncertainty have an RMS error below {two_digits(most)} % "
+            f"of range with the {label}, {100 * self.yield_of(best, 1.0):.0f} % below 1 %. "
+            f"{self.expectation.headline(label, f'tendonff export-c {as_argument(self.scenario.source)} --out c')}"
         )
+
+    def write(self, folder: str | os.PathLike[str], *, parquet: bool = False, pdf: bool = False) -> None:
+        """Write `samples.csv` (and `samples.parquet`), `summary.json`, figures and `report.html`, all or nothing; makes
+        the folder.
+        """
+        # Output is made from results: the one import that may not stand at the top.
+        from tendonff.compensator.design.sweep.output import write_files
+
+        write_files(self, folder, parquet=parquet, pdf=pdf)
 
 
 _PLAN, _ROWS = "sweep.json", "rows.partial.csv"

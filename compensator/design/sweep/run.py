@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from tendonff.compensator.design.sweep.kinds import AnyScenario, kind_of
-from tendonff.compensator.design.sweep.output import Sweep
 from tendonff.compensator.design.sweep.plan import Axis, Unit, grid_units, random_keys, random_units
-from tendonff.compensator.design.sweep.result import Row, Store
+from tendonff.compensator.design.sweep.result import Row, Store, Sweep
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import InputError
 from tendonff.models.errors import TendonffError

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from tendonff.compensator.identification.joint.result import JointComparison, JointIdentificationData
+from tendonff.compensator.identification.joint.result import JointComparison, JointIdentification
 from tendonff.compensator.identification.joint.routine import MotorRoutine
 from tendonff.compensator.identification.joint.sensor import SensorFit
 from tendonff.compensator.identification.joint.torque import TorqueFit
@@ -15,7 +15,7 @@ from tendonff.compensator.reporting.plots import figure_style, legend_below, new
 MOST_PANELS = 3
 
 
-def identification_figures(found: JointIdentificationData, routine: MotorRoutine | None) -> dict[str, Figure]:
+def identification_figures(found: JointIdentification, routine: MotorRoutine | None) -> dict[str, Figure]:
     """All figures by file name."""
     shown = sorted(found.comparisons, key=lambda c: c.role != "validate")[:MOST_PANELS]
     with figure_style():
@@ -63,7 +63,7 @@ def _loops(files: Sequence[JointComparison]) -> Figure:
 
 
 def _residuals(files: Sequence[JointComparison]) -> Figure:
-    figure, axes = new_figure(len(files), 1, height_in=1.7 * len(files) + 0.5)
+    figure, axes = new_figure(len(files), 1, height_in=1.9 * len(files) + 0.5)
     for panel, file in zip(axes[:, 0], files, strict=True):
         rows = thinned(len(file.time_s))
         share = 100 * (file.model_N_m - file.torque_N_m) / max(float(np.ptp(file.torque_N_m)), 1e-300)

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.identification.joint.estimates import DERIVED
 from tendonff.compensator.identification.joint.parameters import JointNumber
-from tendonff.compensator.identification.joint.result import JointIdentificationData
+from tendonff.compensator.identification.joint.result import JointIdentification
 from tendonff.compensator.identification.joint.sensor import UNITS
 from tendonff.compensator.identification.joint.torque import UNITS as TORQUE_UNITS
 from tendonff.compensator.reporting.page import Block, FileNote, Provenance, Report, Section, Table, Text, pictures_of
@@ -24,7 +24,7 @@ _CAPTIONS = {
 }
 
 
-def identification_report(found: JointIdentificationData, figures: Mapping[str, Figure]) -> Report:
+def identification_report(found: JointIdentification, figures: Mapping[str, Figure]) -> Report:
     """The page of an identification."""
     pictures = pictures_of(figures, _CAPTIONS)
     units = {str(n): n.spec.unit for n in JointNumber} | DERIVED | {"torque_scale": "-"}

@@ -1,5 +1,6 @@
 """Result of the identification of a joint, as data and as `fit.json`."""
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +15,7 @@ from tendonff.compensator.identification.joint.torque import TorqueFit
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.reading import Finding
 from tendonff.compensator.identification.result import Estimate
-from tendonff.compensator.joint.scenario import JointScenario
+from tendonff.compensator.joint.scenario import JointScenario, parse_joint_scenario
 
 DESCRIBED_PERCENT = 10.0
 """A law with a larger RMS error of the torque, in % of its range, does not describe the device."""
@@ -75,8 +76,40 @@ def _rms(values: Array) -> float:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class JointIdentificationData:
-    """Everything that logs of a motor identify of a joint. `JointIdentification` documents its fields."""
+class JointIdentification:
+    """Everything that logs of a motor identify of a joint.
+
+    Attributes
+    ----------
+    asked : JointScenario
+        The scenario whose joint was to be identified.
+    text : str
+        `fitted.toml`: the scenario with the identified values.
+    law : str
+        Name of the chosen law.
+    sensor : SensorFit or None
+        Virtual sensor of the joint's angle, where an encoder was logged and the law does not describe the device.
+    torque : TorqueFit or None
+        Its torque by the same, where that was logged too.
+    described : bool
+        Whether the law describes the device.
+    estimates : tuple of Estimate
+        Numbers of the scenario, then what follows from them.
+    looks : tuple of FirstLook
+        Closed forms of each file.
+    comparisons : tuple of JointComparison
+        Measurement and model of each file.
+    laws : tuple of (str, float, bool)
+        Effects that were tried: name, gain of log-likelihood that each promised, and whether it was taken up.
+    correlation_names, correlation : tuple of str and ndarray, shape (k, k)
+        Of the fitted values.
+    values : mapping
+        Fitted values by number.
+    warnings : tuple of str
+        What the user should know.
+    inputs : tuple of Path
+        The measured files.
+    """
 
     asked: JointScenario
     text: str
@@ -161,6 +194,21 @@ class JointIdentificationData:
             "warnings": list(self.warnings),
         }
 
+    @property
+    def scenario(self) -> JointScenario:
+        """The scenario with what was identified put in."""
+        return parse_joint_scenario(self.text, self.asked.source)
+
+    def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
+        """Write `fitted.toml`, `fit.json`, figures, the suggested routine and `report.html`, all or nothing; makes the
+        folder.
+        """
+        from tendonff.compensator.identification.joint.output import (
+            write_files,
+        )  # of results: not at the top
+
+        write_files(self, folder, pdf=pdf)
+
 
 def _shown(estimate: Estimate, label: str, unit: str, scale: float) -> str:
     if not estimate.identifiable or estimate.interval is None:
@@ -182,7 +230,7 @@ def _look(look: FirstLook) -> dict[str, Any]:
     }
 
 
-def summary_lines(found: JointIdentificationData, folder: str = "") -> Sequence[str]:
+def summary_lines(found: JointIdentification, folder: str = "") -> Sequence[str]:
     """The answer in a few lines of text, its files being in `folder`."""
     lines = [found.headline]
     lines += [

@@ -20,9 +20,8 @@ from tendonff.compensator.identification.joint.mechanism_law import (
     covariance_of,
     gains,
 )
-from tendonff.compensator.identification.joint.output import JointIdentification
 from tendonff.compensator.identification.joint.parameters import EXTRAS, JointNumber, put_into, require_loop
-from tendonff.compensator.identification.joint.result import DESCRIBED_PERCENT, JointComparison
+from tendonff.compensator.identification.joint.result import DESCRIBED_PERCENT, JointComparison, JointIdentification
 from tendonff.compensator.identification.joint.sensor import SensorFit, fit_sensor
 from tendonff.compensator.identification.joint.torque import TorqueFit, fit_torque
 from tendonff.compensator.joint.observer_table import ObserverTable

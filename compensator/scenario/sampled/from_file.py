@@ -1,5 +1,6 @@
 """References from files: columns, course between the samples, low-pass, and advice on noise and ripple."""
 
+import functools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -125,11 +126,19 @@ def low_pass(values: FloatArray, cutoff_Hz: float, rate_Hz: float) -> FloatArray
     """
     from scipy import signal  # costs a second to import, and most references need none of it
 
-    sections = signal.butter(_ORDER, cutoff_Hz, fs=rate_Hz, output="sos")
     # Both ends are continued by point reflection, for longer than the filter remembers.
     pad = min(len(values) - 1, int(3 * rate_Hz / cutoff_Hz))
-    result: FloatArray = signal.sosfiltfilt(sections, values, axis=0, padtype="odd", padlen=pad)
+    result: FloatArray = signal.sosfiltfilt(_sections(cutoff_Hz, rate_Hz), values, axis=0, padtype="odd", padlen=pad)
     return result
+
+
+@functools.lru_cache(maxsize=64)
+def _sections(cutoff_Hz: float, rate_Hz: float) -> FloatArray:
+    """The filter as second-order sections: a fit takes the same one hundreds of times."""
+    from scipy import signal
+
+    sections: FloatArray = signal.butter(_ORDER, cutoff_Hz, fs=rate_Hz, output="sos")
+    return sections
 
 
 def noise_advice(

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from collections.abc import Set as AbstractSet
 from pathlib import Path
 
 import pytest
@@ -21,52 +22,65 @@ COMMANDS = (
 )
 
 
-def start(folder: Path, *arguments: str) -> tuple[int, str, set[str]]:
-    """Exit code, message, and the modules that were loaded."""
+def start(
+    folder: Path, *commands: tuple[str, ...], absent: AbstractSet[str] = frozenset()
+) -> list[tuple[object, str, set[str]]]:
+    """Of commands that follow each other in one fresh process: exit code, message, and what is loaded since its start.
+
+    A heavy package that one of them loaded is still there after the next, so the first that has it is to blame. Where
+    one looks for a package that is `absent`, the error stands for its exit code.
+    """
     code = (
-        "import json, sys; from tendonff.compensator.cli import run; status = run(sys.argv[1:]); "
-        "print(); print(json.dumps([status, list(sys.modules)]))"
+        "import contextlib, io, json, sys\n"
+        "from tendonff.compensator.cli import run\n"
+        "sys.modules.update(dict.fromkeys(json.loads(sys.argv[2])))\n"
+        "for command in json.loads(sys.argv[1]):\n"
+        "    said = io.StringIO()\n"
+        "    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(said):\n"
+        "        try:\n"
+        "            status = run(command)\n"
+        "        except ModuleNotFoundError as error:\n"
+        "            status = type(error).__name__\n"
+        "    print(json.dumps([status, said.getvalue(), list(sys.modules)]))"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False, cwd=folder
+        [sys.executable, "-c", code, json.dumps(commands), json.dumps(sorted(absent))],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=folder,
     )
-    status, modules = json.loads(done.stdout.splitlines()[-1])
-    return status, done.stderr, {name.partition(".")[0] for name in modules}
+    found = [json.loads(line) for line in done.stdout.splitlines()]
+    assert len(found) == len(commands)
+    return [(status, said, {name.partition(".")[0] for name in modules}) for status, said, modules in found]
 
 
-@pytest.mark.parametrize("arguments", [("--help",), ("--version",), ("design", "--help")])
-def test_help_and_version_load_no_heavy_package(tmp_path: Path, arguments: tuple[str, ...]) -> None:
-    status, _, modules = start(tmp_path, *arguments)
-    assert status == 0
-    assert not (HEAVY | {"numpy", "rich"}) & modules
+def test_help_and_version_load_no_heavy_package(tmp_path: Path) -> None:
+    commands = ("--help",), ("--version",), ("design", "--help")
+    for command, (status, _, modules) in zip(commands, start(tmp_path, *commands), strict=True):
+        assert status == 0, command
+        assert not (HEAVY | {"numpy", "rich"}) & modules, command
 
 
-@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command[0])
-def test_a_scenario_is_refused_before_heavy_packages_are_loaded(
-    tmp_path: Path, examples: Path, command: tuple[str, ...]
-) -> None:
+def test_a_scenario_is_refused_before_heavy_packages_are_loaded(tmp_path: Path, examples: Path) -> None:
     text = (examples / "finger.toml").read_text(encoding="utf-8")
     (tmp_path / "bad.toml").write_text(text.replace("mu_dynamic =", "mu_dynamc ="), encoding="utf-8")
-    name, *options = command
-    status, message, modules = start(tmp_path, name, "bad.toml", *options)
-    assert status == 2
-    assert 'unknown key "mu_dynamc", did you mean "mu_dynamic"?' in message
-    assert not HEAVY & modules
+    commands = [(name, "bad.toml", *options) for name, *options in COMMANDS]
+    for command, (status, message, modules) in zip(commands, start(tmp_path, *commands), strict=True):
+        assert status == 2, command
+        assert 'unknown key "mu_dynamc", did you mean "mu_dynamic"?' in message, command
+        assert not HEAVY & modules, command
 
 
-@pytest.mark.parametrize("command", [c for c in COMMANDS if "o" in c], ids=lambda command: command[0])
-def test_a_folder_that_cannot_be_written_is_refused_before_the_work(
-    tmp_path: Path, examples: Path, command: tuple[str, ...]
-) -> None:
+def test_a_folder_that_cannot_be_written_is_refused_before_the_work(tmp_path: Path, examples: Path) -> None:
     (tmp_path / "o").write_text("a file", encoding="utf-8")
-    name, *options = command
-    status, message, modules = start(tmp_path, name, str(examples / "finger.toml"), *options)
-    assert status == 2
-    assert "is a file; name a folder to write" in message
-    assert not HEAVY & modules
+    commands = [(name, str(examples / "finger.toml"), *options) for name, *options in COMMANDS if "o" in options]
+    for command, (status, message, modules) in zip(commands, start(tmp_path, *commands), strict=True):
+        assert status == 2, command
+        assert "is a file; name a folder to write" in message, command
+        assert not HEAVY & modules, command
 
 
-@pytest.mark.parametrize("command", ["design", "compare", "table", "export-c", "export-fmu"])
 @pytest.mark.parametrize(
     ("key", "value", "message"),
     [
@@ -75,55 +89,48 @@ def test_a_folder_that_cannot_be_written_is_refused_before_the_work(
     ],
 )
 def test_an_infeasible_reference_is_refused_before_heavy_packages_are_loaded(
-    tmp_path: Path, examples: Path, command: str, key: str, value: str, message: str
+    tmp_path: Path, examples: Path, key: str, value: str, message: str
 ) -> None:
     text = (examples / "finger.toml").read_text(encoding="utf-8")
     changed = "\n".join(f"{key} = {value}" if line.startswith(f"{key} ") else line for line in text.splitlines())
     (tmp_path / "bad.toml").write_text(changed, encoding="utf-8")
-    status, told, modules = start(tmp_path, command, "bad.toml", "--out", "o")
-    assert status == 2
-    assert message in told
-    assert not HEAVY & modules
+    names = ("design", "compare", "table", "export-c", "export-fmu")
+    commands = [(name, "bad.toml", "--out", "o") for name in names]
+    for command, (status, told, modules) in zip(commands, start(tmp_path, *commands), strict=True):
+        assert status == 2, command
+        assert message in told, command
+        assert not HEAVY & modules, command
     assert not (tmp_path / "o").exists()
 
 
 FOLLOWS = ("design", "compare", "adapt", "sweep", "table", "export-c", "export-fmu", "explore")
 
 
-@pytest.mark.parametrize(("command", "kind"), [*((command, "sine") for command in FOLLOWS), ("design", "csv")])
-def test_doubts_are_said_before_heavy_packages_are_loaded(
-    tmp_path: Path, examples: Path, command: str, kind: str
-) -> None:
+def test_doubts_are_said_before_heavy_packages_are_loaded(tmp_path: Path, examples: Path) -> None:
     """What a command computes with fails to load, so that all it says was said before."""
     text = (examples / "finger.toml").read_text(encoding="utf-8").replace("force_max_N = 200.0", "force_max_N = 60.0")
     text = text.replace("mass_kg = 0.02\n", "mass_kg = 20.0\n")
-    if kind == "csv":
-        start_, end = text.index("[reference]"), text.index("[run]")
-        text = f'{text[:start_]}[reference]\nkind = "csv"\nfile = "r.csv"\n\n{text[end:]}'
-        (tmp_path / "r.csv").write_text("time_s,tension_N\n0,30\n1,47\n2,30\n", encoding="utf-8")
-    (tmp_path / "odd.toml").write_text(text, encoding="utf-8")
-    code = (
-        "import sys; from tendonff.compensator.cli import run; "
-        f"sys.modules.update(dict.fromkeys({sorted(HEAVY)!r})); run(sys.argv[1:])"
-    )
-    options = ["--no-browser"] if command == "explore" else ["--out", "o"]
-    done = subprocess.run(
-        [sys.executable, "-c", code, command, "odd.toml", *options],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=tmp_path,
-    )
-    assert "warning: [load] mass_kg = 20: grams? Then it is 0.02\n" in done.stderr
-    assert "the peak of 47" in done.stderr
-    assert "force_max_N = 60 delivers at most" in done.stderr
-    assert "ModuleNotFoundError" in done.stderr
+    start_, end = text.index("[reference]"), text.index("[run]")
+    (tmp_path / "sine.toml").write_text(text, encoding="utf-8")
+    measured = f'{text[:start_]}[reference]\nkind = "csv"\nfile = "r.csv"\n\n{text[end:]}'
+    (tmp_path / "csv.toml").write_text(measured, encoding="utf-8")
+    (tmp_path / "r.csv").write_text("time_s,tension_N\n0,30\n1,47\n2,30\n", encoding="utf-8")
+    written = {name: ("--no-browser",) if name == "explore" else ("--out", "o") for name in FOLLOWS}
+    commands = [(name, "sine.toml", *options) for name, options in written.items()]
+    commands.append(("design", "csv.toml", *written["design"]))
+    for command, (status, said, _) in zip(commands, start(tmp_path, *commands, absent=HEAVY), strict=True):
+        assert status == "ModuleNotFoundError", command
+        assert "warning: [load] mass_kg = 20: grams? Then it is 0.02\n" in said, command
+        assert "the peak of 47" in said, command
+        assert "force_max_N = 60 delivers at most" in said, command
 
 
-@pytest.mark.parametrize("module", ["design.run", "design.output", "compare.run", "compare.output", "explore.run"])
-def test_what_computes_and_draws_loads_no_package_that_few_scenarios_need(module: str) -> None:
+def test_what_computes_and_draws_loads_no_package_that_few_scenarios_need() -> None:
     """Each of them takes as long to import as a design takes to compute."""
-    code = f"import sys, tendonff.compensator.{module}; print(*sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    modules = ("design.run", "design.output", "compare.run", "compare.output", "explore.run")
+    code = "import importlib, sys\nfor name in sys.argv[1:]:\n    importlib.import_module(name); print(*sys.modules)"
+    names = [f"tendonff.compensator.{module}" for module in modules]
+    done = subprocess.run([sys.executable, "-c", code, *names], capture_output=True, text=True, check=True)
     rare = {"scipy.stats", "scipy.signal", "scipy.interpolate", "scipy.optimize", "pandas", "control"}
-    assert not rare & set(done.stdout.split())
+    for module, loaded in zip(modules, done.stdout.splitlines(), strict=True):
+        assert not rare & set(loaded.split()), module

@@ -5,8 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from random_examples import tried_on
 
 from tendonff.compensator.cli import run
 from tendonff.compensator.compensators.base import Problem
@@ -97,7 +98,7 @@ def test_the_force_goes_on_without_a_jump_out_of_a_transition_in_any_state(built
 
 
 @given(seed=st.integers(0, 2**32 - 1))
-@settings(max_examples=25)
+@tried_on(25)
 def test_the_force_lies_between_the_branches_for_any_history(built, seed):
     noise = np.random.default_rng(seed)
     way = np.clip(30 + np.cumsum(noise.normal(0, 0.4, 200)), 13, 48)

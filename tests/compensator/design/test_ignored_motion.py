@@ -9,8 +9,9 @@ import pytest
 from tendonff.compensator.compare.figures import errors_figure
 from tendonff.compensator.compare.run import compare
 from tendonff.compensator.compensators.closed_form import Capstan, Inverse, Uncompensated
-from tendonff.compensator.design.figures import tension_figure
-from tendonff.compensator.design.output import Design
+from tendonff.compensator.design.figures import force_figure, tension_figure
+from tendonff.compensator.design.output import print_scores
+from tendonff.compensator.design.result import Design
 from tendonff.compensator.design.run import design
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario, parse_scenario
 
@@ -46,6 +47,22 @@ def test_page_and_files_say_it_and_show_the_joints(result: Design, tmp_path: Pat
     assert "Bottom: the joint angles" in page
     summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
     assert summary["ignored_motion"]["rmse_N"] == pytest.approx(result.ignored.ignored.rmse)
+
+
+def test_a_limit_off_the_scale_is_written_above_its_panel(result: Design) -> None:
+    """The force stays below 65 N of 120: its lower limit is drawn, the upper one written."""
+    force, rate, _ = force_figure(result).axes
+    assert force.get_title(loc="right") == "limit 120 N off scale"
+    assert {line.get_ydata()[0] for line in force.lines if len(line.get_ydata()) == 2} == {0.0}
+    assert rate.get_title(loc="right").startswith("limit ±2000 N/s")
+
+
+def test_scores_are_whole_in_a_terminal_of_80_columns(result: Design, monkeypatch, capsys) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    print_scores(result, Path("out"))
+    table, _ = capsys.readouterr().out.split("worst case: over")
+    assert "…" not in table
+    assert "viscoelastic" in table
 
 
 def test_figures_show_the_joints_under_the_tensions(result: Design, moving: Scenario) -> None:

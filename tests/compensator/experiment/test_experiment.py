@@ -289,6 +289,7 @@ def test_measured_tensions_are_laid_over_and_compared(result: ExperimentResult, 
     assert lines == bare + 2
     page = render_report(experiment_report(with_rig, {}))
     assert "rig.csv, dashed in the figure" in page
+    assert "rig.csv agrees best with the viscoelastic level: RMS difference" in page
 
 
 @pytest.mark.parametrize(

@@ -27,12 +27,12 @@ from tendonff.ocp.codegen.precision import Precision
 KINDS = ("inverse", "capstan", "table", "plant")
 TOLERANCE_N = {Precision.DOUBLE: 1e-9, Precision.FLOAT: 0.02}
 DRIVER = """
-void run_{kind}(long n, const tff_real *given, tff_real *answer)
+void run_{kind}(long first, long n, const tff_real *given, tff_real *answer)
 {{
     tff_{kind} self;
     long k;
     tff_{kind}_init(&self, given[0]);
-    for (k = {first}; k < n; k++) {{
+    for (k = first; k < n; k++) {{
         answer[k] = tff_{kind}_step(&self, given[k]);
     }}
 }}
@@ -46,17 +46,17 @@ def library(examples, tmp_path_factory):
         pytest.skip("cc is not installed")
     made = {}
 
-    def load(example, precision, first=0):
-        key = (example, precision, first)
+    def load(example, precision):
+        key = (example, precision)
         if key not in made:
             folder = tmp_path_factory.mktemp(f"{example}_{precision}")
             scenario = load_scenario(examples / f"{example}.toml")
             exported = export_project(scenario, precision=precision, profile_N=np.full(3, 30.0), force_export=True)
             exported.write(folder)
             includes = "".join(f'#include "tff_{kind}.h"\n' for kind in KINDS)
-            (folder / "driver.c").write_text(includes + "".join(DRIVER.format(kind=k, first=first) for k in KINDS))
+            (folder / "driver.c").write_text(includes + "".join(DRIVER.format(kind=k) for k in KINDS))
             sources = [*sorted(folder.glob("tff_*.c")), folder / "driver.c"]
-            flags = ("-std=c99", "-O2", "-shared", "-fPIC", "-ffp-contract=off", "-fno-math-errno")
+            flags = ("-std=c99", "-O1", "-shared", "-fPIC", "-ffp-contract=off", "-fno-math-errno")
             subprocess.run(["cc", *flags, "-o", folder / "x.so", *sources, "-lm"], check=True)
             made[key] = ctypes.CDLL(str(folder / "x.so")), scenario, exported
         return made[key]
@@ -64,12 +64,12 @@ def library(examples, tmp_path_factory):
     return load
 
 
-def play(code, kind, given, precision):
+def play(code, kind, given, precision, first=0):
     real = np.float32 if precision is Precision.FLOAT else np.float64
     given = np.ascontiguousarray(given, dtype=real)
     answer = given.copy()
     pointers = (ctypes.c_void_p(values.ctypes.data) for values in (given, answer))
-    getattr(code, f"run_{kind}")(ctypes.c_long(len(given)), *pointers)
+    getattr(code, f"run_{kind}")(ctypes.c_long(first), ctypes.c_long(len(given)), *pointers)
     return answer.astype(np.float64)
 
 
@@ -89,7 +89,7 @@ def a_minute(scenario):
         ("bowden", Precision.DOUBLE),
         pytest.param("bowden", Precision.FLOAT, marks=pytest.mark.nightly),
         ("finger_stribeck", Precision.FLOAT),
-        ("surgical", Precision.FLOAT),
+        pytest.param("surgical", Precision.FLOAT, marks=pytest.mark.nightly),
     ],
 )
 def test_c_equals_python_over_a_minute(library, example, precision, record_property):
@@ -110,10 +110,9 @@ def test_c_equals_python_over_a_minute(library, example, precision, record_prope
 
 def test_the_first_call_may_be_the_sample_at_zero_or_the_one_after_it(library):
     code, scenario, _ = library("finger", Precision.DOUBLE)
-    other, _, _ = library("finger", Precision.DOUBLE, 1)
     reference = sample_reference(scenario).tension_N[:500]
     for kind in KINDS:
-        assert np.array_equal(play(code, kind, reference, "double"), play(other, kind, reference, "double"))
+        assert np.array_equal(play(code, kind, reference, "double"), play(code, kind, reference, "double", first=1))
 
 
 @pytest.mark.parametrize("level", Level)

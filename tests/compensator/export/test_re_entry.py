@@ -28,7 +28,7 @@ def test_a_restart_in_motion_and_a_lost_reference_make_no_bump(
     sources = [tmp_path / f"tff_{name}.c" for name in ("inverse", "limits", "parameters", "plant")]
     program = tmp_path / "program"
     main = Path(__file__).with_name("re_entry.c")
-    subprocess.run(["cc", "-std=c99", "-O1", "-I", tmp_path, main, *sources, "-lm", "-o", program], check=True)
+    subprocess.run(["cc", "-std=c99", "-O0", "-I", tmp_path, main, *sources, "-lm", "-o", program], check=True)
     said = subprocess.run([program], capture_output=True, text=True, check=True).stdout
     plain, started, later, back, moved, end = map(float, said.split())
     record_property(

@@ -10,7 +10,7 @@ import pytest
 from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.scenario.scenario import load_scenario
 
-FLAGS = ("-std=c99", "-O1", "-Wall", "-Wextra", "-Werror")
+FLAGS = ("-std=c99", "-O0", "-Wall", "-Wextra", "-Werror")
 
 
 @pytest.fixture(scope="module")

@@ -4,8 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from random_examples import tried_on
 
 from tendonff.compensator.files.reading import InputError, read_csv
 from tendonff.compensator.files.writing import (
@@ -99,7 +100,7 @@ def test_what_is_no_readable_file_is_refused(tmp_path: Path) -> None:
         read_csv(tmp_path / "binary.csv", FORCE)
 
 
-@settings(max_examples=150)
+@tried_on(150)
 @given(
     body=st.one_of(
         st.binary(max_size=60),

@@ -167,7 +167,8 @@ def test_intervals_of_the_static_law_hold_the_truth_although_it_knows_no_preslid
 @pytest.mark.parametrize(
     ("effect", "law"),
     [
-        ({"adhesion_N": 3.0}, "asymmetric with presliding, adhesion"),
+        # As `test_fitted.py` does too.
+        pytest.param({"adhesion_N": 3.0}, "asymmetric with presliding, adhesion", marks=pytest.mark.nightly),
         ({"mu_static": 1.3 * MU, "mu_static_release": 1.3 * MU_RELEASE}, "asymmetric with presliding, Stribeck effect"),
     ],
 )

@@ -70,7 +70,7 @@ def test_the_ros_2_transmission_commands_as_the_runtime_and_sees_the_joint(hand,
     folder, program = tmp_path / "c", tmp_path / "transmission"
     export_joints((hand,)).write(folder)
     package = folder / "ros2" / "tff_transmission"
-    flags = ("-O1", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off", "-I", folder)
+    flags = ("-O0", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off", "-I", folder)
     subprocess.run(["gcc", *flags, "-c", folder / "tff_joint.c", "-o", tmp_path / "joint.o"], check=True)
     sources = (HERE / "ros2" / "main.cpp", package / "tff_transmission_loader.cpp", tmp_path / "joint.o")
     command = ["g++", "-std=c++17", *flags, "-I", HERE / "ros2", "-I", package, *sources, "-lm", "-o", program]

@@ -173,6 +173,13 @@ def test_a_long_name_may_break_after_its_underscores_and_is_still_escaped(report
     assert "bristle_<wbr>&lt;b&gt;_<wbr>N</th>" in text
 
 
+def test_columns_of_one_quantity_have_the_same_decimals(report):
+    table = Table(caption="t", columns=("a", "b", "c"), rows=(("x", 35.1, 0.012), ("y", 3.0, None)), one_quantity=True)
+    text = render_report(replace(report, sections=(Section(title="s", blocks=(table,)),)))
+    for shown in ("35.100", "3.000", "0.012"):
+        assert f">{shown}</td>" in text
+
+
 def test_a_table_whose_rows_do_not_fit_is_refused():
     with pytest.raises(ValueError, match="row 1 has 1 cells, the header 2"):
         Table(caption="t", columns=("a", "b"), rows=((1, 2), (1,)))

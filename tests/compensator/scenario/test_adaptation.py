@@ -51,7 +51,7 @@ def test_the_example_tunes_friction_from_the_position(examples):
 
 
 def test_from_the_tension_both_directions_are_tuned_and_an_integral_is_certified(finger):
-    """An eighth of what is certified by default; from the position one factor, and no integral; 0 is none."""
+    """Three eighths of what is certified by default; from the position one factor, and no integral; 0 is none."""
     given = {"output_tension": "noise = 0.1", "actuator_position": "", "none": "integral_gain_per_s = 0.0"}
     gains = {}
     for sensor, more in given.items():
@@ -63,7 +63,7 @@ def test_from_the_tension_both_directions_are_tuned_and_an_integral_is_certified
         gains[sensor] = tuning.integral_gain / scenario.run.step_s
         assert parse_scenario(scenario_to_toml(scenario)).adaptation == scenario.adaptation
     certified = feedback_certificate(scenario.transmission, scenario.run.step_s, 2, 0.0).largest_gain_per_s
-    assert gains == pytest.approx({"output_tension": certified / 8, "actuator_position": 0, "none": 0})
+    assert gains == pytest.approx({"output_tension": 3 * certified / 8, "actuator_position": 0, "none": 0})
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from random_examples import tried_on
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_text
@@ -397,7 +398,7 @@ VALUES = st.sampled_from(
 )
 
 
-@settings(max_examples=150)
+@tried_on(150)
 @given(key=st.sampled_from(re.findall(r"^\w+(?= = )", TEXT, flags=re.MULTILINE)), value=VALUES, data=st.data())
 def test_any_value_of_any_key_gives_a_scenario_or_one_message(key: str, value: str, data: st.DataObject) -> None:
     places = [found.span() for found in re.finditer(rf"^{key} = .*$", TEXT, flags=re.MULTILINE)]
@@ -405,7 +406,7 @@ def test_any_value_of_any_key_gives_a_scenario_or_one_message(key: str, value: s
     check(f"{TEXT[:start]}{key} = {value}{TEXT[end:]}")
 
 
-@settings(max_examples=150)
+@tried_on(150)
 @given(text=st.text(max_size=40), at=st.integers(0, len(TEXT)), drop=st.integers(0, 40))
 def test_any_damage_to_the_text_gives_a_scenario_or_one_message(text: str, at: int, drop: int) -> None:
     check(TEXT[:at] + text + TEXT[at + drop :])

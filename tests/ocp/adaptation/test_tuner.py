@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from random_examples import tried_on
 
 from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
@@ -39,7 +40,7 @@ def test_without_learning_it_is_the_exact_inverse(bench, reference):
     assert run.force_N == pytest.approx(invert(chain, reference, bench.step_s).force_N[1:], abs=1e-7)
 
 
-@settings(max_examples=12)
+@tried_on(12)
 @given(mu=st.floats(0.6, 0.97) | st.floats(1.03, 1.4), sensor=st.sampled_from(Sensor))
 def test_estimates_within_40_percent_converge_in_two_seconds(bench, reference, mu, sensor):
     """What is less than 3 % off takes longer to stand out from doubt, and costs 0.2 % of range meanwhile."""
@@ -50,7 +51,7 @@ def test_estimates_within_40_percent_converge_in_two_seconds(bench, reference, m
     assert not (run.status[2000:] & (TunerStatus.DOUBT | TunerStatus.FROZEN)).any()
 
 
-@settings(max_examples=12)
+@tried_on(12)
 @given(mu=st.floats(0.55, 1.9), sensor=st.sampled_from(Sensor))
 def test_estimates_converge_from_any_start_within_the_range(bench, reference, mu, sensor):
     tuner = bench.tuner(bench.tuning(sensor))
@@ -223,6 +224,17 @@ def test_integral_action_leaves_noise_alone(bench, reference, percent):
     noise = tuning.noise * np.random.default_rng(0).normal(size=len(reference) - 1)
     run = bench.tuner(tuning).run(own_rig(bench, mu=1.0), reference[1:], noise)
     assert percent(np.concatenate([reference[:1], run.tension_N])) < 0.05  # all of it integrated: 0.064
+
+
+def test_the_integral_acts_with_a_third_where_nothing_is_unexplained(bench):
+    """At rest, 0.1 N below the reference: the force is that of the plain inverse for a reference that grows so."""
+    tuner = bench.tuner(replace(bench.tuning(TENSION, gain=40.0), drift_level=0.0))
+    plain, factor = bench.tuner(bench.tuning(TENSION)), 1.0
+    for _ in range(100):
+        factor *= 1 + 40.0 * bench.step_s / 3 * 2 * (30.0 - 29.9) / (30.0 + 29.9)
+        force, expected = tuner.step(30.0, 29.9), plain.step(30.0 * factor, np.nan)
+    assert force > 30.05
+    assert force == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize(

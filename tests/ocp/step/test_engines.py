@@ -27,6 +27,7 @@ from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.errors import CodeError
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.simulate import Outcome, Simulation, Simulator, simulate
+from tendonff.ocp.step import c_engine, casadi_engine
 
 pytestmark = pytest.mark.compiler
 
@@ -100,7 +101,24 @@ def test_engines_stay_close_where_a_line_search_fails_from_the_guess(generic: Tr
     assert np.sqrt(np.mean((runs[0].tension_N - runs[1].tension_N) ** 2)) < 0.01 * np.ptp(runs[0].tension_N)
 
 
-def test_engines_agree_on_how_a_run_fails(generic: Transmission) -> None:
+@pytest.mark.parametrize("level", Level)
+def test_the_optimisation_of_the_compiler_changes_no_bit(
+    generic: Transmission, monkeypatch: pytest.MonkeyPatch, level: Level, shipped_flags: tuple[str, ...]
+) -> None:
+    """So that other tests may compile with less of it."""
+    chain = Chain.of(generic, level, 5)
+    force = 40 + 30 * np.sin(0.05 * np.arange(400))
+    assert shipped_flags != compiler._FLAGS
+    less = simulate(chain, force, 1e-3, engine=Engine.COMPILED)
+    monkeypatch.setattr(compiler, "_FLAGS", shipped_flags)
+    monkeypatch.setattr(c_engine, "_LIBRARIES", {})
+    whole = simulate(chain, force, 1e-3, engine=Engine.COMPILED)
+    assert np.array_equal(whole.tension_N, less.tension_N)
+    assert np.ptp(whole.output_tension_N) > 20
+
+
+def test_engines_agree_on_how_a_run_fails(generic: Transmission, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(casadi_engine, "MAX_SPLITS", 2)  # to give up takes CasADi seconds otherwise
     chain = Chain.of(generic, Level.PRESLIDING, 3)
     force = np.full(40, 30.0)
     force[30] = 1e200

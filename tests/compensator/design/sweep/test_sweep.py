@@ -195,44 +195,44 @@ from tendonff.compensator.scenario.scenario import load_scenario
 run._JOBS_OF_WAVE = 2
 
 def tell(done, _total):
-    if done >= 16 and {kill}:
+    if done >= 16:
         os.kill(os.getpid(), signal.SIGKILL)
 
 with executor_of("{address}") as executor:
-    result = run.sweep(
+    run.sweep(
         load_scenario(Path("{scenario}")),
         Path("{out}"),
-        samples=40,
+        samples=24,
         compensators=("none", "inverse"),
         executor=executor,
         progress=tell,
     )
-result.write(Path("{out}"), parquet=True)
 """
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="this system has no SIGKILL")
 def test_a_sweep_on_a_cluster_of_processes_that_was_killed_equals_one_that_ran_through(tmp_path: Path) -> None:
+    """The one that ran through needed no cluster."""
     distributed, pandas = pytest.importorskip("distributed"), pytest.importorskip("pandas")
+    from tendonff.compensator.design.sweep.run import executor_of
+
     text = (EXAMPLES / "finger.toml").read_text(encoding="utf-8")
     text = text.replace("duration_s = 4.0", "duration_s = 0.6").replace("step_s = 0.001", "step_s = 0.004")
     (tmp_path / "s.toml").write_text(text + "\n[robust]\nmu = 0.2\nstiffness = 0.1\n", encoding="utf-8")
-
-    def swept(address: str, out: str, *, kill: bool) -> int:
-        code = _KILLED.format(address=address, scenario=tmp_path / "s.toml", out=tmp_path / out, kill=kill)
-        return subprocess.run([sys.executable, "-c", code], check=False, timeout=300).returncode
-
+    scenario, parts, whole = load_scenario(tmp_path / "s.toml"), tmp_path / "parts", tmp_path / "whole"
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0") as cluster:
         address = cluster.scheduler_address
-        assert swept(address, "parts", kill=True) == -signal.SIGKILL
-        stored = (tmp_path / "parts" / "rows.partial.csv").read_text(encoding="utf-8").count("\n")
-        assert stored == 16
-        assert swept(address, "parts", kill=False) == swept(address, "whole", kill=False) == 0
+        code = _KILLED.format(address=address, scenario=tmp_path / "s.toml", out=parts)
+        killed = subprocess.run([sys.executable, "-c", code], check=False, timeout=300)
+        assert killed.returncode == -signal.SIGKILL
+        assert (parts / "rows.partial.csv").read_text(encoding="utf-8").count("\n") == 16
+        with executor_of(address) as executor:
+            sweep(scenario, parts, samples=24, compensators=NAMES, executor=executor).write(parts, parquet=True)
+    sweep(scenario, whole, samples=24, compensators=NAMES).write(whole)
     for name in ("samples.csv", "summary.json"):
-        assert (tmp_path / "parts" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
-    frame = pandas.read_parquet(tmp_path / "parts" / "samples.parquet")
-    again = pandas.read_csv(tmp_path / "whole" / "samples.csv")
+        assert (parts / name).read_bytes() == (whole / name).read_bytes()
+    frame, again = pandas.read_parquet(parts / "samples.parquet"), pandas.read_csv(whole / "samples.csv")
     pandas.testing.assert_frame_equal(frame, again, rtol=1e-14)
 
 

@@ -57,7 +57,7 @@ def play(examples, tmp_path_factory):
             text = "".join(f'#include "tff_{k}.h"\n' for k in KINDS) + "".join(DRIVER.format(kind=k) for k in KINDS)
             (folder / "driver.c").write_text(text)
             sources = [*sorted(folder.glob("tff_*.c")), folder / "driver.c"]
-            flags = ("-std=c99", "-O1", "-shared", "-fPIC", "-ffp-contract=off", "-fno-math-errno")
+            flags = ("-std=c99", "-O0", "-shared", "-fPIC", "-ffp-contract=off", "-fno-math-errno")
             subprocess.run(["cc", *flags, "-o", folder / "x.so", *sources, "-lm"], check=True)
             made[key] = ctypes.CDLL(str(folder / "x.so"))
         real = np.float32 if precision is Precision.FLOAT else np.float64

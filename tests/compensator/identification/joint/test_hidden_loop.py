@@ -10,7 +10,7 @@ import pytest
 from benchmarks.identify_joint import truth
 from tendonff.compensator.identification.joint.first_look import look
 from tendonff.compensator.identification.joint.log import read_logs
-from tendonff.compensator.identification.joint.output import JointIdentification
+from tendonff.compensator.identification.joint.result import JointIdentification
 from tendonff.compensator.identification.joint.run import identify_joint
 from tendonff.compensator.joint.design import design_joint
 from tendonff.compensator.joint.scenario import load_joint_scenario

@@ -379,6 +379,8 @@ static void parameters(void)
         refused = refused && (tff_parameters_set_limits(&self, bad[k] - (tff_real)1e3, self.force_max, self.force_rate_max) == 0);
         refused = refused && (tff_parameters_set_limits(&self, self.force_min, bad[k] - (tff_real)1e3, self.force_rate_max) == 0);
         refused = refused && (tff_parameters_set_limits(&self, self.force_min, self.force_max, bad[k]) == 0);
+        refused = refused && (tff_parameters_set_references(&self, bad[k] - (tff_real)1e3, self.reference_max) == 0);
+        refused = refused && (tff_parameters_set_references(&self, self.reference_min, bad[k] - (tff_real)1e3) == 0);
     }
     refused = refused && (tff_parameters_set_limits(&self, self.force_min, 203.0, self.force_rate_max) == 0);
     refused = refused && (tff_parameters_set_limits(&self, -1.0, self.force_max, self.force_rate_max) == 0);
@@ -505,6 +507,18 @@ static void test_capstan(void)
         force = self.entry.last;
         (void)tff_capstan_step_dt(&self, (tff_real)0.5, to);
         expect("capstan: the way back after a pause", is_near((double)self.entry.last, (double)force));
+        {
+            const double narrow = 1e-3 * fabs((double)to - (double)from);
+            double before;
+            tff_capstan_init(&self, from);
+            (void)tff_capstan_step(&self, from);
+            self.output.change = (tff_real)narrow;
+            before = (double)self.output.force;
+            (void)tff_capstan_step_dt(&self, (tff_real)1.5 * TFF_STEP_S, to);
+            same = fabs((double)self.output.force - before) <= ((1.5 * narrow) + (ROUNDING * (1.0 + fabs(before))));
+            same = same && (fabs((double)self.output.change - narrow) <= (1e-6 * narrow));
+            expect("capstan: a longer step has its share of the rate limit, the next one that of a sample", same);
+        }
     }
 
     error = 0.0;
@@ -650,6 +664,18 @@ static void test_inverse(void)
         force = self.entry.last;
         (void)tff_inverse_step_dt(&self, (tff_real)0.5, to);
         expect("inverse: the way back after a pause", is_near((double)self.entry.last, (double)force));
+        {
+            const double narrow = 1e-3 * fabs((double)to - (double)from);
+            double before;
+            tff_inverse_init(&self, from);
+            (void)tff_inverse_step(&self, from);
+            self.output.change = (tff_real)narrow;
+            before = (double)self.output.force;
+            (void)tff_inverse_step_dt(&self, (tff_real)1.5 * TFF_STEP_S, to);
+            same = fabs((double)self.output.force - before) <= ((1.5 * narrow) + (ROUNDING * (1.0 + fabs(before))));
+            same = same && (fabs((double)self.output.change - narrow) <= (1e-6 * narrow));
+            expect("inverse: a longer step has its share of the rate limit, the next one that of a sample", same);
+        }
     }
 
     error = 0.0;
@@ -862,6 +888,18 @@ static void test_table(void)
         force = self.entry.last;
         (void)tff_table_step_dt(&self, (tff_real)0.5, to);
         expect("table: the way back after a pause", is_near((double)self.entry.last, (double)force));
+        {
+            const double narrow = 1e-3 * fabs((double)to - (double)from);
+            double before;
+            tff_table_init(&self, from);
+            (void)tff_table_step(&self, from);
+            self.output.change = (tff_real)narrow;
+            before = (double)self.output.force;
+            (void)tff_table_step_dt(&self, (tff_real)1.5 * TFF_STEP_S, to);
+            same = fabs((double)self.output.force - before) <= ((1.5 * narrow) + (ROUNDING * (1.0 + fabs(before))));
+            same = same && (fabs((double)self.output.change - narrow) <= (1e-6 * narrow));
+            expect("table: a longer step has its share of the rate limit, the next one that of a sample", same);
+        }
     }
 
     error = 0.0;
@@ -992,8 +1030,14 @@ static void test_stream(void)
         taken = taken && (tff_parameters_set_references(&given, 0.14023897025398877, 106.69761821822065) == 1);
         taken = taken && (tff_parameters_set_references(&given, 106.69761821822065, 0.14023897025398877) == 0);
         taken = taken && (tff_stream_use(&self, &given) == 1) && is_near((double)self.high, 106.69761821822065) && is_near((double)self.low, 0.14023897025398877);
+        given.reference_min = 30.511948512699441;
+        given.reference_max = 55.244025743650283;
+        self.entry.last = 5.7798712817485942;
+        self.entry.lost = 0;
+        taken = taken && (tff_stream_use(&self, &given) == 1) && (self.entry.lost == 100); /* led inside */
+        tff_parameters_init(&given);
         given.force_max = (tff_real)NAN;
-        taken = taken && (tff_stream_use(&self, &given) == 0);
+        taken = taken && (tff_stream_use(&self, &given) == 0) && ((double)self.low > 5.7856511530303418);
         expect("stream: valid parameters are accepted, others refused", taken);
         tff_stream_init_at(&self, live_reference[0], 100.0);
         taken = is_near((double)self.output.force, 100.0) && is_near((double)self.entry.last, (double)live_reference[0]);
