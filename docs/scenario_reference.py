@@ -10,6 +10,7 @@ import griffe
 
 from tendonff.compensator.joint.observer_table import ObserverTable
 from tendonff.compensator.joint.reference import JointCsv, JointSine, JointWaypoints
+from tendonff.compensator.joint.settings import JointAdaptation
 from tendonff.compensator.scenario.experiment import Experiment
 from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, SineJoint, WaypointJoint
 from tendonff.compensator.scenario.measurement import Measurement
@@ -129,6 +130,11 @@ TABLES = (
         classes=(ObserverTable,),
         readers="`tf.Observer`",
         note="Written by `identify` where something else loads the joint.",
+    ),
+    Table(
+        title="[adaptation] of a joint",
+        classes=(JointAdaptation,),
+        readers="`adapt`, `export-c`, `tf.Runtime`",
     ),
     Table(
         title="[reference] of a joint",

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from tendonff._version import __version__
 
 if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the interpreter
+    from tendonff.compensator.adapt.joint import JointAdaptationStudy, adapt_joint
     from tendonff.compensator.adapt.result import AdaptationStudy
     from tendonff.compensator.adapt.run import adapt
     from tendonff.compensator.compare.joint import JointComparison, compare_joint
@@ -36,6 +37,9 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.compensator.identification.run import identify
     from tendonff.compensator.identification.suggest import suggest
     from tendonff.compensator.joint.design import design_joint
+    from tendonff.compensator.joint.export.fmu import build_joint_fmu as export_joint_fmu
+    from tendonff.compensator.joint.export.project import ExportedJoints
+    from tendonff.compensator.joint.export.project import export_joints as export_joint_c
     from tendonff.compensator.joint.result import JointDesign
     from tendonff.compensator.joint.scenario import JointScenario, load_joint_scenario
     from tendonff.compensator.observe.estimate import Estimate, Observation, ObserverStatus
@@ -80,12 +84,14 @@ __all__ = [
     "Design",
     "Estimate",
     "ExperimentResult",
+    "ExportedJoints",
     "FmiVersion",
     "FmuKind",
     "ForceLimits",
     "Friction",
     "Identification",
     "InputError",
+    "JointAdaptationStudy",
     "JointComparison",
     "JointDesign",
     "JointIdentification",
@@ -120,6 +126,7 @@ __all__ = [
     "Watch",
     "__version__",
     "adapt",
+    "adapt_joint",
     "as_iosystem",
     "compare",
     "compare_joint",
@@ -128,6 +135,8 @@ __all__ = [
     "experiment",
     "export_c",
     "export_fmu",
+    "export_joint_c",
+    "export_joint_fmu",
     "identify",
     "identify_joint",
     "invert",
@@ -149,6 +158,7 @@ __all__ = [
 ]
 
 _HOMES = {
+    "compensator.adapt.joint": ("JointAdaptationStudy", "adapt_joint"),
     "compensator.adapt.result": ("AdaptationStudy",),
     "compensator.adapt.run": ("adapt",),
     "compensator.compare.result": ("Comparison",),
@@ -174,6 +184,8 @@ _HOMES = {
     "compensator.identification.suggest": ("suggest",),
     "compensator.compare.joint": ("JointComparison", "compare_joint"),
     "compensator.joint.design": ("design_joint",),
+    "compensator.joint.export.fmu": ("export_joint_fmu:build_joint_fmu",),
+    "compensator.joint.export.project": ("ExportedJoints", "export_joint_c:export_joints"),
     "compensator.joint.result": ("JointDesign",),
     "compensator.joint.scenario": ("JointScenario", "load_joint_scenario"),
     "compensator.observe.estimate": ("Estimate", "Observation", "ObserverStatus"),

@@ -80,16 +80,17 @@ static void slide(tendon *t, int n, double h)
 }
 
 /* motor: (rows + 1) * count angles of the drums, contact: rows + 1; out: rows * (2 + 3 count) of q, w, tension at the
- * joint, at the drum, least of each tendon. led: the joint's motion or null. */
+ * joint, at the drum, least of each tendon. led: the joint's motion or null. state: the joint's angle, speed and dry
+ * friction, and whether this goes on from an earlier call with the same tendons. */
 void plant(
     const joint *j, tendon *tendons, int count, double row_s, long rows, int inner, const double *motor,
-    const double *contact, const double *led, double start, double *out)
+    const double *contact, const double *led, double start, double *state, double *out)
 {
     const double h = row_s / inner;
-    double q = start, w = 0, dry = 0;
+    double q = state[3] > 0 ? state[0] : start, w = state[1], dry = state[2];
     long row;
     int k, i, step;
-    for (k = 0; k < count; k++) {
+    for (k = 0; state[3] == 0 && k < count; k++) {
         tendon *t = &tendons[k];
         double at = 0;
         for (i = t->masses; i >= 0; i--) { /* u counts from where all would stand without stretch at the start */
@@ -190,4 +191,8 @@ void plant(
             }
         }
     }
+    state[0] = q;
+    state[1] = w;
+    state[2] = dry;
+    state[3] = 1;
 }

@@ -70,6 +70,74 @@ def _cut(tendon: JointTendon, masses: int, joint: str) -> dict[str, Array]:
     return dict(zip(_ARRAYS, columns, strict=True))
 
 
+class Plant:
+    """A mechanism at rest at an angle, under tensions that are uniform along each tendon; `turn` goes on from there."""
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        row_s: float,
+        start_rad: float,
+        *,
+        tensions_N: Array,
+        soft: bool = True,
+        masses: int = 40,
+        step_s: float = 2e-6,
+        arm_by_q: tuple[float, ...] = (0.0, 0.0),
+    ) -> None:
+        joint, tendons = mechanism.joint, mechanism.tendons
+        count = len(tendons)
+        self._records, self._kept, self._count = (_Tendon * count)(), [], count
+        for k, tendon in enumerate(tendons):
+            t, f = tendon.tendon, tendon.friction
+            arrays = {
+                name: np.ascontiguousarray(a, dtype=float) for name, a in _cut(tendon, masses, joint.name).items()
+            }
+            n = len(arrays["angle"])
+            work = {name: np.zeros(n + 2) for name in _WORK}
+            arm = tendon.arm.moment_arm_m or 0.0
+            sigma = f.soft_bristle_stiffness_N_per_m if soft else f.bristle_stiffness_N_per_m
+            loop = mechanism.drive.kind == "loop"
+            way = (1 if arm - arrays["gain"].sum() > 0 else -1) if loop else 1
+            numbers = (
+                *(t.stiffness_N_per_m, t.relaxing_stiffness_N_per_m, t.relaxation_time_s),
+                *(t.damping_N_s_per_m, t.mass_kg, sigma, f.viscous_N_s_per_m, f.adhesion_N),
+                *(way * mechanism.drum_radius_m[k], arm, arm_by_q[k], 0.0, float(tensions_N[k])),
+            )
+            self._records[k] = _Tendon(n, *numbers, *(a.ctypes.data for a in (*arrays.values(), *work.values())))
+            self._kept += [arrays, work]
+        self._numbers = np.array(
+            [
+                *(joint.inertia_kg_m2, joint.damping_N_m_s_per_rad, joint.stiffness_N_m_per_rad, joint.rest_rad),
+                *(joint.gravity_N_m, joint.gravity_zero_rad, joint.coulomb_N_m, 50.0),
+                *(*joint.stops_rad, joint.stop_stiffness_N_m_per_rad),
+            ]
+        )
+        self._row_s, self._inner, self._start = row_s, round(row_s / step_s), start_rad
+        self._gear, self._state = mechanism.drive.gear_ratio, np.zeros(4)
+        self._library = load_library((Path(__file__).parent / "joint_plant.c").read_text("utf-8"))
+
+    def turn(self, motor_rad: Array, contact_N_m: Array | float = 0.0, led_rad: Array | None = None) -> Array:
+        """Rows of angle, torque, and of each tendon tension at the joint, at the drum and its least, after each row.
+
+        The first motor angle is that of the present.
+        """
+        motor = np.asarray(motor_rad, float).reshape(len(motor_rad), -1) / self._gear
+        motor = np.ascontiguousarray(np.broadcast_to(motor, (len(motor), self._count)))
+        rows, pointer = len(motor) - 1, ctypes.c_void_p
+        contact = np.ascontiguousarray(np.broadcast_to(np.asarray(contact_N_m, float), (rows + 1,)))
+        led = None if led_rad is None else np.ascontiguousarray(led_rad, dtype=float)
+        out = np.empty((rows, 2 + 3 * self._count))
+        self._library.plant(
+            *(pointer(self._numbers.ctypes.data), self._records, ctypes.c_int(self._count)),
+            *(ctypes.c_double(self._row_s), ctypes.c_long(rows), ctypes.c_int(self._inner)),
+            *(pointer(motor.ctypes.data), pointer(contact.ctypes.data)),
+            *(pointer(None if led is None else led.ctypes.data), ctypes.c_double(self._start)),
+            *(pointer(self._state.ctypes.data), pointer(out.ctypes.data)),
+        )
+        return out
+
+
 def respond(  # noqa: PLR0913
     mechanism: Mechanism,
     motor_rad: Array,
@@ -85,46 +153,19 @@ def respond(  # noqa: PLR0913
     arm_by_q: tuple[float, ...] = (0.0, 0.0),
 ) -> PlantResponse:
     """Response to motor angles, linear between rows: one column for a loop, or one for each tendon."""
-    library = load_library((Path(__file__).parent / "joint_plant.c").read_text("utf-8"))
-    joint, tendons = mechanism.joint, mechanism.tendons
-    motor = np.asarray(motor_rad, float).reshape(len(motor_rad), -1) / mechanism.drive.gear_ratio
-    motor = np.ascontiguousarray(np.broadcast_to(motor, (len(motor), len(tendons))))
-    rows, count = len(motor) - 1, len(tendons)
-    records, kept = (_Tendon * count)(), []
-    for k, tendon in enumerate(tendons):
-        t, f = tendon.tendon, tendon.friction
-        arrays = {name: np.ascontiguousarray(a, dtype=float) for name, a in _cut(tendon, masses, joint.name).items()}
-        n = len(arrays["angle"])
-        work = {name: np.zeros(n + 2) for name in _WORK}
-        arm = tendon.arm.moment_arm_m or 0.0
-        sigma = f.soft_bristle_stiffness_N_per_m if soft else f.bristle_stiffness_N_per_m
-        loop = mechanism.drive.kind == "loop"
-        way = (1 if arm - arrays["gain"].sum() > 0 else -1) if loop else 1
-        numbers = (
-            *(t.stiffness_N_per_m, t.relaxing_stiffness_N_per_m, t.relaxation_time_s, t.damping_N_s_per_m, t.mass_kg),
-            *(sigma, f.viscous_N_s_per_m, f.adhesion_N, way * mechanism.drum_radius_m[k], arm, arm_by_q[k], 0.0),
-            float(tensions_N[k]),
-        )
-        records[k] = _Tendon(n, *numbers, *(a.ctypes.data for a in (*arrays.values(), *work.values())))
-        kept += [arrays, work]
-    numbers = np.array(
-        [
-            *(joint.inertia_kg_m2, joint.damping_N_m_s_per_rad, joint.stiffness_N_m_per_rad, joint.rest_rad),
-            *(joint.gravity_N_m, joint.gravity_zero_rad, joint.coulomb_N_m, 50.0),
-            *(*joint.stops_rad, joint.stop_stiffness_N_m_per_rad),
-        ]
-    )
-    contact = np.ascontiguousarray(np.broadcast_to(np.asarray(contact_N_m, float), (rows + 1,)))
-    led = None if led_rad is None else np.ascontiguousarray(led_rad, dtype=float)
-    out = np.empty((rows, 2 + 3 * count))
-    pointer = ctypes.c_void_p
-    library.plant(
-        *(pointer(numbers.ctypes.data), records, ctypes.c_int(count), ctypes.c_double(row_s), ctypes.c_long(rows)),
-        *(ctypes.c_int(round(row_s / step_s)), pointer(motor.ctypes.data), pointer(contact.ctypes.data)),
-        *(pointer(None if led is None else led.ctypes.data), ctypes.c_double(start_rad), pointer(out.ctypes.data)),
+    count = len(mechanism.tendons)
+    plant = Plant(
+        mechanism,
+        row_s,
+        start_rad,
+        tensions_N=tensions_N,
+        soft=soft,
+        masses=masses,
+        step_s=step_s,
+        arm_by_q=arm_by_q,
     )
     first = np.concatenate([[start_rad, 0.0], *(3 * [tensions_N])])
-    out = np.vstack([first, out])
+    out = np.vstack([first, plant.turn(motor_rad, contact_N_m, led_rad)])
     parts = (slice(2 + k * count, 2 + (k + 1) * count) for k in range(3))
     return PlantResponse(
         angle_rad=out[:, 0],

@@ -264,24 +264,32 @@ def test_a_stopped_design_leaves_what_was_there(examples, tmp_path, number):
         assert list(tmp_path.iterdir()) == [out]
 
 
+@pytest.fixture(scope="module")
+def compiled(examples, tmp_path_factory):
+    """Environment in which what is compiled was compiled before the disk fills up."""
+    folder = tmp_path_factory.mktemp("compiled")
+    (folder / "f.csv").write_text("time_s,force_N\n0,30\n1,45\n", encoding="utf-8")
+    environment = {**os.environ, "XDG_CACHE_HOME": str(folder / "cache")}
+    command = [*TENDONFF, "simulate", str(examples / "finger.toml"), "--force", str(folder / "f.csv")]
+    subprocess.run([*command, "--out", str(folder / "o.csv")], check=True, capture_output=True, env=environment)
+    return environment
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="limits of Linux")
 @pytest.mark.parametrize("limit_bytes", [2_000, 60_000])
-def test_a_full_disk_leaves_nothing_and_says_so(examples, tmp_path, limit_bytes):
+def test_a_full_disk_leaves_nothing_and_says_so(examples, tmp_path, compiled, limit_bytes):
     """A limit on the size of files stands for a disk that runs full: while the CSV, or the report, is written."""
     force = tmp_path / "f.csv"
     force.write_text("time_s,force_N\n0,30\n2,45\n4,12\n", encoding="utf-8")
     out = tmp_path / "results" / "o.csv"
     command = [*TENDONFF, "simulate", str(examples / "finger.toml"), "--force", str(force), "--out"]
-    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
-    # What is compiled is compiled before the disk fills up.
-    subprocess.run([*command, str(tmp_path / "first.csv")], check=True, capture_output=True, env=environment)
     done = subprocess.run(
         [*command, str(out)],
         capture_output=True,
         text=True,
         check=False,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit_bytes, limit_bytes)),
-        env=environment,
+        env=compiled,
     )
     assert done.returncode == 1
     assert "File too large" in done.stderr

@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
-LONG = {"6_from_data_to_design"}  # its fit; `docs/tutorials/identify.md` runs the same commands
+LONG = {"6_from_data_to_design", "7_the_second_day"}  # their fits; the tutorials and `watch` make them too
 STORE = runpy.run_path(str(ROOT / "notebooks" / "store.py"))
 NUMBER = re.compile(r"[-+]?\d+(?:[.,]\d+)*(?:e[-+]?\d+)?")
 

@@ -12,7 +12,7 @@ def describes_joint(raw: Mapping[str, object]) -> bool:
     driven = isinstance(joints, Mapping) and any(
         isinstance(table, Mapping) and table.get("kind") == "driven" for table in joints.values()
     )
-    return driven or "tendons" in raw or "drive" in raw
+    return driven or bool({"tendons", "drive", "base"} & set(raw))  # joints alone have a base
 
 
 def is_joint_file(path: str | os.PathLike[str]) -> bool:

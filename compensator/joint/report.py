@@ -58,6 +58,7 @@ def joint_report(result: JointDesign, figures: Mapping[str, Figure]) -> Report:
     return Report(
         title=f"Design: {scenario.name}",
         summary=result.headline,
+        fine_print=result.fine_print,
         warnings=result.warnings,
         sections=tuple(sections),
         provenance=provenance_of(scenario, "design"),

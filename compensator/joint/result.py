@@ -126,18 +126,20 @@ class JointDesign:
 
     @property
     def headline(self) -> str:
-        """The answer in a few sentences."""
+        """Expected error on a rig, and the next command."""
+        export = f"tendonff export-c {as_argument(self.scenario.source)} --out c"
+        return self.expectation.headline(self.recommended.label, export)
+
+    @property
+    def fine_print(self) -> str:
+        """Errors with exactly the design's parameters."""
         best = self.profiles[self.recommended.name]
         whole = f"{math.degrees(self.sampled.range):.3g} deg" if self.is_angle else f"{self.sampled.range:.3g} N m"
-        said = (
-            f"By the ratio alone the RMS error is {self.text(self.profiles['linear'].rms)}, the range being {whole}. "
+        return (
+            f"With exactly the design's parameters the RMS error is {self.text(best.rms)} ({self.recommended.label}, "
+            f"{self.masses} masses a tendon, step/{self.refinement}), {self.text(self.profiles['linear'].rms)} with "
+            f"the ratio alone; the range is {whole}."
         )
-        said += (
-            f"Best profile: {self.recommended.label}, RMS error {self.text(best.rms)} (same parameters, {self.masses} "
-        )
-        said += f"masses a tendon, step/{self.refinement})."
-        export = f"tendonff export-c {as_argument(self.scenario.source)} --out c"
-        return f"{said} {self.expectation.headline(self.recommended.label, export)}"
 
     def write(self, folder: str | os.PathLike[str]) -> None:
         """Write `profile.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""

@@ -15,6 +15,7 @@ from tendonff.compensator.files.reading import FloatArray, InputError, read_csv,
 from tendonff.compensator.joint.base import with_base
 from tendonff.compensator.joint.observer_table import ObserverTable
 from tendonff.compensator.joint.reference import KINDS, JointQuantity, JointReference
+from tendonff.compensator.joint.settings import JointAdaptation
 from tendonff.compensator.scenario.joints import Joint, read_joints
 from tendonff.compensator.scenario.reference import Shape, along_waypoints
 from tendonff.compensator.scenario.sampled.joint_motion import joint_angles
@@ -29,7 +30,7 @@ from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.models.path import JointMotion
 
 _PARTS: dict[str, type] = {"path": TendonPath, "tendon": Tendon, "friction": Friction}
-_TABLES = ("joints", "tendons", "drive", "reference", "run", "robust", "observer", *_PARTS)
+_TABLES = ("joints", "tendons", "drive", "reference", "run", "robust", "adaptation", "observer", *_PARTS)
 _TENDON_KEYS = ("name", "moment_arm_m", "lengths", *_PARTS)
 _NOT_FOR_A_JOINT = {
     "actuator": "the motors stand in [drive]",
@@ -56,6 +57,8 @@ class JointScenario:
     robust : Uncertainty
     observer : ObserverTable or None
         Laws of angle and torque from the motor, where `identify` has fitted them.
+    adaptation : JointAdaptation or None
+        Self-tuning, where the file has the table.
     source : Path
         The file it was read from.
     text : str
@@ -75,6 +78,7 @@ class JointScenario:
     text: str
     observer: ObserverTable | None = None
     inputs: tuple[Path, ...] = field(default=())
+    adaptation: JointAdaptation | None = None
 
     def reference_file(self) -> Path | None:
         """The file of a CSV reference, resolved; None for the other kinds."""
@@ -188,6 +192,11 @@ def parse_joint_scenario(text: str, source: str | os.PathLike[str] = "scenario.t
         motion=motion,
         run=read_table(Run, raw.get("run", {}), file=file, table="run"),
         robust=with_spread(stated, spread, mechanism, file),
+        adaptation=(
+            read_table(JointAdaptation, raw["adaptation"], file=file, table="adaptation")
+            if "adaptation" in raw
+            else None
+        ),
         source=source,
         text=text,
         observer=read_table(ObserverTable, raw["observer"], file=file, table="observer") if "observer" in raw else None,

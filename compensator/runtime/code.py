@@ -1,6 +1,6 @@
 """The C that a runtime runs: the sources of one exported module, and a driver that hands over plain numbers."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from tendonff.compensator.adapt.setup import check_tuning
 from tendonff.compensator.compensators.base import Problem
@@ -53,6 +53,23 @@ unsigned tff_runtime_step(void *memory, double dt, double reference, double meas
     return status;
 }}
 """
+_ADAPTIVE_JOINT = """#include "tff_joint_adaptive.h"
+long tff_runtime_size(void) {{ return (long)sizeof(tff_joint_adaptive); }}
+int tff_runtime_init(void *memory, double start, const double *joints)
+{{
+    (void)joints;
+    return tff_joint_adaptive_init(memory, 0, start, 0.0{others});
+}}
+unsigned tff_runtime_step(void *memory, double dt, double reference, double measured, const double *joints, double *out)
+{{
+    tff_joint_adaptive *const self = memory;
+    const unsigned status = tff_joint_adaptive_step_dt(self, dt, reference, 0.0, measured{others});
+    (void)joints;
+    out[0] = self->command_rad;
+    out[1] = self->factor;
+    return status;
+}}
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,6 +79,8 @@ class RuntimeCode:
     Attributes
     ----------
     kind : RuntimeKind
+    driven : bool
+        Of a driven joint, not of one tendon.
     sources : dict of str to str
         Text by file name.
     driver : str
@@ -80,6 +99,7 @@ class RuntimeCode:
     """
 
     kind: RuntimeKind
+    driven: bool
     sources: dict[str, str]
     driver: str
     digest: str
@@ -90,8 +110,16 @@ class RuntimeCode:
     outputs: int
 
 
-def joint_runtime(scenario: JointScenario) -> RuntimeCode:
-    """Code of a driven joint."""
+def joint_runtime(scenario: JointScenario, kind: RuntimeKind | None) -> RuntimeCode:
+    """Code of a driven joint; the default kind is adaptive where the scenario has [adaptation], else the inverse."""
+    file, tuned = scenario.source.name, scenario.adaptation is not None
+    kind = kind or (RuntimeKind.ADAPTIVE if tuned else RuntimeKind.JOINT)
+    if kind not in (RuntimeKind.ADAPTIVE, RuntimeKind.JOINT):
+        raise InputError(f'{file}: a driven joint has the kinds "joint" and "adaptive", got "{kind}"')
+    if kind is RuntimeKind.ADAPTIVE and not tuned:
+        raise InputError(f'{file}: table [adaptation] is missing; sensor = "joint_angle" is all it needs')
+    adaptive = kind is RuntimeKind.ADAPTIVE
+    scenario = scenario if adaptive else replace(scenario, adaptation=None)
     sampled = sample_joint(scenario)
     problem = problem_of(scenario, sampled)
     torque = scenario.reference.quantity is JointQuantity.TORQUE
@@ -101,9 +129,10 @@ def joint_runtime(scenario: JointScenario) -> RuntimeCode:
     others = ", joints" if names else ""
     reference, angle = (sampled.contact_N_m, f"joints[{len(names)}]") if torque else (sampled.angle_rad, "reference")
     return RuntimeCode(
-        kind=RuntimeKind.JOINT,
+        kind=kind,
+        driven=True,
         sources=joint_sources((scenario,)),
-        driver=_JOINT.format(
+        driver=(_ADAPTIVE_JOINT if adaptive else _JOINT).format(
             others=others,
             angle=angle,
             contact="reference" if torque else "0.0",
@@ -145,6 +174,7 @@ def tendon_runtime(scenario: Scenario, kind: RuntimeKind | None) -> RuntimeCode:
     measured = ", measured" if kind is RuntimeKind.ADAPTIVE else ""
     return RuntimeCode(
         kind=kind,
+        driven=False,
         sources=c_sources(scenario, problem, modules, Precision.DOUBLE, "tff", further),
         driver=_TENDON.format(module=kind.value, arguments=measured + (", joints" if names else "")),
         digest=scenario_hash(scenario),

@@ -13,7 +13,7 @@ class RuntimeKind(StrEnum):
     STREAM
         The same behind a filter, for references that arrive live.
     ADAPTIVE
-        The exact inverse that tunes itself to a measurement ([adaptation]).
+        The exact inverse, of one tendon or of a joint, that tunes itself to a measurement ([adaptation]).
     JOINT
         The inverse of a driven joint between tendons.
     """
@@ -79,7 +79,7 @@ _TENDON = {
 _JOINT = _TENDON | {2: RuntimeStatus.TORQUE_LIMITED, 4: RuntimeStatus.SPEED_LIMITED, 32: RuntimeStatus.SLACK}
 
 
-def statuses(bits: int, kind: RuntimeKind) -> tuple[RuntimeStatus, ...]:
-    """Meaning of the status bits of exported C."""
-    known = _JOINT if kind is RuntimeKind.JOINT else _TENDON
+def statuses(bits: int, *, driven: bool) -> tuple[RuntimeStatus, ...]:
+    """Meaning of the status bits of exported C, of a driven joint or of one tendon."""
+    known = _JOINT if driven else _TENDON
     return tuple(status for bit, status in known.items() if bits & bit)

@@ -50,7 +50,8 @@ class Runtime:
     scenario : str, path, Scenario or JointScenario
         Of one tendon or of a driven joint.
     kind : RuntimeKind or str, optional
-        Which compensator of one tendon; default: "adaptive" where the scenario has [adaptation], else "inverse".
+        Which compensator; default: "adaptive" where the scenario has [adaptation], else "inverse" of one tendon and
+        "joint" of a driven joint.
     start : float, optional
         Reference at rest before the first step [N, rad or N m]; default: the scenario's first.
 
@@ -90,9 +91,7 @@ class Runtime:
             scenario = load_joint_scenario(path) if is_joint_file(path) else load_scenario(path)
         wanted = None if kind is None else _kind(kind)
         if isinstance(scenario, JointScenario):
-            if wanted not in (None, RuntimeKind.JOINT):
-                raise InputError(f'{scenario.source.name}: a driven joint has kind "joint" only, got "{wanted}"')
-            code = joint_runtime(scenario)
+            code = joint_runtime(scenario, wanted)
         else:
             code = tendon_runtime(scenario, wanted)
         host = compile_on_host(code.sources, code.driver, Precision.DOUBLE, keep=True)
@@ -100,7 +99,7 @@ class Runtime:
             raise CodeError(f"a runtime runs compiled C; {why_no_compiler()}")
         self.kind, self.step_s, self.joints = code.kind, code.step_s, code.joints
         self.start = code.start if start is None else start
-        self._digest = code.digest
+        self._digest, self._driven = code.digest, code.driven
         size = host.function("tff_runtime_size", result=ctypes.c_long)()
         self._memory = ctypes.create_string_buffer(size)
         address, real = ctypes.c_void_p, ctypes.c_double
@@ -109,6 +108,7 @@ class Runtime:
         )
         self._angles = np.array([*code.joints_start_rad, 0.0])  # never empty
         self._command = np.zeros(max(2, code.outputs))
+        self._command[1] = 1.0
         self._outputs, self._status = code.outputs, 0
         self._places = tuple(ctypes.c_void_p(a.ctypes.data) for a in (self._angles, self._command))
         init = host.function("tff_runtime_init", address, real, address, result=ctypes.c_int)
@@ -133,7 +133,7 @@ class Runtime:
             Time since the last call [s]; default: `step_s`. A longer one than 30 ms (1.5 steps, if those are longer)
             is a pause: the rig is taken to stand where it was.
         measured : float, optional
-            Measurement that the adaptive kind learns from [N or m]; None or NaN teaches nothing.
+            Measurement that the adaptive kind learns from [N, m or rad]; None or NaN teaches nothing.
         joints : mapping of str to float, or sequence of float, optional
             Angles [rad] of the joints that `joints` names, by name or in that order.
 
@@ -162,7 +162,12 @@ class Runtime:
     @property
     def status(self) -> tuple[RuntimeStatus, ...]:
         """Status of the last step; empty where nothing is to be said."""
-        return statuses(self._status, self.kind)
+        return statuses(self._status, driven=self._driven)
+
+    @property
+    def factor(self) -> float:
+        """Factor on the parameters that [adaptation] of a driven joint tunes, as it is used; 1 for other kinds."""
+        return float(self._command[1]) if self._driven and self.kind is RuntimeKind.ADAPTIVE else 1.0
 
     def state(self) -> RuntimeState:
         """Everything that is remembered, to go on from by `restore`."""

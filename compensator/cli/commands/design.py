@@ -74,5 +74,5 @@ def _design_joint(scenario: Path, out: Path, *, strict: bool, online: bool) -> i
         with progress("writing"):
             result.write(folder)
     warn(*result.warnings)
-    say(result.headline, f"report: {out / 'report.html'}")
+    say(result.headline, result.fine_print, f"report: {out / 'report.html'}")
     return 0

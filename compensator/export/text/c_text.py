@@ -104,11 +104,27 @@ def folder_files(
 ) -> dict[str, str]:
     """Files of an exported folder beside the sources of its modules, by file name; arguments as of `c_sources`."""
     context = _context(scenario, problem, modules, precision, prefix, further)
+    return _written({name: f"c/{name}.j2" for name in _FOLDER_FILES}, context) | _packages(modules, context)
+
+
+def package_files(
+    scenario: Scenario, problem: Problem, modules: Sequence[CModule], precision: Precision, prefix: str
+) -> dict[str, str]:
+    """Files that carry some modules into other tools, by their path below the exported folder."""
+    return _packages(modules, _context(scenario, problem, modules, precision, prefix, {}))
+
+
+def _packages(modules: Sequence[CModule], context: Mapping[str, Any]) -> dict[str, str]:
     # Structured Text has the law with one dead band.
     there = {"", *(m.name for m in modules if m.name != "capstan" or context["plays"] is None)}
-    there |= {"follower"} if context["follower"] and not context["joint_parameter"] else set()
-    templates = {name: f"c/{name}.j2" for name in _FOLDER_FILES}
-    templates |= {path.format(p=prefix): template for path, (template, needs) in _PACKAGES.items() if needs in there}
+    there |= {"follower"} if context["follower"] else set()
+    prefix = context["prefix"]
+    return _written(
+        {path.format(p=prefix): text for path, (text, needs) in _PACKAGES.items() if needs in there}, context
+    )
+
+
+def _written(templates: Mapping[str, str], context: Mapping[str, Any]) -> dict[str, str]:
     return {path: _TEMPLATES.get_template(template).render(context) for path, template in templates.items()}
 
 

@@ -20,6 +20,12 @@ from tendonff.models.joint.parameters import Mechanism
 PUSHED = 1.2
 """A push: torque beyond that of free strokes by this factor."""
 
+STEEPER = 1.5
+"""Ratio of slopes from which on a rise is a stop after weight, and not a stop after which a tendon goes slack."""
+
+END_SHARE = 0.005
+"""End of a push: so near to the furthest motor angle, as a share of its range."""
+
 SLIDING_SHARE = 0.4
 """Gross sliding: so much of the motor's range after a reversal, and further."""
 
@@ -148,7 +154,8 @@ def _sliding(motor: Array, speed: Array) -> Mask:
 
 def _push(motor: Array, torque: Array, way: int, drive: float, level: float) -> Push | None:
     """The push that goes furthest one way: where its torque leaves that of free strokes, and two straight lines."""
-    last = int(np.argmax(way * motor))
+    furthest = np.flatnonzero(way * motor >= (way * motor).max() - END_SHARE * float(np.ptp(motor)))
+    last = int(furthest[np.argmax(way * torque[furthest])])  # once the motor stands, friction of its gear lets go
     if way * (torque[last] - level) < (PUSHED - 1) * drive:
         return None
     way_up = way * motor[: last + 1]
@@ -171,10 +178,14 @@ def _push(motor: Array, torque: Array, way: int, drive: float, level: float) -> 
     if best is None or best[3] <= 0:
         return None
     _, kink, at, before, after = best
-    touch = kink - at / before
+    if after > STEEPER * before:  # what rises before is weight: the stop is where it gets steep
+        return Push(way=way, touch_rad=way * kink, kink_rad=None, slopes_N_m_per_rad=(after, after))
     bent = 0 < after < 0.97 * before
     return Push(
-        way=way, touch_rad=way * touch, kink_rad=way * kink if bent else None, slopes_N_m_per_rad=(before, after)
+        way=way,
+        touch_rad=way * max(kink - at / before, float(x[0])),  # a shallow line leads beyond what the motor reached
+        kink_rad=way * kink if bent else None,
+        slopes_N_m_per_rad=(before, after),
     )
 
 

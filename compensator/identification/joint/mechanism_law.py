@@ -11,7 +11,7 @@ from tendonff.compensator.identification.measured import Array
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.fits.least_squares import Blocks, Residuals, Solution, block_covariance, solve
+from tendonff.ocp.fits.least_squares import Blocks, Residuals, Solution, Unknown, block_covariance, solve
 from tendonff.ocp.fits.mechanism import GEAR_SLIP_RAD, MotorResponse, differences, respond
 
 COARSE_MASSES, FINE_MASSES = 6, 12
@@ -22,6 +22,9 @@ TORQUE_SHARE, JOINT_RAD = 0.008, 2e-3
 
 STEP = 5e-3
 """Difference that slopes are taken over, in usual steps of a search."""
+
+STOP_MARGIN = 2e-3
+"""Share of the motor's range by which a stop that was touched stands inside of it at the start of a search."""
 
 BLOCK_S = 0.5
 """Rows this far apart are taken as independent: about a reversal."""
@@ -122,6 +125,23 @@ class MechanismLaw:
         residuals, slopes = differences(predict, start, steps)
         return Residuals(values=residuals, slopes=slopes, blocks=self._blocks(len(residuals)))
 
+    def _unknown(self, number: JointNumber, start: float) -> Unknown:
+        """Bounds and step of a number's search; a stop that was touched stands where the motors went."""
+        if number not in (JointNumber.STOP_LOW, JointNumber.STOP_HIGH):
+            return number.unknown(start)
+        mechanism = self.mechanism
+        places = [
+            log.run.start_rad
+            + log.run.motor_rad
+            * mechanism.drum_radius_m[0]
+            / (mechanism.drive.gear_ratio * abs(mechanism.arms_at(log.run.start_rad)[0]))
+            for log in self.logs
+        ]
+        reach = [float(f(np.concatenate(places))) for f in (np.min, np.max)]
+        margin = STOP_MARGIN * (reach[1] - reach[0])
+        at = min(max(start, reach[0] + margin), reach[1] - margin)
+        return replace(number.unknown(at), low=reach[0], high=reach[1])
+
     def fit(self, start: Mapping[JointNumber, float], *, most: int = 15, tolerance: float = 1e-4) -> Solution:
         """Least squares over the numbers of `start`; SolveError where the start has no answer."""
         free = tuple(start)
@@ -130,7 +150,7 @@ class MechanismLaw:
             return self.evaluate({n: values[n] for n in free}, free)
 
         try:
-            return solve(evaluate, [n.unknown(start[n]) for n in free], most=most, tolerance=tolerance)
+            return solve(evaluate, [self._unknown(n, start[n]) for n in free], most=most, tolerance=tolerance)
         except ParameterError as error:
             raise SolveError(str(error)) from None
 

@@ -169,7 +169,9 @@ class JointNumber(_Specified, Enum):
     )
     GRAVITY = (
         "gravity_N_m",
-        JointSpec(unit="N m", role=Role.CORE, key="joint.gravity_N_m", step=0.02, of_force=True, advice=_STROKE),
+        JointSpec(
+            unit="N m", role=Role.CORE, key="joint.gravity_N_m", step=0.02, floor=0.012, of_force=True, advice=_STROKE
+        ),
     )
     STOP_HIGH = (
         "stop_high_rad",
@@ -322,8 +324,10 @@ def require_loop(mechanism: Mechanism, file: str) -> None:
     """Refuse a mechanism that is no loop, or has no friction to begin with."""
     if mechanism.drive.kind != "loop":
         raise ParameterError(
-            f"{file}: identification of a joint is for a loop; of a pair, identify each tendon by itself from the "
-            "current and angle of its motor"
+            f"{file}: identification of a joint is for a loop; the motors of a pair feel both ends of one tendon that "
+            "passes the joint: describe that in a scenario of one tendon, with the bends of both, and give one motor's "
+            "tension as input_tension_N, the other's as output_tension_N, from a log in which one motor holds its "
+            "tension and the other moves the joint slowly"
         )
     if not JointNumber.MU.of(mechanism) > 0:
         raise ParameterError(f"{file} [friction]: mu_dynamic must be > 0 to begin with; 0.15 is a usual value")

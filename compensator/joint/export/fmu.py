@@ -1,5 +1,7 @@
 """`tendonff export-fmu` of a driven joint: wanted angle in, angle of the motor and tensions out."""
 
+from dataclasses import replace
+
 from tendonff._version import __version__
 from tendonff.compensator.export.kinds import FmiVersion
 from tendonff.compensator.export.modules import check_prefix
@@ -42,8 +44,16 @@ def build_joint_fmu(
         If the inverse fails, or is worse than the ratio alone.
     CodeError
         If a compiler refuses the sources.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> knuckle = tf.load_joint_scenario("examples/hand_joint.toml")
+    >>> unit, judged = tf.export_joint_fmu(knuckle, tf.FmiVersion.V3)  # doctest: +SKIP
+    >>> unit.write("fmu")  # doctest: +SKIP
     """
     check_prefix(prefix)
+    scenario = replace(scenario, adaptation=None)  # a unit has no measured angle
     sampled = sample_joint(scenario)
     problem = problem_of(scenario, sampled)
     others = other_joints((problem,))

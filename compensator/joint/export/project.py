@@ -44,6 +44,7 @@ class ExportedJoints:
     loss_rad : float or None
         Largest departure of the compiled code from the model; None without a compiler.
     warnings : tuple of str
+        What the user should know, one sentence each.
     """
 
     files: dict[str, str]
@@ -84,6 +85,13 @@ def export_joints(
         If names or steps of the scenarios do not go together.
     SolveError
         If a joint's inverse fails, or is worse than the ratio alone.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> knuckle = tf.load_joint_scenario("examples/hand_joint.toml")
+    >>> exported = tf.export_joint_c([knuckle], precision=tf.Precision.FLOAT)  # doctest: +SKIP
+    >>> exported.write("c")  # doctest: +SKIP
     """
     check_prefix(prefix)
     _check_together(scenarios)

@@ -10,6 +10,8 @@ from tendonff.compensator.compensators.stream import RE_ENTRY_S
 from tendonff.compensator.export.modules import accepted_steps
 from tendonff.compensator.export.text.c_text import harmless
 from tendonff.compensator.files.reading import FloatArray, InputError
+from tendonff.compensator.joint.adaptation import TunedJoint
+from tendonff.compensator.joint.export.adaptive import adaptive_context
 from tendonff.compensator.joint.scenario import JointScenario, SampledJoint, sample_joint
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters import DriveKind, Mechanism
@@ -47,13 +49,24 @@ def module_text(
 ) -> tuple[dict[str, str], dict[str, Any]]:
     """The same, and the values for the templates."""
     others = other_joints(problems)
-    code = joint_code(problems, scenarios[0].run.step_s, f"{prefix}_joint", precision, others)
+    tuned = [
+        None if scenario.adaptation is None else TunedJoint.of(scenario, each)
+        for scenario, each in zip(scenarios, sampled, strict=True)
+    ]
+    # Behind the joints themselves what their tuners run: each joint at the bounds of its factor.
+    more = [(end, each) for one, each in zip(tuned, sampled, strict=True) if one for end in (one.low, one.high)]
+    every = [
+        *zip(scenarios, sampled, problems, strict=True),
+        *((end, each, problem_of(end, each)) for end, each in more),
+    ]
+    code = joint_code([each[2] for each in every], scenarios[0].run.step_s, f"{prefix}_joint", precision, others)
     context = _context(scenarios, problems, code.masses, precision, prefix, others)
     context |= {"core": code.core, "data": code.data, "rest_torque": _rest_torque(code.core, prefix, precision)}
-    context["joints"] = [
-        _described(*each, precision) for each in zip(scenarios, sampled, problems, code.others, strict=True)
-    ]
-    return {f"{prefix}_joint.{end}": render(f"joint.{end}.j2", context) for end in ("h", "c")}, context
+    records = [_described(*each, given, precision) for each, given in zip(every, code.others, strict=True)]
+    context |= {"records": records, "joints": records[: len(scenarios)]}
+    context |= adaptive_context(scenarios, tuned, prefix, precision)
+    modules = ["joint", *(["joint_adaptive"] if more else [])]
+    return {f"{prefix}_{m}.{end}": render(f"{m}.{end}.j2", context) for m in modules for end in ("h", "c")}, context
 
 
 def problem_of(scenario: JointScenario, sampled: SampledJoint) -> JointProblem:

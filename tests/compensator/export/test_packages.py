@@ -11,8 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.export.host import run_on_host
+from tendonff.compensator.export.modules import c_modules
+from tendonff.compensator.export.text.c_text import c_sources, package_files
 from tendonff.compensator.runtime.runtime import Runtime
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
@@ -95,6 +98,47 @@ def test_structured_text_is_read_by_a_parser_of_the_standard(files, kind):
     assert parsed.exception is None
 
 
+def controller(folder, built, modules):
+    """The exported controller and its C, with a program that takes it through its life."""
+    flags = ("-O0", "-Wall", "-Wextra", "-Werror", "-I", folder, "-ffp-contract=off")
+    objects = []
+    for name in modules:
+        objects.append(built / f"{name}.o")
+        subprocess.run(["gcc", *flags, "-c", folder / f"tff_{name}.c", "-o", objects[-1]], check=True)
+    subprocess.run(
+        [
+            *("g++", "-std=c++17", *flags, "-I", HERE / "ros2", HERE / "ros2" / "main.cpp"),
+            *(folder / "ros2" / "tff_controller" / "tff_controller.cpp", *objects, "-lm", "-o", built / "controller"),
+        ],
+        check=True,
+    )
+    return built / "controller"
+
+
+def test_the_ros_2_controller_takes_the_joints_that_move_the_path_from_their_states(examples, tmp_path):
+    if shutil.which("g++") is None or shutil.which("gcc") is None:
+        pytest.skip("g++ is not installed")
+    scenario = load_scenario(examples / "finger_moving.toml")
+    modules = [module for module in c_modules(scenario, True) if module.name == "inverse"]
+    problem = Problem.of(scenario)
+    arguments = (scenario, problem, modules, Precision.DOUBLE, "tff")
+    for name, text in (c_sources(*arguments) | package_files(*arguments)).items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    reference, runtime = sample_reference(scenario), Runtime(scenario, kind="inverse")
+    rows = slice(0, 400)
+    angles = problem.chain.motion.at(reference.time_s)[rows]
+    tensions = reference.tension_N[rows]
+    expected = [runtime.step(float(t), joints=q) for t, q in zip(tensions, angles.tolist(), strict=True)]
+    given = "\n".join(" ".join(map(repr, row)) for row in np.column_stack([tensions, angles]).tolist())
+    program = controller(tmp_path, tmp_path, ("parameters", "limits", "path", "inverse"))
+    done = subprocess.run(
+        [program, repr(reference.step_s), *runtime.joints], input=given, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert list(map(float, done.stdout.split())) == pytest.approx(expected, rel=1e-12)
+
+
 def test_the_ros_2_controller_answers_what_the_c_answers_at_any_rate(files, folder, course, tmp_path, scenario):
     """Compiled against minimal headers with the names and signatures of ros2_control, not against ROS itself; at the
     scenario's rate and at 400 Hz."""
@@ -102,19 +146,7 @@ def test_the_ros_2_controller_answers_what_the_c_answers_at_any_rate(files, fold
         pytest.skip("g++ is not installed")
     sources = {name: text for name, text in files.items() if name.startswith("tff_") and name.endswith((".c", ".h"))}
     (answered,) = run_on_host(sources, "tff", Precision.DOUBLE, [{"inverse": course}])
-    flags = ("-O0", "-Wall", "-Wextra", "-Werror", "-I", folder, "-ffp-contract=off")
-    objects = []
-    for name in ("parameters", "limits", "inverse"):
-        objects.append(tmp_path / f"{name}.o")
-        subprocess.run(["gcc", *flags, "-c", folder / f"tff_{name}.c", "-o", objects[-1]], check=True)
-    program = tmp_path / "controller"
-    subprocess.run(
-        [
-            *("g++", "-std=c++17", *flags, "-I", HERE / "ros2", HERE / "ros2" / "main.cpp"),
-            *(folder / "ros2" / "tff_controller" / "tff_controller.cpp", *objects, "-lm", "-o", program),
-        ],
-        check=True,
-    )
+    program = controller(folder, tmp_path, ("parameters", "limits", "inverse"))
     given = "\n".join(repr(float(v)) for v in course)
     runtime = Runtime(scenario, kind="inverse", start=float(course[0]))
     slower = np.array([runtime.step(float(reference), dt=2.5e-3) for reference in course])

@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tendonff.compensator.adapt import joint as study
+from tendonff.compensator.adapt.joint import adapt_joint
 from tendonff.compensator.cli import run
 from tendonff.compensator.compare.joint import compare_joint
 from tendonff.compensator.design.sweep.run import sweep
@@ -21,6 +23,8 @@ from tendonff.compensator.tables.joint import BOUND_SHARE, tabulate_joint
 from tendonff.models.fidelity import Level
 from tendonff.models.joint.parameters import DriveKind, Mechanism
 from tendonff.models.parameters.numbers import with_numbers
+from tendonff.models.path import JointMotion
+from tendonff.ocp.joint.invert import invert_joint
 from tendonff.ocp.joint.simulate import simulate_joint
 from tendonff.ocp.joint.start import joint_problem
 
@@ -147,7 +151,7 @@ def test_a_sweep_reports_each_unit(scenario: JointScenario, tmp_path: Path) -> N
         rig = with_numbers(scenario.mechanism, {"stiffness": row.values[0]})
         assert row.percent[1] == close(error_percent(scenario, rig, command))
     assert found.expectation is not None
-    assert found.headline.startswith("Tracking error up to ")
+    assert ". Tracking error up to " in found.headline
     assert " deg RMS" in found.headline
 
 
@@ -190,3 +194,31 @@ def test_comparison_and_sweep_write_their_pages(tmp_path: Path) -> None:
     assert summary["matrix"][0].keys() >= {"peak_error_rad", "rmse_percent_of_range"}
     assert "Largest error [deg]" in (tmp_path / "c" / "report.html").read_text("utf-8")
     assert {path.suffix for path in (tmp_path / "c").iterdir()} >= {".html", ".csv", ".svg", ".json"}
+
+
+def test_adapt_judges_the_plain_inverse_as_its_plant_does_or_refuses(
+    scenario: JointScenario, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = parse_joint_scenario(f'{scenario.text}\n[adaptation]\nsensor = "joint_angle"\n', scenario.source)
+    if scenario.mechanism.drive.kind is DriveKind.PAIR:
+        with pytest.raises(InputError, match="a pair has none"):
+            adapt_joint(asked)
+        return
+    off = study.JointVariation(name="friction +30 %", mu=1.3)
+    monkeypatch.setattr(study, "VARIATIONS", (off,))
+    monkeypatch.setattr(study, "SHORTEST_S", 3.0)
+    monkeypatch.setattr(study, "SETTLED_S", 2.0)
+    found = adapt_joint(asked)
+    rig = with_numbers(scenario.mechanism, {"mu": 1.3})
+    motion = JointMotion(
+        names=("q",), time_s=np.append(0.0, found.time_s), angle_rad=np.append([0.0], found.reference_rad)[:, None]
+    )
+    command = invert_joint(joint_problem(scenario.mechanism, Level.PRESLIDING, motion), motion.angle_rad[:, 0], STEP)
+    fine = np.arange(2 * len(found.time_s) + 1) / 2
+    motor = np.interp(fine, np.arange(len(command.motor_rad)), command.motor_rad[:, 0])
+    reached = simulate_joint(joint_problem(rig, Level.PRESLIDING, motion, segments=MASSES), motor, STEP / 2).require()
+    (case,) = found.cases
+    assert case.plain_rad == pytest.approx(reached.angle_rad[2::2] - found.reference_rad, abs=1e-9)
+    # A cycle that sets out at full speed swings: more is off there than friction.
+    most = 1.05 if scenario.reference.periodic else 0.5
+    assert case.settled_deg(case.tuned_rad) < most * case.settled_deg(case.plain_rad)

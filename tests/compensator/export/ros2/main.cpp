@@ -1,12 +1,12 @@
-// Takes the controller through its life, and prints its command for each reference on standard input; the argument is the
-// period of its updates [s].
+// Takes the controller through its life, and prints its command for each reference on standard input; the arguments are
+// the period of its updates [s] and the names of the joints that move the path, whose angles follow each reference.
 #include <cstdio>
 #include <cstdlib>
 #include "controller_interface/chainable_controller_interface.hpp"
 
 controller_interface::ChainableControllerInterface * make_controller();
 
-int main(int, char ** arguments)
+int main(int count, char ** arguments)
 {
   using controller_interface::CallbackReturn;
   double command = 0.0, reference = 0.0;
@@ -26,9 +26,19 @@ int main(int, char ** arguments)
   auto interfaces = controller->exported();
   if (interfaces.size() != 1 || interfaces[0].get_name() != "tension/tension") return 7;
   controller->command_interfaces_.emplace_back("finger", "effort", &command);
+  std::vector<double> angles(static_cast<std::size_t>(count - 2));
+  std::vector<std::string> names;
+  for (std::size_t k = 0; k < angles.size(); k++) {
+    names.push_back(std::string(arguments[k + 2]) + "/position");
+    controller->state_interfaces_.emplace_back(&angles[k]);
+  }
+  if (controller->state_interface_configuration().names != names) return 10;
   if (controller->on_activate(state) != CallbackReturn::SUCCESS) return 8;
   while (std::scanf("%lf", &reference) == 1) {
     interfaces[0].set_value(reference);
+    for (auto & angle : angles) {
+      if (std::scanf("%lf", &angle) != 1) return 11;
+    }
     if (controller->update_and_write_commands({}, {std::atof(arguments[1])}) != controller_interface::return_type::OK) return 9;
     std::printf("%.17g\n", command);
   }

@@ -19,15 +19,19 @@ def other(**drive: float) -> Mechanism:
     return replace(true, drive=replace(true.drive, **drive))  # type: ignore[arg-type]
 
 
-def write(folder: Path, true: Mechanism, asked: JointScenario | None = None, *, encoder: bool = False) -> Path:
-    """Log of the suggested routine, with the noise of a current."""
+def write(
+    folder: Path, true: Mechanism, asked: JointScenario | None = None, *, encoder: bool = False, dip_rad: float = 0.0
+) -> Path:
+    """Log of the suggested routine, with the noise of a current; a dip goes below its start at the end."""
     routine = suggest_routine(asked or scenario())
-    run = MotorRun(motor_rad=routine.motor_rad, step_s=0.01, start_rad=0.0)
+    dip = -dip_rad * np.sin(np.pi * np.arange(1, 201) / 200) ** 2 if dip_rad else np.empty(0)
+    motor = np.concatenate([routine.motor_rad, routine.motor_rad[-1] + dip])
+    run = MotorRun(motor_rad=motor, step_s=0.01, start_rad=0.0)
     answer = respond(true, run, segments=16, refinement=4)
-    noise = 1e-3 * np.random.default_rng(1).standard_normal(len(routine.time_s))
+    noise = 1e-3 * np.random.default_rng(1).standard_normal(len(motor))
     columns = {
-        "time_s": routine.time_s,
-        "motor_rad": routine.motor_rad,
+        "time_s": 0.01 * np.arange(len(motor)),
+        "motor_rad": motor,
         "motor_torque_N_m": answer.torque_N_m + noise,
         "joint_rad": answer.angle_rad,
     }

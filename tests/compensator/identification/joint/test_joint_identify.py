@@ -1,6 +1,7 @@
 """Identification of a joint on logs of its own mechanism: laws that the data choose, what is told, what is refused."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,9 +10,13 @@ import tendonff as tf
 from tendonff.compensator.cli import run
 from tendonff.compensator.files.reading import InputError, read_csv
 from tendonff.compensator.identification.joint.estimates import derived
+from tendonff.compensator.identification.joint.first_look import look
 from tendonff.compensator.identification.joint.fitted import fitted_text, moved_files
+from tendonff.compensator.identification.joint.log import read_logs
+from tendonff.compensator.identification.joint.parameters import JointNumber
 from tendonff.compensator.identification.joint.routine import suggest_routine
 from tendonff.compensator.identification.joint.run import identify_joint
+from tendonff.compensator.scenario.measurement import Measurement
 from tests.compensator.identification.joint import own_log
 from tests.hidden_loop import EXAMPLES, scenario
 
@@ -32,6 +37,16 @@ def test_without_a_stop_lost_motion_and_friction_are_told_and_nothing_else(tmp_p
         assert "push slowly against a stop" in found.estimate(name).why
     assert any("no push against a stop" in text for text in found.warnings)
     assert "push slowly against a stop" in found.missing
+
+
+def test_a_shallow_push_starts_from_a_stop_that_was_reached(tmp_path):
+    """Else the fit never touches it: tension and stiffness then miss the truth by more than their intervals."""
+    known = scenario().mechanism
+    true = replace(known, joints=(replace(known.joint, stop_low_rad=-0.1),))
+    [log] = read_logs(scenario(), [own_log.write(tmp_path, true, dip_rad=0.12)], Measurement())
+    found = look(log, known)
+    assert [push.way for push in found.pushes] == [1, -1]
+    assert -0.12 <= found.start(known, 0.0)[JointNumber.STOP_LOW] <= -0.03
 
 
 @pytest.mark.slow
@@ -86,7 +101,7 @@ def test_a_column_that_is_missing_is_named(tmp_path, columns, told):
 
 def test_a_pair_is_refused_with_the_way_out(tmp_path):
     pair = tf.load_joint_scenario(EXAMPLES / "instrument_pair.toml")
-    with pytest.raises(InputError, match="each tendon by itself"):
+    with pytest.raises(InputError, match="both ends of one tendon that passes the joint"):
         identify_joint(pair, [tmp_path / "log.csv"])
     with pytest.raises(InputError, match="for a loop"):
         suggest_routine(pair)

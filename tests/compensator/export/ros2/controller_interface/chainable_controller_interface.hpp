@@ -20,6 +20,16 @@ private:
   double * value_;
 };
 using LoanedCommandInterface = CommandInterface;
+
+class LoanedStateInterface
+{
+public:
+  explicit LoanedStateInterface(const double * value) : value_(value) {}
+  double get_value() const { return *value_; }
+
+private:
+  const double * value_;
+};
 }  // namespace hardware_interface
 
 namespace controller_interface
@@ -54,6 +64,7 @@ public:
   std::vector<hardware_interface::CommandInterface> exported() { return on_export_reference_interfaces(); }
   unsigned int update_rate = 1000;
   std::vector<hardware_interface::LoanedCommandInterface> command_interfaces_;
+  std::vector<hardware_interface::LoanedStateInterface> state_interfaces_;
 
 protected:
   virtual std::vector<hardware_interface::CommandInterface> on_export_reference_interfaces() = 0;

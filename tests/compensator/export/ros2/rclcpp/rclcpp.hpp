@@ -5,6 +5,7 @@
 #include <memory>
 #include <string>
 #include <variant>
+#include <vector>
 
 #define RCLCPP_ERROR(logger, ...) (static_cast<void>(logger), std::fprintf(stderr, __VA_ARGS__), std::fputc('\n', stderr))
 
@@ -17,11 +18,12 @@ struct Duration
   double seconds() const { return length; }
 };
 struct Logger {};
-using Value = std::variant<std::string, double>;
+using Value = std::variant<std::string, double, std::vector<std::string>>;
 struct Parameter
 {
   Value value;
   std::string as_string() const { return std::get<std::string>(value); }
+  std::vector<std::string> as_string_array() const { return std::get<std::vector<std::string>>(value); }
   double as_double() const { return std::get<double>(value); }
 };
 }  // namespace rclcpp
