@@ -8,6 +8,7 @@ from enum import StrEnum
 
 import griffe
 
+from tendonff.compensator.joint.observer_table import ObserverTable
 from tendonff.compensator.joint.reference import JointCsv, JointSine, JointWaypoints
 from tendonff.compensator.joint.settings import JointAdaptation
 from tendonff.compensator.scenario.experiment import Experiment
@@ -124,6 +125,12 @@ TABLES = (
         unwritten=("path", "tendon", "friction", "arms", "joint"),
     ),
     Table(title="[drive]", classes=(JointDrive,), readers="as above"),
+    Table(
+        title="[observer] of a joint",
+        classes=(ObserverTable,),
+        readers="`tf.Observer`",
+        note="Written by `identify` where something else loads the joint.",
+    ),
     Table(
         title="[adaptation] of a joint",
         classes=(JointAdaptation,),

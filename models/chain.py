@@ -29,6 +29,8 @@ from tendonff.models.link import LinkLaw, tendon_force
 from tendonff.models.parameters import Transmission
 from tendonff.models.path import ANGLE_FLOOR_RAD, JointMotion, PathRows
 
+_CELL_MASS_KG = 1e-6
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chain:
@@ -87,6 +89,10 @@ class Chain:
                 mass_kg=load.mass_kg, damping_N_s_per_m=load.damping_N_s_per_m, stiffness_N_per_m=load.stiffness_N_per_m
             ),
         )
+
+    def led_by_tension(self) -> "Chain":
+        """The same chain behind a force cell: the tension measured there pulls a near end too light to matter."""
+        return replace(self, near=End(mass_kg=_CELL_MASS_KG, damping_N_s_per_m=0.0, stiffness_N_per_m=0.0))
 
     def with_end_stiffness(self, near_N_per_m: float, far_N_per_m: float) -> "Chain":
         """The same chain with other k_c1, k_c2 [N/m]: what a motor that changes between acting and loading needs."""

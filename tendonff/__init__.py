@@ -42,6 +42,8 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.compensator.joint.export.project import export_joints as export_joint_c
     from tendonff.compensator.joint.result import JointDesign
     from tendonff.compensator.joint.scenario import JointScenario, load_joint_scenario
+    from tendonff.compensator.observe.estimate import Estimate, Observation, ObserverStatus
+    from tendonff.compensator.observe.observer import Observer
     from tendonff.compensator.runtime.kinds import RuntimeKind, RuntimeStatus
     from tendonff.compensator.runtime.runtime import Runtime, RuntimeState
     from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
@@ -80,6 +82,7 @@ __all__ = [
     "Comparison",
     "Compensator",
     "Design",
+    "Estimate",
     "ExperimentResult",
     "ExportedJoints",
     "FmiVersion",
@@ -96,6 +99,9 @@ __all__ = [
     "Level",
     "Load",
     "Mechanism",
+    "Observation",
+    "Observer",
+    "ObserverStatus",
     "ParameterError",
     "Path",
     "Plant",
@@ -182,6 +188,8 @@ _HOMES = {
     "compensator.joint.export.project": ("ExportedJoints", "export_joint_c:export_joints"),
     "compensator.joint.result": ("JointDesign",),
     "compensator.joint.scenario": ("JointScenario", "load_joint_scenario"),
+    "compensator.observe.estimate": ("Estimate", "Observation", "ObserverStatus"),
+    "compensator.observe.observer": ("Observer",),
     "compensator.runtime.kinds": ("RuntimeKind", "RuntimeStatus"),
     "compensator.runtime.runtime": ("Runtime", "RuntimeState"),
     "compensator.scenario.sampled.sampling": ("Reference", "sample_reference"),

@@ -4,7 +4,7 @@ import json
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -16,11 +16,12 @@ from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.stream import StreamChoice, choose_stream
 from tendonff.compensator.compensators.table import BuiltTable, table_of
 from tendonff.compensator.export.adaptive import adaptive_test
-from tendonff.compensator.export.golden import golden_vectors
+from tendonff.compensator.export.golden import Golden, golden_vectors
 from tendonff.compensator.export.host import run_on_host
 from tendonff.compensator.export.judgement import Judged, chosen, driven, judge, judge_stream, profiles_of
-from tendonff.compensator.export.modules import ADAPTIVE_MODULES, c_modules, check_prefix
-from tendonff.compensator.export.self_test import FloatLoss, float_losses, loss_warnings, self_test_context
+from tendonff.compensator.export.modules import ADAPTIVE_MODULES, OBSERVER, c_modules, check_prefix
+from tendonff.compensator.export.observer import ObserverDesign, ObserverGolden, observer_golden
+from tendonff.compensator.export.self_test import FloatLoss, float_losses, loss_warnings, self_test_context, tolerance
 from tendonff.compensator.export.text.c_text import (
     c_sources,
     folder_files,
@@ -131,24 +132,19 @@ def export_project(
     choice = choose_stream(problem, scenario.stream)
     stream = None if choice is None else choice.picked.design
     golden = golden_vectors(problem, table, precision, stream=stream)
+    observed = ObserverDesign(problem=problem)
+    numbers["observed"] = observed
+    seen = observer_golden(observed, golden.course.chain, golden.course.reference_N, precision)
     losses: tuple[FloatLoss, ...] = ()
     found: Sequence[Mapping[str, FloatArray]] | None = None
     numbers["stream"] = stream
     if precision is Precision.FLOAT:
-        modules = tuple(m for m in c_modules(scenario, stream is not None) if m not in ADAPTIVE_MODULES)
-        every = c_sources(scenario, problem, modules, precision, prefix, numbers)
-        tension = problem.reference.tension_N
-        course = np.concatenate([tension[:-1], tension[:-1], tension]) if problem.reference.periodic else tension
-        followed = dict.fromkeys(golden.jumps.columns, course)
-        live = ({}, np.empty(0)) if golden.live is None else (golden.live.inputs_N, golden.live.joint_rad)
-        inputs = [golden.course.inputs_N, golden.jumps.inputs_N, live[0], followed]
-        angles = [golden.course.joint_rad, golden.jumps.joint_rad, live[1]]
-        if (motion := problem.chain.motion) is not None:
-            angles.append(motion.at(np.arange(len(course), dtype=np.float64) * problem.reference.step_s))
-        found = run_on_host(every, prefix, precision, inputs, angles if scenario.joints else ())
+        found = _run_in_float(scenario, problem, golden, seen, prefix, numbers)
         if found is not None:
-            losses = float_losses(golden.course, found[0], problem)
-            answers = {module: answer[-len(tension) :] for module, answer in found[3].items()}
+            expected = golden.course.columns | {OBSERVER.name: seen.output_N}
+            losses = float_losses(replace(golden.course, columns=expected), found[0], problem)
+            rows = len(problem.reference.tension_N)
+            answers = {module: answer[-rows:] for module, answer in found[3].items()}
             profiles |= {m: driven(problem, m, Profile.of_setpoint(answer, drive)) for m, answer in answers.items()}
     judged = judge(problem, profiles)
     judged = (*judged, judge_stream(judged, choice, problem))
@@ -156,6 +152,11 @@ def export_project(
     further: dict[str, object] = {
         **numbers,
         **self_test_context(problem, table, profile_N, golden, precision, found),
+        "seen": seen,
+        "seen_far_tolerance_N": (1e-3 if precision is Precision.FLOAT else 1e-8) * float(seen.input_N.max()),
+        "seen_tolerance_N": tolerance(
+            seen.output_N, float(seen.input_N.max()), precision, None if found is None else found[0][OBSERVER.name]
+        ),
         "measured": measured(precision),
         "judged": judged,
         "choice": choice,
@@ -181,6 +182,30 @@ def export_project(
     )
     warnings = (*warnings, *faults, *loss_warnings(losses))
     return Exported(files=texts, built=built, profile_N=profile_N, judged=judged, warnings=warnings, notes=notes)
+
+
+def _run_in_float(
+    scenario: Scenario,
+    problem: Problem,
+    golden: Golden,
+    seen: ObserverGolden,
+    prefix: str,
+    numbers: Mapping[str, object],
+) -> Sequence[Mapping[str, FloatArray]] | None:
+    """Answers of the modules in single precision to course, jumps, live course, and the reference from rest on."""
+    with_stream = numbers["stream"] is not None
+    modules = tuple(m for m in c_modules(scenario, with_stream) if m not in ADAPTIVE_MODULES)
+    every = c_sources(scenario, problem, modules, Precision.FLOAT, prefix, numbers)
+    tension = problem.reference.tension_N
+    course = np.concatenate([tension[:-1], tension[:-1], tension]) if problem.reference.periodic else tension
+    followed = dict.fromkeys(golden.jumps.columns, course)
+    live = ({}, np.empty(0)) if golden.live is None else (golden.live.inputs_N, golden.live.joint_rad)
+    first = golden.course.inputs_N | {OBSERVER.name: seen.input_N}
+    inputs = [first, golden.jumps.inputs_N, live[0], followed]
+    angles = [golden.course.joint_rad, golden.jumps.joint_rad, live[1]]
+    if (motion := problem.chain.motion) is not None:
+        angles.append(motion.at(np.arange(len(course), dtype=np.float64) * problem.reference.step_s))
+    return run_on_host(every, prefix, Precision.FLOAT, inputs, angles if scenario.joints else ())
 
 
 def _design_json(

@@ -6,7 +6,8 @@ from tendonff.compensator.compensators.base import CModule, Problem
 from tendonff.compensator.compensators.table import BuiltTable, accepted_range, table_of
 from tendonff.compensator.export.judgement import Judged, chosen, judge, profiles_of
 from tendonff.compensator.export.kinds import FmiVersion, Kind
-from tendonff.compensator.export.modules import ADAPTIVE, PLANT, c_modules, check_prefix
+from tendonff.compensator.export.modules import ADAPTIVE, OBSERVER, PLANT, c_modules, check_prefix
+from tendonff.compensator.export.observer import ObserverDesign
 from tendonff.compensator.export.text.c_text import c_sources, harmless, table_context
 from tendonff.compensator.export.text.parameters import parameters_of
 from tendonff.compensator.export.unit import Fmu, Variable, pack
@@ -77,7 +78,7 @@ def _judged(
     problem: Problem, built: BuiltTable | None, module: CModule, *, force_export: bool
 ) -> tuple[tuple[Judged, ...], tuple[str, ...]]:
     """Error of the unit, as judged by `export-c`; the adaptive one counts as the inverse that it tunes."""
-    if module == PLANT:
+    if module in (PLANT, OBSERVER):
         return (), ()
     name = "inverse" if module == ADAPTIVE else module.name
     judged = judge(problem, profiles_of(problem, built, names=(name,)))
@@ -117,6 +118,19 @@ def _context(
                 high=parameters["mu_pull"].high,
             )
         )
+    elif kind is Kind.OBSERVER:
+        most = ObserverDesign(problem=problem).input_max_N
+        text = "tension at the near end"
+        given = Variable(name="input_tension", text=text, unit="N", start=initial, low=0.0, high=most)
+        text = "position of the near end relative to the start, positive towards the actuator"
+        extras.append(Variable(name="input_position", text=text, unit="m", start="0.0"))
+        text = "whether the position is measured: 0 or 1"
+        extras.append(Variable(name="has_position", text=text, unit="", start="0.0", low=0.0, high=1.0))
+        outputs = [
+            Variable(name="tension", text="output tension", unit="N", start=initial),
+            Variable(name="low", text="lower bound of it", unit="N", start="0.0"),
+            Variable(name="high", text="upper bound of it", unit="N", start=initial),
+        ]
     elif kind is Kind.PLANT:
         given = force if servo else Variable(name="force", text="force of the actuator", unit="N", start=initial)
         near, far = repr(rest.near_position_m), repr(rest.far_position_m)

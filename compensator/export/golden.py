@@ -31,7 +31,7 @@ _LIVE_ROWS = 500
 _OTHER_ROWS = 160
 _OTHER_ADHESION, _MOST_ADHESION_N = 0.1, 900.0  # more of it: share of the tension, and what every record accepts
 _OTHER_RELEASE = 0.9
-_NUDGE, _GROWTH = 1e-9, 1.0
+NUDGE, GROWTH = 1e-9, 1.0
 """Relative change of the force from row to row, and how much larger its effect may get before comparing ends."""
 
 _SHARE_OF_WORK = 1 / 3
@@ -179,26 +179,27 @@ def _repeatable(problem: Problem, course: Course) -> Course:
     And as far as no step takes long, which the exported plant with its bounded work may give up.
     """
     force, plant, start = course.plant_force_N, course.columns["plant"], float(course.reference_N[0])
-    nudged = force + _NUDGE * float(np.abs(force).max()) * np.where(np.arange(len(force)) % 2, 1, -1)
+    nudged = force + NUDGE * float(np.abs(force).max()) * np.where(np.arange(len(force)) % 2, 1, -1)
     other = respond(problem, nudged, start, course.chain)
     rows = min(len(other.tension_N), len(plant))
-    apart = np.abs(other.output_tension_N[:rows] - plant[:rows]) > _GROWTH * _NUDGE * course.scale_N
-    kept = min(int(np.argmax(apart)) if apart.any() else rows, _easy_rows(problem, course))
+    apart = np.abs(other.output_tension_N[:rows] - plant[:rows]) > GROWTH * NUDGE * course.scale_N
+    chain, driven = _drive(problem, force, start, course.chain)
+    kept = min(
+        int(np.argmax(apart)) if apart.any() else rows, easy_rows(chain, driven, problem.reference.step_s, start)
+    )
     return replace(course, columns={**course.columns, "plant": plant[: max(kept, 2)]})
 
 
-def _easy_rows(problem: Problem, course: Course) -> int:
-    """Rows of the plant's course before a step that is split or takes long; CasADi alone knows the first only."""
-    start = float(course.reference_N[0])
-    chain, force = _drive(problem, course.plant_force_N, start, course.chain)
-    inputs = ChainInputs.of_force(force)
-    simulator = Simulator(chain, problem.reference.step_s, chain.rest_state(start), inputs[:1])
+def easy_rows(chain: Chain, force_N: FloatArray, step_s: float, start_N: float) -> int:
+    """Rows of a chain's course before a step that is split or takes long; CasADi alone knows the first only."""
+    inputs = ChainInputs.of_force(force_N)
+    simulator = Simulator(chain, step_s, chain.rest_state(start_N), inputs[:1])
     most = _SHARE_OF_WORK * plant_limits(Precision.DOUBLE).evaluations
-    for row in range(1, len(force)):
+    for row in range(1, len(force_N)):
         step = simulator.advance(inputs[row : row + 1])
         if step.splits or step.evaluations > most:
             return row
-    return len(force)
+    return len(force_N)
 
 
 def to_and_fro(course_N: FloatArray, *, step_N: float | None = None, rows: int = _REVERSAL_ROWS) -> FloatArray:

@@ -24,10 +24,12 @@ void run_{module}(long n, double start, const {prefix}_real *given, const {prefi
     (void)joint;
     {prefix}_{module}_init(&self, ({prefix}_real)start);
     for (k = 0; k < n; k++) {{
-        answer[k] = {prefix}_{module}_step(&self, given[k]{joints});
+        answer[k] = {prefix}_{module}_step(&self, given[k]{more});
     }}
 }}
 """
+
+_MORE = {"observer": ", ({0}_real)NAN"}  # further arguments of a step: no position was measured
 
 
 class HostCode:
@@ -113,8 +115,11 @@ def run_on_host(
     modules = sorted({module for inputs in runs for module in inputs})
     moved = [joint for joint in joints_rad if joint.size]
     given_joints = f", &joint[{moved[0].shape[1]} * k]" if moved else ""
-    driver = "".join(f'#include "{prefix}_{module}.h"\n' for module in modules)
-    driver += "".join(_DRIVER.format(module=module, prefix=prefix, joints=given_joints) for module in modules)
+    driver = "#include <math.h>\n" + "".join(f'#include "{prefix}_{module}.h"\n' for module in modules)
+    driver += "".join(
+        _DRIVER.format(module=module, prefix=prefix, more=_MORE.get(module, "").format(prefix) + given_joints)
+        for module in modules
+    )
     found = compile_on_host(sources, driver, precision)
     if found is None:
         return None

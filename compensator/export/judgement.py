@@ -10,7 +10,7 @@ from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.score import Score, is_worse, verify
 from tendonff.compensator.compensators.stream import StreamChoice, stream_candidate
 from tendonff.compensator.compensators.table import BuiltTable, CompensationTable
-from tendonff.compensator.export.modules import ADAPTIVE, BOUNDS, PLANT, exportable
+from tendonff.compensator.export.modules import ADAPTIVE, BOUNDS, OBSERVER, PLANT, exportable
 from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.errors import SolveError
 
@@ -105,7 +105,7 @@ def chosen(
         kept = (f"{module}: {fault}; exported because of --force-export" for module, fault in faults.items())
         return tuple(every), tuple(kept)
     modules = tuple(module for module in every if module.name not in faults)
-    if all(module in (PLANT, BOUNDS) for module in modules):
+    if all(module in (PLANT, OBSERVER, BOUNDS) for module in modules):
         said = "; ".join(f"{module}: {fault}" for module, fault in faults.items())
         raise SolveError(
             f"nothing to export: {said}. Let the reference move more slowly, raise the actuator's limits, "

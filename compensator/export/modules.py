@@ -14,6 +14,8 @@ STREAM = CModule(name="stream", content="exact inverse behind a filter, for refe
 
 PLANT = CModule(name="plant", content="the chain itself")  # what is exported beside the compensators, for tests
 
+OBSERVER = CModule(name="observer", content="output tension, with bounds, from what the near end measures")
+
 ADAPTIVE = CModule(name="adaptive", content="exact inverse that tunes itself to a measurement")
 BOUNDS = CModule(name="bounds", content="certified interval of the output tension")
 ADAPTIVE_MODULES = (ADAPTIVE, BOUNDS)  # what is exported for a scenario with [adaptation]
@@ -43,12 +45,12 @@ def check_prefix(prefix: str) -> None:
 
 
 def c_modules(scenario: Scenario, with_stream: bool = False) -> tuple[CModule, ...]:
-    """Modules of the compensators that can be exported, then those for live references, the plant, the tuner."""
+    """Modules of the compensators that can be exported, then those for live references, plant, observer, tuner."""
     stream = (STREAM,) if with_stream else ()
     tuned = (ADAPTIVE,) if scenario.joints else ADAPTIVE_MODULES  # no total angle to certify where joints move
     more = () if scenario.adaptation is None else tuned
     own = tuple(module for _, module in exportable(scenario.transmission, moving=bool(scenario.joints)))
-    return (*own, *stream, PLANT, *more)
+    return (*own, *stream, PLANT, OBSERVER, *more)
 
 
 def accepted_steps(step_s: float) -> tuple[float, float]:

@@ -150,7 +150,7 @@ def float_losses(course: Course, found_N: Mapping[str, FloatArray], problem: Pro
     """
     losses = []
     for module, found in found_N.items():
-        error = (found - course.columns[module]) / (1.0 if module == "plant" else per_newton(problem))
+        error = (found - course.columns[module]) / (1.0 if module in ("plant", "observer") else per_newton(problem))
         rms = float(np.sqrt(np.mean(error**2)))
         losses.append(
             FloatLoss(
@@ -300,11 +300,16 @@ def _tolerances(
         scale = max(float(np.abs(expected).max()), unit)
         if name in ("inverse", "plant", "stream"):  # where the force before the limits rounds
             scale = max(scale, course.scale_N * unit)
-        if precision is Precision.DOUBLE:
-            allowed = _DOUBLE * scale
-        elif found_N is None:
-            allowed = _UNMEASURED_FLOAT * scale
-        else:
-            allowed = _MARGIN * float(np.abs(found_N[name] - expected).max()) + _FLOAT_ROUNDING * scale
-        tolerances[name] = float(f"{allowed:.2g}")
+        tolerances[name] = tolerance(expected, scale, precision, None if found_N is None else found_N[name])
     return tolerances
+
+
+def tolerance(expected: FloatArray, scale: float, precision: Precision, found: FloatArray | None) -> float:
+    """Largest difference from what is expected that passes: of rounding, or of what the exported code gave."""
+    if precision is Precision.DOUBLE:
+        allowed = _DOUBLE * scale
+    elif found is None:
+        allowed = _UNMEASURED_FLOAT * scale
+    else:
+        allowed = _MARGIN * float(np.abs(found - expected).max()) + _FLOAT_ROUNDING * scale
+    return float(f"{allowed:.2g}")

@@ -13,6 +13,7 @@ import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray, InputError, read_csv, read_text, suggestion
 from tendonff.compensator.joint.base import with_base
+from tendonff.compensator.joint.observer_table import ObserverTable
 from tendonff.compensator.joint.reference import KINDS, JointQuantity, JointReference
 from tendonff.compensator.joint.settings import JointAdaptation
 from tendonff.compensator.scenario.joints import Joint, read_joints
@@ -29,7 +30,7 @@ from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.models.path import JointMotion
 
 _PARTS: dict[str, type] = {"path": TendonPath, "tendon": Tendon, "friction": Friction}
-_TABLES = ("joints", "tendons", "drive", "reference", "run", "robust", "adaptation", *_PARTS)
+_TABLES = ("joints", "tendons", "drive", "reference", "run", "robust", "adaptation", "observer", *_PARTS)
 _TENDON_KEYS = ("name", "moment_arm_m", "lengths", *_PARTS)
 _NOT_FOR_A_JOINT = {
     "actuator": "the motors stand in [drive]",
@@ -54,6 +55,8 @@ class JointScenario:
         Of a wanted torque: how the joint moves.
     run : Run
     robust : Uncertainty
+    observer : ObserverTable or None
+        Laws of angle and torque from the motor, where `identify` has fitted them.
     adaptation : JointAdaptation or None
         Self-tuning, where the file has the table.
     source : Path
@@ -73,6 +76,7 @@ class JointScenario:
     robust: Uncertainty
     source: Path
     text: str
+    observer: ObserverTable | None = None
     inputs: tuple[Path, ...] = field(default=())
     adaptation: JointAdaptation | None = None
 
@@ -195,6 +199,7 @@ def parse_joint_scenario(text: str, source: str | os.PathLike[str] = "scenario.t
         ),
         source=source,
         text=text,
+        observer=read_table(ObserverTable, raw["observer"], file=file, table="observer") if "observer" in raw else None,
     )
     named = [getattr(part, "file", None) for part in (reference, motion, *others.values())]
     return replace(scenario, inputs=(*inputs, *(source.parent / each for each in named if each)))

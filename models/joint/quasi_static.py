@@ -49,9 +49,94 @@ class LoopSensor:
 
     def angle_rad(self, drum_rad: Array, drum_torque: Array) -> Array:
         """Joint angle for a history of the drum, shape (rows,) [rad]."""
-        mean = mean_tension(self.law, drum_torque)
+        return self.follow(drum_rad, drum_torque)[0]
+
+    def follow(self, drum_rad: Array, drum_torque: Array, memory: Array | None = None) -> tuple[Array, Array]:
+        """The same from a memory on, and the memory at its end; None for uniform tension at first."""
+        mean, memory = _mean_tension(self.law, drum_torque, memory)
         angle: Array = self.gain * drum_rad + self.compliance * drum_torque + self.elongation * mean + self.zero_rad
-        return angle
+        return angle, memory
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Slid:
+    """Memory of a play at the end of a path.
+
+    Attributes
+    ----------
+    lifted : float
+        Tension and p there.
+    low_rad, high_rad : float
+        Drum angles that were reached.
+    known : bool
+        Whether the drum has turned so far one way that the history before no longer matters.
+    """
+
+    lifted: float
+    low_rad: float
+    high_rad: float
+    known: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoopTorque:
+    """Torque at the joint of a loop from angle and signed torque of its drum, whatever loads the joint.
+
+    T_joint = play(T + p) - p + spring theta + offset: the capstan law with the pre-tension p, behind a drive that is
+    sprung. The friction at the start is not known: tension is taken as uniform there, until the drum has turned one
+    way by `slid_rad` and the loop slides that way.
+
+    Parameters
+    ----------
+    law : CapstanLaw
+        Exponents pulling and releasing, and p, in the unit of the torque.
+    spring : float
+        Of the drive [unit of the torque per rad of the drum].
+    offset : float
+        In the unit of the torque.
+    slid_rad : float
+        Turn of the drum after which the loop slides.
+    """
+
+    law: CapstanLaw
+    spring: float
+    offset: float
+    slid_rad: float
+
+    def torque(self, drum_rad: Array, drum_torque: Array) -> Array:
+        """Torque at the joint for a history of the drum, shape (rows,)."""
+        return self.follow(drum_rad, drum_torque)[0]
+
+    def follow(self, drum_rad: Array, drum_torque: Array, slid: Slid | None = None) -> tuple[Array, Slid]:
+        """The same from a memory on, and the memory at its end; None where nothing is known."""
+        lifted = np.maximum(drum_torque + self.law.adhesion_N, _FLOOR)
+        low, high = lifted * math.exp(-self.law.pull_exponent), lifted * math.exp(self.law.release_exponent)
+        if slid is None:
+            at = float(drum_rad[0])
+            slid = Slid(lifted=float(lifted[0]), low_rad=at, high_rad=at, known=False)
+        lowest = np.minimum(np.minimum.accumulate(drum_rad), slid.low_rad)
+        highest = np.maximum(np.maximum.accumulate(drum_rad), slid.high_rad)
+        row, up = 0, drum_rad - lowest > self.slid_rad
+        held = np.empty(0)
+        start = slid.lifted
+        turned = up | (highest - drum_rad > self.slid_rad)
+        if not slid.known:
+            row = int(np.argmax(turned)) if turned.any() else len(turned)
+            held = held_within(start, low[:row], high[:row]) if row else held
+            if row < len(turned):
+                start = float(low[row] if up[row] else high[row])
+        if row < len(turned):
+            held = np.concatenate([held, held_within(start, low[row:], high[row:])])
+        torque: Array = held - self.law.adhesion_N + self.spring * drum_rad + self.offset
+        known = slid.known or bool(turned.any())
+        end = Slid(lifted=float(held[-1]), low_rad=float(lowest[-1]), high_rad=float(highest[-1]), known=known)
+        return torque, end
+
+    def range_at(self, drum_rad: float, drum_torque: float) -> tuple[float, float]:
+        """Least and largest torque at the joint that any history admits."""
+        rest = self.spring * drum_rad + self.offset
+        low, high = self.law.output_bounds_N(max(drum_torque, _FLOOR - self.law.adhesion_N))
+        return float(low) + rest, float(high) + rest
 
 
 def mean_tension(law: CapstanLaw, drum: Array) -> Array:
@@ -59,11 +144,20 @@ def mean_tension(law: CapstanLaw, drum: Array) -> Array:
 
     Signed values of a pre-tensioned loop are allowed, with p its pre-tension.
     """
+    return _mean_tension(law, drum, None)[0]
+
+
+def _mean_tension(law: CapstanLaw, drum: Array, memory: Array | None) -> tuple[Array, Array]:
+    """The mean, and the tension with p at each place at the end; from uniform tension, or from a memory on."""
     lifted, total = np.maximum(drum + law.adhesion_N, _FLOOR), np.zeros(len(drum))
-    for share in (np.arange(_PLACES) + 0.5) / _PLACES:
+    start = np.full(_PLACES, lifted[0]) if memory is None else memory
+    end = np.empty(_PLACES)
+    for place, share in enumerate((np.arange(_PLACES) + 0.5) / _PLACES):
         low, high = math.exp(-law.pull_exponent * share), math.exp(law.release_exponent * share)
-        total += held_within(float(lifted[0]), lifted * low, lifted * high)
-    return total / _PLACES - law.adhesion_N
+        held = held_within(float(start[place]), lifted * low, lifted * high)
+        total += held
+        end[place] = held[-1]
+    return total / _PLACES - law.adhesion_N, end
 
 
 def static_motor_rad(

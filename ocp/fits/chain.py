@@ -20,7 +20,6 @@ from itertools import pairwise
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from tendonff.models.assembly import End
 from tendonff.models.chain import Chain
 from tendonff.models.elements import Whole, whole_of
 from tendonff.models.fidelity import Level
@@ -32,7 +31,6 @@ from tendonff.ocp.sensitivity import Parameter, force_sensitivity, parameter_sen
 from tendonff.ocp.simulate import simulate
 from tendonff.ocp.step.protocol import Array
 
-NEAR_MASS_KG = 1e-6
 LEAD_IN_S = 0.4
 LEAST_TENSION_N = 1e-6
 _DIFFERENCE = 1e-4  # of a parameter
@@ -128,8 +126,7 @@ class ChainModel:
     def chain(self, whole: Whole, motion: JointMotion | None = None) -> Chain:
         """The chain with a massless near end."""
         chain = Chain.of(replace(self.transmission, motion=motion), self.level, self.count)
-        near = End(mass_kg=NEAR_MASS_KG, damping_N_s_per_m=0.0, stiffness_N_per_m=0.0)
-        return replace(chain, elements=whole.divided(self.count, motion), near=near)
+        return replace(chain.led_by_tension(), elements=whole.divided(self.count, motion))
 
     def respond(self, numbers: Numbers, drive: Drive, over: Sequence[Numbers] = ()) -> ChainResponse:
         """Simulate a drive with all numbers, with derivatives along directions; SolveError if that fails."""

@@ -113,14 +113,16 @@ def inverse_code(
     )
 
 
-def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision) -> ChainCode:
-    """The time step."""
+def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision, *, far_moves: bool = False) -> ChainCode:
+    """The time step; `far_moves` where the rest position of the load's spring is an input."""
     limits = plant_limits(precision)
     weights = scheme_rows(step_s, limits.splits)
     contact = _contact(chain, prefix, precision)
     folder = chain_evaluator(chain, weights, prefix, precision, contact, whole=False)
     laws = ElementLaws.of(chain) if contact is None else contact.laws
-    near, far = {"pull": -1.0}, {"x_c": 0.0, "f_c": 0.0, "pull": 1.0}
+    near, far = {"pull": -1.0}, {"f_c": 0.0, "pull": 1.0}
+    if not far_moves:
+        far["x_c"] = 0.0
     if not chain.near.stiffness_N_per_m:
         near["x_c"] = 0.0
     folded = (

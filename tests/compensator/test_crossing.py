@@ -24,6 +24,7 @@ from tendonff.compensator.design.run import design
 from tendonff.compensator.design.sweep.run import sweep
 from tendonff.compensator.export.judgement import judge, profiles_of
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.observe.observer import Observer
 from tendonff.compensator.scenario.joints import SineJoint
 from tendonff.compensator.scenario.reference import Shape, SineReference, WaypointReference
 from tendonff.compensator.scenario.sampled.joint_motion import moved
@@ -40,7 +41,8 @@ from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.models.path import Section
 from tendonff.ocp.adaptation.tuning import Sensor
 from tendonff.ocp.codegen.compiler import find_compiler
-from tendonff.ocp.simulate import Simulator
+from tendonff.ocp.inverse import invert
+from tendonff.ocp.simulate import Simulator, simulate
 
 STEP = 4e-3
 SERVO_N_PER_M = 5e4
@@ -208,6 +210,25 @@ def test_exported_modules_are_judged_by_what_they_do_to_the_finer_plant(scenario
     for name, profile in (("inverse", profiles["inverse"]), ("none", profile_of(problem, "none"))):
         fine = error_percent(rig(scenario), profile, problem, parts=FINE_REFINEMENT)
         assert judged[name].rmse_percent_of_range == close(fine)
+
+
+@pytest.mark.compiler
+def test_an_observer_sees_the_output_of_the_finer_plant_in_its_bounds(scenario: Scenario) -> None:
+    problem = Problem.of(scenario)
+    chain = Chain.of(rig(scenario), Level.PRESLIDING, FINE_SEGMENTS).led_by_tension()
+    start, step = problem.reference.initial_tension_N, problem.reference.step_s
+    given = np.tile(invert(chain, problem.reference.tension_N, step, initial_tension_N=start).force_N, 2)
+    given[len(given) // 2 :] = given[len(given) // 2 - 1]  # and a hold
+    given = np.maximum(given, 1.0)
+    plant = simulate(chain, given, step, initial_tension_N=start).require()
+    motion = problem.chain.motion
+    angles = np.zeros((len(given), 0)) if motion is None else motion.at(plant.time_s)
+    observer = Observer(scenario)
+    rows = [observer.step(tension_N=float(t), joints=angle).tension_N for t, angle in zip(given, angles, strict=True)]
+    value, low, high = np.array([(row.value, row.low, row.high) for row in rows]).T
+    error = 100 * float(np.sqrt(np.mean((value - plant.output_tension_N) ** 2))) / float(np.ptp(plant.output_tension_N))
+    assert error <= 2.0
+    assert np.all((low <= plant.output_tension_N + 1e-9) & (plant.output_tension_N <= high + 1e-9))
 
 
 @pytest.mark.compiler

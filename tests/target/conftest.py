@@ -19,8 +19,8 @@ from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.inverse import invert
 
 HERE = Path(__file__).parent
-MODULES = ("parameters", "limits", "inverse", "capstan", "table", "plant")
-KINDS = ("inverse", "capstan", "table", "plant")
+MODULES = ("parameters", "limits", "inverse", "capstan", "table", "plant", "observer")
+KINDS = ("inverse", "capstan", "table", "plant", "observer")
 HOST_FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno")
 
 

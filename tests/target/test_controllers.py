@@ -11,7 +11,7 @@ import pytest
 
 from tendonff.ocp.codegen.precision import Precision
 
-CEILINGS = {"inverse": 3000, "capstan": 200, "table": 220, "plant": 120_000}
+CEILINGS = {"inverse": 3000, "capstan": 200, "table": 220, "plant": 120_000, "observer": 120_000}
 HOST_CEILINGS = {"inverse": 1500, "capstan": 200, "table": 200}
 
 
@@ -137,7 +137,7 @@ def test_every_record_is_as_small_as_the_readme_says_and_under_a_kilobyte(
 ):
     toolbox.need("gcc")
     folder = exported(precision)
-    names = ("inverse", "capstan", "table", "plant", "profile", "stream")
+    names = ("inverse", "capstan", "table", "plant", "observer", "profile", "stream")
     main = "".join(f'#include "tff_{n}.h"\n' for n in names) + "#include <stdio.h>\nint main(void) {\n"
     main += "".join(f'printf("{n} %u\\n", (unsigned)sizeof(tff_{n}));\n' for n in names) + "return 0; }\n"
     (tmp_path / "size.c").write_text(main)

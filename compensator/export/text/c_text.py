@@ -17,7 +17,8 @@ from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.stream import RE_ENTRY_S, RE_ENTRY_SHARE, SLACK, StreamDesign
 from tendonff.compensator.compensators.table import BuiltTable, accepted_range
 from tendonff.compensator.export.adaptive import adaptive_code
-from tendonff.compensator.export.modules import ADAPTIVE_MODULES, PLANT, STREAM, accepted_steps
+from tendonff.compensator.export.modules import ADAPTIVE_MODULES, OBSERVER, PLANT, STREAM, accepted_steps
+from tendonff.compensator.export.observer import ObserverDesign, observer_code
 from tendonff.compensator.export.text.parameters import parameter_context, settable_inverse
 from tendonff.compensator.export.text.table_index import share_index
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
@@ -81,6 +82,10 @@ def c_sources(
     if "plant" in names:
         plant = chain.with_end_stiffness(actuator.servo_stiffness_N_per_m or 0.0, chain.far.stiffness_N_per_m)
         code["plant"] = asdict(plant_code(plant, step, f"{prefix}_chain", precision))
+    if "observer" in names:
+        design: ObserverDesign = further.get("observed") or ObserverDesign(problem=problem)
+        started = _start_context(design.chain)
+        code["observer"] = observer_code(design, precision, prefix) | started
     shared = ("parameters", "limits", "path") if context["joints"] else ("parameters", "limits")
     headers = ("types", *shared, *(header for module in modules for header in (*module.headers, module.name)))
     texts = {f"{prefix}_{name}.h": _render(f"{name}.h.j2", context | code.get(name, {})) for name in headers}
@@ -222,7 +227,7 @@ def _context(
     design: StreamDesign | None = further.get("stream")
     ramp = None if design is None else design.ramp
     names = [module.name for module in modules]
-    others = (STREAM, PLANT, *ADAPTIVE_MODULES)
+    others = (STREAM, PLANT, OBSERVER, *ADAPTIVE_MODULES)
     followers = [m for m in modules if not m.plays_back and m not in others]  # of a reference, without delay
     output = max(size, 4) + 8 + 3 * size
     entry = _padded(4 * size + 4, size)
@@ -245,6 +250,7 @@ def _context(
         "capstan": _padded(output + (6 if law.plays is None else 5 + 3 * PLAYS) * size + entry, size),
         "table": _padded(output + 5 * size + entry + 4, size),
         "plant": _padded((2 * reals + (3 if servo else 2)) * size + 16 + path[False], size),
+        "observer": _observer_bytes(chain, law, size, path[False]),
         "profile": _padded(output + 4, size),
         "bounds": _padded(4 * size + 4, size),
     }
@@ -354,6 +360,15 @@ def _path_bytes(chain: Chain, joints: Joints, prefix: str, precision: Precision,
     )
     contact = contact_code(chain, joints, f"{prefix}_inverse", precision, settable=settable)
     return path + (bends * len(contact.own) + (2 if settable else 0)) * size
+
+
+def _observer_bytes(chain: Chain, law: CapstanLaw, size: int, path: int) -> int:
+    """State of the observer [bytes]."""
+    common = _padded(3 * size + 8, size) + _padded(4 * size + 4, size) + 4 * size
+    if law.plays is not None:
+        return _padded(common + PLAYS * size + 4, size)
+    far = 0 if chain.far_joint is not None else 4 * size + 4
+    return _padded(common + path + 2 * chain.led_by_tension().layout.size * size + far + 8, size)
 
 
 def _rated(joints: Joints) -> list[bool]:

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from tendonff.compensator.identification.joint.result import JointComparison, JointIdentification
 from tendonff.compensator.identification.joint.routine import MotorRoutine
 from tendonff.compensator.identification.joint.sensor import SensorFit
+from tendonff.compensator.identification.joint.torque import TorqueFit
 from tendonff.compensator.reporting.colours import BLUE, GREY, INK, ORANGE, VERMILION
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure, thinned
 
@@ -23,6 +24,8 @@ def identification_figures(found: JointIdentification, routine: MotorRoutine | N
             figures["joint"] = _joints(shown)
         if found.sensor is not None:
             figures["sensor"] = _sensor(found.sensor)
+        if found.torque is not None:
+            figures["torque_at_joint"] = _torque(found.torque)
         if routine is not None:
             figures["suggested_motor"] = routine_figure(routine)
     return figures
@@ -103,6 +106,23 @@ def _sensor(sensor: SensorFit) -> Figure:
         panel.plot(file.time_s[rows], model[rows], color=VERMILION, linestyle="--", label="virtual sensor")
         panel.set_title(f"{file.name} ({'validation' if file.role == 'validate' else 'fitted'})")
         panel.set(ylabel="joint angle [deg]")
+    axes[-1, 0].set_xlabel("time [s]")
+    legend_below(figure, axes[-1, 0])
+    return figure
+
+
+def _torque(fit: TorqueFit) -> Figure:
+    shown = sorted(fit.files, key=lambda f: f.role != "validate")[:MOST_PANELS]
+    figure, axes = new_figure(len(shown), 1, height_in=2.2 * len(shown) + 0.5)
+    for panel, file in zip(axes[:, 0], shown, strict=True):
+        rows, model = thinned(len(file.time_s)), file.model_N_m
+        if fit.band_N_m is not None:
+            low, high = (model - fit.band_N_m)[rows], (model + fit.band_N_m)[rows]
+            panel.fill_between(file.time_s[rows], low, high, color=VERMILION, alpha=0.2, linewidth=0)
+        panel.plot(file.time_s[rows], file.joint_N_m[rows], color=INK, label="measured")
+        panel.plot(file.time_s[rows], model[rows], color=VERMILION, linestyle="--", label="from the motor")
+        panel.set_title(f"{file.name} ({'validation' if file.role == 'validate' else 'fitted'})")
+        panel.set(ylabel="joint torque [N m]")
     axes[-1, 0].set_xlabel("time [s]")
     legend_below(figure, axes[-1, 0])
     return figure

@@ -9,6 +9,7 @@ from typing import Any
 from tendonff.compensator.identification.joint.parameters import JointNumber, key_in
 from tendonff.compensator.identification.result import Estimate
 from tendonff.compensator.joint.base import with_base
+from tendonff.compensator.joint.observer_table import ObserverTable
 from tendonff.compensator.joint.scenario import JointScenario
 from tendonff.compensator.scenario.scenario import relative_to_folder
 from tendonff.compensator.scenario.tables import toml_value
@@ -39,6 +40,14 @@ def fitted_text(scenario: JointScenario, mechanism: Mechanism, estimates: Sequen
         robust = {key: value for key, value in raw.get("robust", {}).items() if key not in FACTORS}
         raw["robust"] = {**robust, "spread": {**robust.get("spread", {}), **spread}}
     raw["run"]["level"] = "presliding"
+    return to_toml(raw)
+
+
+def observer_text(scenario: JointScenario, table: ObserverTable) -> str:
+    """Text of the scenario with fitted laws of an observer."""
+    raw: dict[str, Any] = with_base(tomllib.loads(scenario.text), scenario.source, [])
+    raw["name"] = f"{scenario.name}, observed"
+    raw["observer"] = _keys(table)
     return to_toml(raw)
 
 

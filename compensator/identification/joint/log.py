@@ -36,6 +36,8 @@ class JointLog:
         Of the motor, as measured.
     joint_rad : ndarray or None, shape (rows,)
         Of the joint, where there is an encoder.
+    joint_torque_N_m : ndarray or None, shape (rows,)
+        At the joint, where it was measured.
     counted : ndarray of bool, shape (rows,)
         Rows after what friction stored before the first row is wiped out.
     noise_N_m : float
@@ -56,6 +58,7 @@ class JointLog:
     findings: tuple[Finding, ...]
     started_s: float | None
     zero_rad: float = 0.0
+    joint_torque_N_m: Array | None = None
 
     @property
     def time_s(self) -> Array:
@@ -75,6 +78,7 @@ class JointLog:
             run=run,
             torque_N_m=self.torque_N_m[rows],
             joint_rad=None if self.joint_rad is None else self.joint_rad[rows],
+            joint_torque_N_m=None if self.joint_torque_N_m is None else self.joint_torque_N_m[rows],
             counted=_counted(run.motor_rad),
         )
 
@@ -140,7 +144,12 @@ def _log(piece: Piece, record: Record, start_rad: float) -> JointLog:
     step = record.step_s
     every = max(1, round(ROW_S / step))
     motor = adaptive_low_pass(piece.travel_m(), step)[::every]
-    torque = low_pass_piece(piece.input_N, step, 0.4 / (step * every))[::every]
+    torque, at_joint = (
+        low_pass_piece(x, step, 0.4 / (step * every))[::every] if np.isfinite(x).all() else None
+        for x in (piece.input_N, piece.output_N)
+    )
+    if torque is None:
+        raise InputError(f"{record.name}: the motor's torque is no number in some rows; repair the column")
     joint = None if piece.output_m is None else piece.output_m[::every]
     start = start_rad if joint is None else float(np.median(joint[:3]))
     run = MotorRun(motor_rad=motor - motor[0], step_s=step * every, start_rad=start)
@@ -149,6 +158,7 @@ def _log(piece: Piece, record: Record, start_rad: float) -> JointLog:
         run=run,
         torque_N_m=torque,
         joint_rad=joint,
+        joint_torque_N_m=at_joint,
         counted=_counted(run.motor_rad),
         noise_N_m=max(record.input_noise_N, LEAST_NOISE * float(np.ptp(torque))),
         findings=record.findings,

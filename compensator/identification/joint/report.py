@@ -10,6 +10,7 @@ from tendonff.compensator.identification.joint.estimates import DERIVED
 from tendonff.compensator.identification.joint.parameters import JointNumber
 from tendonff.compensator.identification.joint.result import JointIdentification
 from tendonff.compensator.identification.joint.sensor import UNITS
+from tendonff.compensator.identification.joint.torque import UNITS as TORQUE_UNITS
 from tendonff.compensator.reporting.page import Block, FileNote, Provenance, Report, Section, Table, Text, pictures_of
 
 _CAPTIONS = {
@@ -18,6 +19,7 @@ _CAPTIONS = {
     "residuals": "Residuals. Systematic structure indicates unmodelled physics.",
     "joint": "Angle of the joint: encoder, and the law from the motor's angle.",
     "sensor": "Angle of the joint: encoder, and the virtual sensor from the motor, with its 95 % band.",
+    "torque_at_joint": "Torque at the joint: measured, and by the law from the motor, with its 95 % band.",
     "suggested_motor": "Suggested routine: motor angle, and what the fitted mechanism is expected to do.",
 }
 
@@ -27,6 +29,7 @@ def identification_report(found: JointIdentification, figures: Mapping[str, Figu
     pictures = pictures_of(figures, _CAPTIONS)
     units = {str(n): n.spec.unit for n in JointNumber} | DERIVED | {"torque_scale": "-"}
     units |= {f"sensor_{name}": unit for name, unit in UNITS.items()}
+    units |= {f"torque_{name}": unit for name, unit in TORQUE_UNITS.items()}
     estimates = Table(
         caption="Estimates; not identifiable: the scenario's value, or one that belongs to it",
         columns=("value", "unit", "estimate", "95 % interval", "identifiable", "scenario", "why"),

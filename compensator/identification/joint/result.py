@@ -11,6 +11,7 @@ import numpy as np
 from tendonff.compensator.identification.joint.first_look import FirstLook
 from tendonff.compensator.identification.joint.parameters import JointNumber
 from tendonff.compensator.identification.joint.sensor import SensorFit
+from tendonff.compensator.identification.joint.torque import TorqueFit
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.reading import Finding
 from tendonff.compensator.identification.result import Estimate
@@ -88,6 +89,8 @@ class JointIdentification:
         Name of the chosen law.
     sensor : SensorFit or None
         Virtual sensor of the joint's angle, where an encoder was logged and the law does not describe the device.
+    torque : TorqueFit or None
+        Its torque by the same, where that was logged too.
     described : bool
         Whether the law describes the device.
     estimates : tuple of Estimate
@@ -112,6 +115,7 @@ class JointIdentification:
     text: str
     law: str
     sensor: SensorFit | None
+    torque: TorqueFit | None
     described: bool
     estimates: tuple[Estimate, ...]
     looks: tuple[FirstLook, ...]
@@ -137,7 +141,8 @@ class JointIdentification:
         if not self.described:
             worst = max(c.torque_percent for c in self.of_role("fit"))
             if self.sensor is not None:
-                return f"Something else loads the joint; {self.sensor.sentence}."
+                parts = [self.sensor.sentence, *(() if self.torque is None else (self.torque.sentence,))]
+                return f"Something else loads the joint; {'; '.join(parts)}."
             return f"No law explains the log: the best, {self.law}, leaves {worst:.2g} % of the torque's range."
         parts = [
             _shown(self.estimate(name), label, unit, scale)
@@ -170,6 +175,7 @@ class JointIdentification:
             "estimates": {e.name: e.as_json() for e in self.estimates},
             "correlation": {"names": list(self.correlation_names), "matrix": self.correlation.tolist()},
             "virtual_sensor": None if self.sensor is None else self.sensor.as_json(),
+            "virtual_torque_sensor": None if self.torque is None else self.torque.as_json(),
             "first_look": [_look(look) for look in self.looks],
             "effects": [
                 {"name": name, "gain_of_log_likelihood": gain, "taken_up": taken} for name, gain, taken in self.laws

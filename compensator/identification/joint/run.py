@@ -12,7 +12,7 @@ from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.joint.estimates import Found, estimates_of
 from tendonff.compensator.identification.joint.first_look import FirstLook, look
-from tendonff.compensator.identification.joint.fitted import fitted_text
+from tendonff.compensator.identification.joint.fitted import fitted_text, observer_text
 from tendonff.compensator.identification.joint.log import JointLog, read_logs
 from tendonff.compensator.identification.joint.mechanism_law import (
     FINE_MASSES,
@@ -23,6 +23,8 @@ from tendonff.compensator.identification.joint.mechanism_law import (
 from tendonff.compensator.identification.joint.parameters import EXTRAS, JointNumber, put_into, require_loop
 from tendonff.compensator.identification.joint.result import DESCRIBED_PERCENT, JointComparison, JointIdentification
 from tendonff.compensator.identification.joint.sensor import SensorFit, fit_sensor
+from tendonff.compensator.identification.joint.torque import TorqueFit, fit_torque
+from tendonff.compensator.joint.observer_table import ObserverTable
 from tendonff.compensator.joint.scenario import JointScenario
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.models.errors import ParameterError
@@ -89,12 +91,14 @@ def identify_joint(
         looks = [one for log in logs if (one := look(log, scenario.mechanism)) is not None]
         mechanism, touched = _with_stops(scenario.mechanism, looks, logs[0].run.start_rad)
         found = _fitted(mechanism, logs, looks, touched, say)
-        sensor = None
+        sensor, torque = None, None
         if _percent(found) > DESCRIBED_PERCENT and all(log.joint_rad is not None for log in (*logs, *judges)):
             say("virtual sensor")
             sensor = fit_sensor(logs, judges)
+            if all(log.joint_torque_N_m is not None for log in (*logs, *judges)):
+                torque = fit_torque(logs, judges)
         say("intervals")
-        return _answer(scenario, found, looks, judges, (*files, *judging), sensor)
+        return _answer(scenario, found, looks, judges, (*files, *judging), sensor, torque)
 
 
 def _percent(found: Found) -> float:
@@ -234,6 +238,7 @@ def _answer(
     judges: Sequence[JointLog],
     inputs: tuple[Path, ...],
     sensor: SensorFit | None,
+    torque: TorqueFit | None,
 ) -> JointIdentification:
     law, values = found.law, _values(found.solution)
     comparisons = [
@@ -242,17 +247,26 @@ def _answer(
     described = all(c.torque_percent <= DESCRIBED_PERCENT for c in comparisons if c.role == "fit")
     estimates, correlation_names, correlation = estimates_of(scenario, found, described=described)
     if sensor is not None:
-        estimates = sensor.estimates  # those of a mechanism that explains nothing say nothing
+        estimates = (
+            *sensor.estimates,
+            *(() if torque is None else torque.estimates),
+        )  # those of a mechanism that explains nothing say nothing
     taken = [n.spec.effect for n, _, taken in found.tried if taken]
     name = ", ".join(("loop with presliding", *taken)) if sensor is None else "virtual sensor of a loop"
-    warnings = list(_warnings(found, described=described, joint=any(log.joint_rad is not None for log in law.logs)))
+    encoder = any(log.joint_rad is not None for log in law.logs)
+    warnings = list(_warnings(found, described=described, joint=encoder, observed=sensor is not None))
     mechanism = put_into(scenario.mechanism, {**law.fixed, **values})
     text = fitted_text(scenario, mechanism, estimates) if described else scenario.text
+    if sensor is not None:
+        bands = sensor.band_rad or 0.0, 0.0 if torque is None else torque.band_N_m or 0.0
+        forward = None if torque is None else torque.law
+        text = observer_text(scenario, ObserverTable.of(sensor.sensor, bands[0], forward, bands[1]))
     return JointIdentification(
         asked=scenario,
         text=text,
         law=name,
         sensor=sensor,
+        torque=torque,
         described=described,
         estimates=estimates,
         looks=tuple(looks),
@@ -286,11 +300,12 @@ def _compared(log: JointLog, role: str, law: MechanismLaw, values: Mapping[Joint
     )
 
 
-def _warnings(found: Found, *, described: bool, joint: bool) -> Iterator[str]:
+def _warnings(found: Found, *, described: bool, joint: bool, observed: bool) -> Iterator[str]:
     if not described:
         yield (
             "the mechanism does not explain the torque: something else loads the joint, or signs, units, moment_arm_m, "
             "drum_radius_m or gear_ratio are wrong; fitted.toml is the scenario"
+            + (", with the virtual sensor as [observer]" if observed else "")
         )
         return
     if found.kept_because:

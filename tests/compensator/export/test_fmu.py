@@ -33,6 +33,7 @@ NAMES = {
     Kind.CAPSTAN: ("reference", "force"),
     Kind.TABLE: ("reference", "force"),
     Kind.PLANT: ("force", "tension"),
+    Kind.OBSERVER: ("input_tension", "tension"),
 }
 ROWS = 1000
 SAID = []
@@ -69,7 +70,7 @@ def play(path, finger, kind, step=1):
     """Recorded input and output of a unit over the scenario's reference, or its force."""
     tension = sample_reference(finger).tension_N[: ROWS + 1]
     given = tension
-    if kind is Kind.PLANT:
+    if kind in (Kind.PLANT, Kind.OBSERVER):
         given = invert(Chain.of(finger.transmission, finger.run.level), tension, finger.run.step_s).force_N
     name, answer = NAMES[kind]
     signal = np.array(list(zip(np.arange(ROWS + 1) * 1e-3, given, strict=True)), dtype=[("time", float), (name, float)])
@@ -98,6 +99,8 @@ def test_a_unit_is_valid_and_equals_the_python_model(unit, finger, kind, fmi, re
     chain, used = Chain.of(finger.transmission, finger.run.level), given[1:]
     if kind is Kind.INVERSE:
         expected = invert(chain, used, finger.run.step_s).force_N
+    elif kind is Kind.OBSERVER:
+        expected = simulate(chain.led_by_tension(), used, finger.run.step_s).output_tension_N
     elif kind is not Kind.PLANT:
         problem = Problem.of(finger)
         table = table_of(problem).table if kind is Kind.TABLE else None

@@ -18,6 +18,7 @@
 #include "tff_table.h"
 #include "tff_stream.h"
 #include "tff_plant.h"
+#include "tff_observer.h"
 #include "tff_table_data.h"
 
 #define ROWS 1047
@@ -45,6 +46,14 @@ static const double other_inverse[OTHER] = { NUMBERS };
 static const double golden_plant[PLANT_ROWS] = { NUMBERS };
 static const tff_real golden_plant_force[ROWS] = { NUMBERS };
 
+#define SEEN 1047
+static const tff_real seen_input[SEEN] = { NUMBERS };
+static const double seen_output[SEEN] = { NUMBERS };
+static const double seen_low[SEEN] = { NUMBERS };
+static const double seen_high[SEEN] = { NUMBERS };
+#define SEEN_FAR 200
+static const tff_real seen_position[SEEN_FAR] = { NUMBERS };
+static const double seen_far_output[SEEN_FAR] = { NUMBERS };
 #define LIVE 500
 static const tff_real live_reference[LIVE] = {
     30.0, 30.00791745357067, 30.00791745357067, 30.00791745357067, 30.040893187036129, 30.073868920501592,
@@ -1092,6 +1101,105 @@ static void test_plant(void)
     expect("plant: a slack tendon is flagged, or that it was not reached", (plant.seen & (TFF_WOULD_PUSH | TFF_FAILED)) != 0u);
 }
 
+static int encloses(const tff_observed *output, double tension)
+{
+    return (output->low <= output->high) && is_between(tension, (double)output->low, (double)output->high);
+}
+
+static void test_observer(void)
+{
+    const tff_real bad[4] = { (tff_real)NAN, (tff_real)INFINITY, -(tff_real)INFINITY, 462.63151835881439 };
+    tff_observer self;
+    tff_observer other;
+    double error = 0.0;
+    double of_bounds = 0.0;
+    double before;
+    int k, held = 1, same = 1, wide = 1;
+
+    tff_observer_init(&self, seen_input[0]);
+    tff_observer_init(&other, seen_input[0]);
+    for (k = 0; k < SEEN; k++) {
+        error = larger(error, fabs((double)tff_observer_step(&self, seen_input[k], (tff_real)NAN) - seen_output[k]));
+        of_bounds = larger(of_bounds, fabs((double)self.output.low - seen_low[k]));
+        of_bounds = larger(of_bounds, fabs((double)self.output.high - seen_high[k]));
+        if (k < 40) { /* the same in parts of a sample */
+            if ((k % 3) == 1) {
+                (void)tff_observer_step_dt(&other, (tff_real)0.5 * TFF_STEP_MIN_S, seen_input[k], (tff_real)NAN);
+            }
+            same = same && is_near((double)tff_observer_step_dt(&other, ((k % 3) == 1) ? (TFF_STEP_S - ((tff_real)0.5 * TFF_STEP_MIN_S)) : TFF_STEP_S, seen_input[k], (tff_real)NAN), (double)self.output.tension);
+        }
+    }
+    report("observer: golden vectors", error, 8.6000000000000002e-08);
+    report("observer: golden bounds", of_bounds, 2.5800000000000001e-07);
+    expect("observer: parts of a sample are one", same);
+    expect("observer: nothing to say of a good course", (self.output.seen & ~TFF_WOULD_PUSH) == TFF_OK);
+    /* not a number, or out of range: the last good output, and nothing is known */
+    before = (double)self.output.tension;
+    for (k = 0; k < 4; k++) {
+        held = held && is_near((double)tff_observer_step(&self, bad[k], (tff_real)NAN), before) && (self.output.status == TFF_INPUT_HELD);
+        wide = wide && ((double)self.output.low <= 0.0) && ((double)self.output.high >= 444.48910587415497);
+    }
+    held = held && is_near((double)tff_observer_step_dt(&self, (tff_real)NAN, seen_input[0], (tff_real)NAN), before) && (self.output.status == TFF_INPUT_HELD);
+    held = held && is_near((double)tff_observer_step_dt(&self, -TFF_STEP_S, seen_input[0], (tff_real)NAN), before) && (self.output.status == TFF_INPUT_HELD);
+    expect("observer: bad inputs hold the last good output and say so", held && ((self.output.seen & TFF_INPUT_HELD) != 0u));
+    expect("observer: while inputs are lost nothing is known", wide);
+    (void)tff_observer_step(&self, seen_input[SEEN - 1], (tff_real)NAN);
+    expect("observer: after lost inputs any history is admitted", is_near((double)self.low_memory, (double)(0.47048921771981794 * (seen_input[SEEN - 1] + 0.0)))
+           && is_near((double)self.high_memory, (double)(2.1254472203346269 * (seen_input[SEEN - 1] + 0.0))) && encloses(&self.output, (double)self.output.tension));
+    held = 1;
+    for (k = 0; k < 4; k++) {
+        tff_observer_init(&self, bad[k]);
+        held = held && is_near((double)self.output.tension, 0.14023897025398877) && (self.output.status == TFF_INPUT_HELD) && (self.output.seen == TFF_INPUT_HELD);
+        tff_observer_init_at(&self, seen_input[0], bad[k]);
+        held = held && (self.output.status == TFF_INPUT_HELD) && ((double)self.output.low <= 0.0);
+    }
+    expect("observer: a bad start is replaced and flagged", held);
+    tff_observer_init_at(&self, (tff_real)NAN, seen_input[0]);
+    same = is_near((double)self.low_memory, (double)(0.47048921771981794 * (seen_input[0] + 0.0))) && (self.output.status == TFF_OK);
+    tff_observer_init_at(&self, seen_input[0], seen_input[0]);
+    tff_observer_init(&other, seen_input[0]);
+    same = same && is_near((double)self.output.low, (double)other.output.low) && is_near((double)self.output.high, (double)other.output.high) && is_near((double)self.output.tension, (double)other.output.tension);
+    expect("observer: a start in motion takes what is known", same);
+    tff_observer_init_at(&self, 30.0, 43.116841313780071);
+    before = 0.0;
+    for (k = 0; k < TFF_OBSERVER_COUNT; k++) {
+        before += (double)self.x[22 + k];
+    }
+    expect("observer: a start in motion takes the difference for friction", (fabs(before - (13.116841313780071)) <= (1e2 * ROUNDING * 44.116841313780071)) && encloses(&self.output, 30.0));
+    {
+        const tff_real from = seen_input[0];
+        const tff_real to = 15.0;
+        int way_back = 1;
+        tff_observer_init(&self, from);
+        (void)tff_observer_step(&self, from, (tff_real)NAN);
+        tff_observer_missed(&self, 100);
+        for (k = 0; k <= 100; k++) {
+            double share;
+            (void)tff_observer_step(&self, to, (tff_real)NAN);
+            share = ((double)self.entry.last - (double)from) / ((double)to - (double)from);
+            way_back = way_back && is_between(share, 0.0, 1.0) && ((k > 0) || (fabs(share) <= (10.0 * ROUNDING))) && ((k < 100) || (fabs(share - 1.0) <= (10.0 * ROUNDING)));
+        }
+        (void)tff_observer_step_dt(&self, (tff_real)0.5, from, (tff_real)NAN);
+        way_back = way_back && is_near((double)self.entry.last, (double)to);
+        expect("observer: what was lost or missed is led back", way_back);
+    }
+    tff_observer_init(&self, seen_input[0]);
+    error = 0.0;
+    wide = 1;
+    for (k = 0; k < SEEN_FAR; k++) {
+        error = larger(error, fabs((double)tff_observer_step(&self, seen_input[k], seen_position[k]) - seen_far_output[k]));
+        if ((self.output.status & TFF_OBSERVER_FAR_MOVED) != 0u) {
+            wide = wide && is_near((double)self.low_memory, (double)(0.47048921771981794 * (seen_input[k] + 0.0)));
+        }
+    }
+    report("observer: golden vectors of a far end that is moved", error, 8.6008844526551247e-07);
+    expect("observer: a far end that is moved is flagged, and any history admitted", wide && ((self.output.seen & TFF_OBSERVER_FAR_MOVED) != 0u));
+    before = (double)self.output.tension;
+    self.x[0] = (tff_real)NAN; /* no step can be solved from here */
+    held = is_near((double)tff_observer_step(&self, seen_input[0], (tff_real)NAN), before) && (self.output.status == TFF_FAILED);
+    expect("observer: a step without a solution holds the last tension and says so", held && ((double)self.output.low <= 0.0));
+}
+
 int main(void)
 {
     data();
@@ -1103,6 +1211,7 @@ int main(void)
     test_stream();
     test_profile();
     test_plant();
+    test_observer();
     printf("%s\n", (failures == 0) ? "self test passed" : "SELF TEST FAILED");
     return (failures == 0) ? 0 : 1;
 }

@@ -1,0 +1,219 @@
+"""Torque at the joint of a loop from angle and torque of the motor, whatever loads the joint.
+
+Where something else loads the joint, its torque follows from the motor's by friction alone: the capstan law with the
+loop's pre-tension, behind a drive that is sprung (`models.joint.quasi_static.LoopTorque`). It needs the torque at the
+joint while it is fitted, and none afterwards.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tendonff.compensator.identification.constants import TUNED
+from tendonff.compensator.identification.joint.log import JointLog
+from tendonff.compensator.identification.joint.sensor import BLOCK_S, ROW_S, STARTS, STEP
+from tendonff.compensator.identification.measured import Array, Mask
+from tendonff.compensator.identification.result import Estimate
+from tendonff.models.capstan import CapstanLaw
+from tendonff.models.joint.quasi_static import LoopTorque
+from tendonff.ocp.errors import SolveError
+from tendonff.ocp.fits.least_squares import Residuals, Solution, Unknown, solve
+from tendonff.ocp.fits.mechanism import differences
+
+SLID_SHARE = 0.02
+"""Share of the motor's range after which a loop is taken to slide."""
+
+_SIZE_SHARE = 0.01  # of the torque's range: size of an error
+_LOGARITHMIC = ("pull_exponent", "release_exponent", "preload_N_m")
+UNITS = {
+    "pull_exponent": "-",
+    "release_exponent": "-",
+    "preload_N_m": "N m",
+    "spring_N_m_per_rad": "N m/rad",
+    "offset_N_m": "N m",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TorqueFile:
+    """Torque at the joint in a file.
+
+    Attributes
+    ----------
+    name, role : str
+        Of the file; fit or validate.
+    time_s, joint_N_m, model_N_m : ndarray, shape (rows,)
+        Time [s], and the torque measured and by the law [N m].
+    """
+
+    name: str
+    role: str
+    time_s: Array
+    joint_N_m: Array
+    model_N_m: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TorqueFit:
+    """A fitted law of the torque.
+
+    Attributes
+    ----------
+    law : LoopTorque
+        Torques in N m.
+    estimates : tuple of Estimate
+    files : tuple of TorqueFile
+    band_N_m : float or None
+        Half-width that holds 95 % of the rows of a file that was left out of the fit; None of a single file.
+    """
+
+    law: LoopTorque
+    estimates: tuple[Estimate, ...]
+    files: tuple[TorqueFile, ...]
+    band_N_m: float | None
+
+    def rms_N_m(self, role: str) -> float | None:
+        """RMS error over all files of a role; None without such files."""
+        errors = [f.model_N_m - f.joint_N_m for f in self.files if f.role == role]
+        return float(np.sqrt(np.mean(np.concatenate(errors) ** 2))) if errors else None
+
+    def as_json(self) -> dict[str, float | None]:
+        """Errors, for `fit.json`."""
+        found = {f"{role}_rms_N_m": self.rms_N_m(role) for role in ("fit", "validate")}
+        return {**found, "band_95_N_m": self.band_N_m}
+
+    @property
+    def sentence(self) -> str:
+        """Its error, for the user."""
+        role = "validate" if any(f.role == "validate" for f in self.files) else "fit"
+        where = "files that were not fitted" if role == "validate" else "the fitted files"
+        span = float(np.ptp(np.concatenate([f.joint_N_m for f in self.files if f.role == role])))
+        error = self.rms_N_m(role) or 0.0
+        band = "" if self.band_N_m is None else f", 95 % within {self.band_N_m:.2g} N m"
+        return f"its torque to {error:.2g} N m RMS ({100 * error / span:.2g} % of range) on {where}{band}"
+
+
+_File = tuple[Array, Array, Array, Array, Mask]
+
+
+def fit_torque(logs: Sequence[JointLog], judges: Sequence[JointLog]) -> TorqueFit:
+    """Fit the law to logs that all have the torque at the joint; SolveError where it cannot be."""
+    seen = [_thinned(log) for log in logs]
+    slid_rad = SLID_SHARE * max(float(np.ptp(f[1])) for f in seen)
+    solution = _fitted(seen, slid_rad)
+    band = None
+    if len(seen) > 1:
+        left: list[Array] = []
+        for k, file in enumerate(seen):
+            others = _solved([f for j, f in enumerate(seen) if j != k], solution.values, slid_rad)
+            left.append(_errors(_law(others.values, slid_rad), file))
+        band = float(np.quantile(np.abs(np.concatenate(left)), 0.95))
+    law = _law(solution.values, slid_rad)
+    rows = [("fit", log.name, f) for log, f in zip(logs, seen, strict=True)]
+    rows += [("validate", log.name, _thinned(log)) for log in judges]
+    return TorqueFit(
+        law=law,
+        estimates=_estimates(solution),
+        files=tuple(
+            TorqueFile(name=name, role=role, time_s=t, joint_N_m=joint, model_N_m=law.torque(drum, torque))
+            for role, name, (t, drum, torque, joint, _) in rows
+        ),
+        band_N_m=band,
+    )
+
+
+def _thinned(log: JointLog) -> _File:
+    """Time, motor's angle as read, its torque and that at the joint, at rows `ROW_S` apart, and which count."""
+    if log.joint_torque_N_m is None:
+        raise SolveError(f"{log.name}: no torque at the joint")
+    every = max(1, round(ROW_S / log.run.step_s))
+    motor = log.run.motor_rad + log.zero_rad
+    return (
+        log.time_s[::every],
+        motor[::every],
+        log.torque_N_m[::every],
+        log.joint_torque_N_m[::every],
+        log.counted[::every],
+    )
+
+
+def _errors(law: LoopTorque, file: _File) -> Array:
+    """Law less measured at the rows that what was before does not touch."""
+    _, drum, torque, joint, counted = file
+    return (law.torque(drum, torque) - joint)[counted]
+
+
+def _law(values: Mapping[str, float], slid_rad: float) -> LoopTorque:
+    return LoopTorque(
+        law=CapstanLaw(
+            pull_exponent=values["pull_exponent"],
+            release_exponent=values["release_exponent"],
+            adhesion_N=values["preload_N_m"],
+        ),
+        spring=values["spring_N_m_per_rad"],
+        offset=values["offset_N_m"],
+        slid_rad=slid_rad,
+    )
+
+
+def _fitted(files: Sequence[_File], slid_rad: float) -> Solution:
+    """The best of several starts."""
+    torque = np.concatenate([f[2] for f in files])
+    tried = []
+    for exponent in STARTS:
+        memory = {"pull_exponent": exponent, "release_exponent": exponent, "preload_N_m": 0.6 * float(np.ptp(torque))}
+        plain = _law({**memory, "spring_N_m_per_rad": 0.0, "offset_N_m": 0.0}, slid_rad)
+        off = -np.concatenate([_errors(plain, f) for f in files])
+        rows = np.column_stack([np.concatenate([f[1][f[4]] for f in files]), np.ones(len(off))])
+        (spring, offset), *_ = np.linalg.lstsq(rows, off, rcond=None)
+        start = {**memory, "spring_N_m_per_rad": float(spring), "offset_N_m": float(offset)}
+        tried.append(_solved(files, start, slid_rad))
+    return min(tried, key=lambda s: s.cost)
+
+
+def _solved(files: Sequence[_File], start: Mapping[str, float], slid_rad: float) -> Solution:
+    names = tuple(start)
+    blocks = np.concatenate([1000 * k + (f[0][f[4]] / BLOCK_S).astype(int) for k, f in enumerate(files)])
+    size = _SIZE_SHARE * float(np.ptp(np.concatenate([f[3] for f in files])))
+
+    def evaluate(values: Mapping[str, float]) -> Residuals:
+        def predict(x: Array) -> Array:
+            law = _law(dict(zip(names, x.tolist(), strict=True)), slid_rad)
+            return np.concatenate([_errors(law, f) for f in files]) / size
+
+        at = np.array([values[n] for n in names])
+        found, slopes = differences(predict, at, [STEP * max(abs(v), 1e-3) for v in at.tolist()])
+        return Residuals(values=found, slopes=slopes, blocks=blocks)
+
+    unknowns = [
+        Unknown(
+            name=n,
+            start=start[n],
+            low=start[n] / 20 if n in _LOGARITHMIC else -np.inf,
+            high=start[n] * 20 if n in _LOGARITHMIC else np.inf,
+            scale=0.3 if n in _LOGARITHMIC else max(abs(start[n]), 1e-3),
+            logarithmic=n in _LOGARITHMIC,
+        )
+        for n in names
+    ]
+    return solve(evaluate, unknowns, robust=False, most=30, tolerance=1e-5)
+
+
+def _estimates(solution: Solution) -> tuple[Estimate, ...]:
+    rows = []
+    for name, value in solution.values.items():
+        error = solution.standard_error(name)
+        told = bool(error < TUNED.identifiable_share * max(abs(value), 1e-12))
+        rows.append(
+            Estimate(
+                name=f"torque_{name}",
+                value=value,
+                standard_error=error if np.isfinite(error) else None,
+                interval=solution.interval(name) if np.isfinite(error) else None,
+                identifiable=told,
+                why="fit of the torque at the joint" if told else f"its standard error is {error:.2g} {UNITS[name]}",
+                fitted=True,
+            )
+        )
+    return tuple(rows)

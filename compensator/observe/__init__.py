@@ -1,0 +1,1 @@
+"""The output estimated from what the near end measures."""

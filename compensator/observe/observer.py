@@ -1,0 +1,150 @@
+"""The output step by step, from what the near end measures: `tf.Observer`."""
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.joint.detect import is_joint_file
+from tendonff.compensator.joint.scenario import JointScenario, load_joint_scenario
+from tendonff.compensator.observe.estimate import Observation, ObserverStatus
+from tendonff.compensator.observe.joint import LoopObserver
+from tendonff.compensator.observe.mechanism import MechanismObserver
+from tendonff.compensator.observe.tendon import TendonObserver
+from tendonff.compensator.scenario.scenario import Scenario, load_scenario
+from tendonff.models.errors import ParameterError
+
+
+class Observer:
+    """The output of a tendon or joint, with bounds, from what its near end measures: the exported C, compiled here.
+
+    Of a tendon it is the forward chain of `simulate` under the measured input tension. A measured position of the near
+    end shows in addition what moves the far end from outside. Of a joint it is the chain from the motor's angle; the
+    motor's torque shows what the joint touches. Starts at rest under the scenario's first tension or angle. Needs a C
+    compiler, or the package ziglang.
+
+    Parameters
+    ----------
+    scenario : str, path, Scenario or JointScenario
+        Of one tendon; of a joint with one motor; or of a joint with the laws that `identify` writes as [observer].
+    start : float, optional
+        Output tension [N] or angle of the joint [rad] at the start; default: the scenario's first. NaN where the output
+        tension is not known: then `given` is needed, and the bounds are those of any history until the tendon has slid.
+    given : float, optional
+        Input tension at the start [N], of a start in motion; default: at rest, the same tension everywhere.
+
+    Attributes
+    ----------
+    step_s : float
+        Sample time of the scenario, that of a step without `dt` [s].
+    joints : tuple of str
+        Joints whose angles a step takes.
+
+    Raises
+    ------
+    InputError
+        If the scenario has no observer, or cannot start there.
+    CodeError
+        If there is no C compiler.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> far_end = tf.Observer("examples/finger.toml")  # doctest: +SKIP
+    >>> seen = far_end.step(tension_N=48.2, position_m=0.0011, dt=0.004)  # doctest: +SKIP
+    >>> seen.tension_N.low <= seen.tension_N.value <= seen.tension_N.high  # doctest: +SKIP
+    True
+    """
+
+    def __init__(
+        self,
+        scenario: str | os.PathLike[str] | Scenario | JointScenario,
+        *,
+        start: float | None = None,
+        given: float | None = None,
+    ) -> None:
+        if isinstance(scenario, str | os.PathLike):
+            path = Path(scenario)
+            scenario = load_joint_scenario(path) if is_joint_file(path) else load_scenario(path)
+        self._tendon: TendonObserver | None = None
+        self._loop: LoopObserver | None = None
+        self._mechanism: MechanismObserver | None = None
+        self.joints: tuple[str, ...] = ()
+        self.step_s = scenario.run.step_s
+        if isinstance(scenario, JointScenario):
+            if given is not None or (scenario.observer is not None and start is not None):
+                raise InputError(
+                    f"{scenario.source.name}: an observer of a joint takes no {'start' if start else 'given'}"
+                )
+            if scenario.observer is not None:
+                self._loop = LoopObserver(scenario.observer)
+            else:
+                self._mechanism = MechanismObserver(scenario, start)
+                self.joints = self._mechanism.joints
+            return
+        if start is not None and math.isnan(start) and given is None:
+            raise InputError("start is NaN, so nothing is known of the output; state the input tension: given")
+        core = TendonObserver(scenario, start, given)
+        self._tendon, self.joints = core, core.joints
+        if ObserverStatus.INPUT_HELD in core.status:
+            raise InputError(f"an observer cannot start at {core.start:g} N: it is out of the scenario's range")
+
+    def step(
+        self,
+        *,
+        tension_N: float | None = None,
+        position_m: float | None = None,
+        motor_rad: float | None = None,
+        motor_torque_N_m: float | None = None,
+        joints: Mapping[str, float] | Sequence[float] | None = None,
+        dt: float | None = None,
+    ) -> Observation:
+        """Advance by one step and say what the far end does at its end.
+
+        Parameters
+        ----------
+        tension_N : float, optional
+            Of a tendon: input tension [N]. None or NaN for one that did not arrive: the last estimate is held.
+        position_m : float, optional
+            Of a tendon: position of the near end relative to the start [m], positive towards the actuator; None where
+            it is not measured.
+        motor_rad, motor_torque_N_m : float, optional
+            Of a joint: angle and torque of the motor, as they were logged for `identify` [rad, N m].
+        joints : mapping of str to float, or sequence of float, optional
+            Angles [rad] of the joints that `joints` names, by name or in that order.
+        dt : float, optional
+            Time since the last call [s]; default: `step_s`.
+
+        Raises
+        ------
+        ParameterError
+            If an angle of a joint is missing.
+        """
+        length = self.step_s if dt is None else dt
+        motor, torque = (math.nan if x is None else float(x) for x in (motor_rad, motor_torque_N_m))
+        if self._tendon is None and (tension_N is not None or position_m is not None):
+            raise ParameterError("an observer of a joint takes motor_rad and motor_torque_N_m, not a tension")
+        if self._loop is not None:
+            return self._loop.step(motor, torque)
+        if self._mechanism is not None:
+            return self._mechanism.step(length, motor, torque, self._given(joints))
+        if self._tendon is None or motor_rad is not None or motor_torque_N_m is not None:
+            raise ParameterError("an observer of a tendon takes tension_N and position_m, not the motor's angle")
+        tension, position = (math.nan if x is None else float(x) for x in (tension_N, position_m))
+        return self._tendon.step(length, tension, position, self._given(joints))
+
+    @property
+    def status(self) -> tuple[ObserverStatus, ...]:
+        """Status of the last step; empty where nothing is to be said."""
+        core = self._tendon or self._loop or self._mechanism
+        return () if core is None else core.status
+
+    def _given(self, joints: Mapping[str, float] | Sequence[float] | None) -> Sequence[float]:
+        if joints is None:
+            joints = ()
+        names = self.joints
+        missing = [n for n in names if n not in joints] if isinstance(joints, Mapping) else names[len(joints) :]
+        if missing or len(joints) > len(names):
+            raise ParameterError(f"joints must be the angles of {', '.join(names) or 'none'}, got {joints}")
+        return [joints[name] for name in names] if isinstance(joints, Mapping) else joints
