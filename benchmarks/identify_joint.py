@@ -26,12 +26,13 @@ from tests.hidden_loop import FINE_S, HiddenLoop, hidden, scenario, write_log
 def truth(loop: HiddenLoop) -> dict[str, float]:
     """True values of what is estimated, forces as the motor measures them."""
     first, drive, joint = loop.mechanism.tendons[0], loop.mechanism.drive, loop.mechanism.joint
-    exponent, ratio, lost, friction = derived(loop.mechanism, 0.0).tolist()
+    exponent, ratio, lost, friction, whole = derived(loop.mechanism, 0.0).tolist()
     return {
         "mu_theta": exponent,
         "tension_over_stiffness_m": ratio,
         "lost_motion_rad": lost,
         "drive_torque_N_m": friction * loop.scale,
+        "motor_friction_N_m": whole * loop.scale,
         "pretension_N": (drive.pretension_N or 0.0) * loop.scale,
         "stiffness_N_per_m": first.tendon.stiffness_N_per_m * loop.scale,
         "soft_bristle_stiffness_N_per_m": first.friction.soft_bristle_stiffness_N_per_m * loop.scale,

@@ -24,6 +24,7 @@ def scenario(*, stop: bool = True) -> JointScenario:
     if stop:
         stops = "gravity_zero_rad = 0.0\nstop_high_rad = 1.25\nstop_stiffness_N_m_per_rad = 100.0\n"
         text = text.replace("gravity_zero_rad = 0.0", stops)
+    text = text.replace("pretension_N = 5.0", "pretension_N = 15.0")
     motor = f"gear_ratio = 1.0\ninertia_kg_m2 = 2e-4\ntorque_constant_N_m_per_A = {TORQUE_CONSTANT}\n"
     return parse_joint_scenario(text.replace("gear_ratio = 1.0", motor), EXAMPLES / "hand_joint.toml")
 

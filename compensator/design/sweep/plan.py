@@ -53,19 +53,24 @@ def grid_units(scenario: AnyScenario, axes: tuple[Axis, ...]) -> list[Unit]:
     return [Unit(index=k, values=at, scenario=varied(scenario, keys, at)) for k, at in enumerate(points)]
 
 
+def uncertainty_of(scenario: AnyScenario) -> Uncertainty:
+    """Intervals that are drawn from: [robust], or those that `design` assumes where it states nothing."""
+    if not scenario.robust.is_certain:
+        return scenario.robust
+    stated: Uncertainty = kind_of(scenario).problem(scenario).doubt.uncertainty
+    return stated
+
+
 def random_keys(scenario: AnyScenario) -> tuple[str, ...]:
     """Keys that the scenario's uncertainty varies, in the order of a unit's values."""
-    return tuple(key for spread in scenario.robust.spreads for key in spread.keys)
+    return tuple(key for spread in uncertainty_of(scenario).spreads for key in spread.keys)
 
 
 def random_units(scenario: AnyScenario, count: int) -> list[Unit]:
-    """Units that the scenario's uncertainty admits: a Sobol sequence over its intervals."""
-    if scenario.robust.is_certain:
-        raise InputError(
-            f"{scenario.source.name}: --samples needs an uncertainty; write [robust] with mu = 0.2 or the like"
-        )
+    """Units that the scenario's uncertainty, stated or assumed, admits: a Sobol sequence over its intervals."""
+    stated = uncertainty_of(scenario)
     kind = kind_of(scenario)
-    drawn = draw_systems(kind.system(scenario), scenario.robust, count)
+    drawn = draw_systems(kind.system(scenario), stated, count)
     certain, keys = replace(scenario, robust=Uncertainty()), random_keys(scenario)
     return [
         Unit(

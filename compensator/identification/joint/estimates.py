@@ -8,7 +8,7 @@ from scipy.stats import t as student
 
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.joint.mechanism_law import MechanismLaw
-from tendonff.compensator.identification.joint.parameters import NUMBERS, JointNumber
+from tendonff.compensator.identification.joint.parameters import ANGLE_OR_PUSH, NUMBERS, JointNumber
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.result import Estimate
 from tendonff.compensator.joint.scenario import JointScenario
@@ -23,8 +23,17 @@ DERIVED = {
     "tension_over_stiffness_m": "m",
     "lost_motion_rad": "rad",
     "drive_torque_N_m": "N m",
+    "motor_friction_N_m": "N m",
 }
-"""Numbers that follow, and their units: a, T/k, half the lost motion of the joint, 2 a T at the motor."""
+"""Numbers that follow, and their units: a, T/k, half the lost motion of the joint, 2 a T at the motor, and all friction
+of a free stroke there, that of the gear included.
+"""
+
+_ALONE = {
+    False: ("mu_theta", "tension_over_stiffness_m", "drive_torque_N_m"),
+    True: ("mu_theta", "tension_over_stiffness_m"),
+}
+"""Derived numbers that need mu theta or the share of the gear in the friction, by whether a stop was pushed."""
 
 _BY_A_STOP = (N.MU, N.TENSION, N.STIFFNESS)
 
@@ -43,6 +52,9 @@ class Found:
         Effects beside the core: gain of log-likelihood, and whether it was taken up.
     kept_because : str
         Why mu theta is the scenario's; empty where it was free.
+    untold : tuple of JointNumber
+        Numbers that were free, so that the others are right, but of which the moves tell nothing: they stay the
+        scenario's.
     """
 
     law: MechanismLaw
@@ -50,6 +62,18 @@ class Found:
     covariance: Array
     tried: tuple[tuple[JointNumber, float, bool], ...]
     kept_because: str
+    untold: tuple[JointNumber, ...] = ()
+
+    @property
+    def pushed(self) -> bool:
+        """A stop was pushed."""
+        return N.STOP_LOW in self.names or N.STOP_HIGH in self.names
+
+    @property
+    def told(self) -> dict[JointNumber, float]:
+        """Values that `fitted.toml` takes up."""
+        values = {N(name): value for name, value in self.solution.values.items()}
+        return {k: v for k, v in {**self.law.fixed, **values}.items() if k not in self.untold}
 
     @property
     def names(self) -> tuple[JointNumber, ...]:
@@ -63,13 +87,15 @@ class Found:
 
 
 def derived(mechanism: Mechanism, start_rad: float) -> Array:
-    """The numbers of `DERIVED` for a mechanism, shape (4,)."""
+    """The numbers of `DERIVED` for a mechanism, shape (5,)."""
     law = GrossSliding.of(mechanism, start_rad)
     first = law.tendons[0]
     sheet = data_sheet(law, 0.0)
     exponent = abs(first.signed_exponent(1 if first.arm_m > 0 else -1))
     ratio = law.tension_N / first.stiffness_N_per_m
-    return np.array([exponent, ratio, sheet.lost_motion_rad, sheet.drive_torque_N_m / mechanism.drive.gear_ratio])
+    held = np.array(sheet.drive_torque_N_m / mechanism.drive.gear_ratio)
+    whole = float(mechanism.drive.torque_N_m(held, np.zeros(()), np.ones(())))
+    return np.array([exponent, ratio, sheet.lost_motion_rad, float(held), whole])
 
 
 def estimates_of(
@@ -80,7 +106,9 @@ def estimates_of(
     deviation = np.sqrt(np.diag(found.covariance))
     rows = []
     for number in NUMBERS:
-        if number in values:
+        if number in found.untold:
+            rows.append(_kept(scenario, number, f"{found.kept_because}; {_advice(number)}"))
+        elif number in values:
             error = float(deviation[found.names.index(number)])
             rows.append(_free(scenario, number, values[number], error, found, described=described))
         elif number in found.law.fixed:
@@ -94,6 +122,11 @@ def estimates_of(
     return tuple(rows), tuple(str(n) for n in found.names), correlation
 
 
+def _advice(number: JointNumber) -> str:
+    """Measurement that tells a number of which the moves tell nothing."""
+    return number.spec.advice if number is N.GEAR_SLIP else ANGLE_OR_PUSH
+
+
 def _own(scenario: JointScenario, number: JointNumber) -> float | None:
     return number.of(scenario.mechanism) if number.spec.key else None
 
@@ -102,11 +135,14 @@ def _free(
     scenario: JointScenario, number: JointNumber, value: float, error: float, found: Found, *, described: bool
 ) -> Estimate:
     size = abs(value) if number.spec.logarithmic or number.spec.of_force else max(abs(value), number.spec.step)
-    identifiable = described and error < TUNED.identifiable_share * size
+    at_bound = number in found.solution.at_bound
+    identifiable = described and not at_bound and error < TUNED.identifiable_share * size
     by_stop = bool(found.kept_because) and number in (*_BY_A_STOP, N.BRISTLE, N.COULOMB)
     why = "fit of the whole mechanism"
     if by_stop:
         why = f"belongs to the scenario's mu_dynamic: {found.kept_because}; {number.spec.advice}"
+    elif at_bound:
+        why = f"it ended at a bound of its search; {number.spec.advice or 'longer files'}"
     elif not identifiable:
         why = f"its standard error is {error:.2g} {number.spec.unit}; {number.spec.advice or 'longer files'}"
     elif number.spec.of_force:
@@ -139,16 +175,22 @@ def _derived(found: Found, values: Mapping[JointNumber, float], *, described: bo
     before = derived(replace(law, fixed={}).at({}), start)
     slopes = np.zeros((len(middle), len(values)))
     for k, (number, value) in enumerate(values.items()):
-        if number in (*_BY_A_STOP, N.ADHESION, N.SECOND_SIDE):
+        if number in (*_BY_A_STOP, N.ADHESION, N.SECOND_SIDE, N.COULOMB, N.EFFICIENCY):
             step = 1e-4 * (abs(value) or number.spec.step)
             slopes[:, k] = (derived(law.at({**values, number: value + step}), start) - middle) / step
     used = np.abs(slopes).sum(axis=0) > 0
     covariance = slopes[:, used] @ found.covariance[np.ix_(used, used)] @ slopes[:, used].T
     rows = []
+    bounded = any(n in found.solution.at_bound for n in _BY_A_STOP)
     for k, name in enumerate(DERIVED):
         error = float(np.sqrt(covariance[k, k]))
-        alone = bool(found.kept_because) and name in ("mu_theta", "tension_over_stiffness_m")
-        identifiable = described and not alone and error < TUNED.identifiable_share * abs(middle[k])
+        if found.untold and name != "motor_friction_N_m":
+            why = f"{found.kept_because}; {ANGLE_OR_PUSH}"
+            rows.append(Estimate(name=name, value=float(before[k]), why=why, scenario=float(before[k])))
+            continue
+        alone = bool(found.kept_because) and name in _ALONE[found.pushed]
+        certain = not bounded or name == "motor_friction_N_m"
+        identifiable = described and not alone and certain and error < TUNED.identifiable_share * abs(middle[k])
         why = "follows from the fit"
         if alone:
             why = f"{found.kept_because}; {N.MU.spec.advice}"

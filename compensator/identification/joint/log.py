@@ -16,6 +16,9 @@ from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.ocp.fits.mechanism import MotorRun
 
 TORQUE, CURRENT, MOTOR, JOINT = "motor_torque_N_m", "motor_current_A", "motor_rad", "joint_rad"
+SIMULATED_JOINT = "angle_rad"
+"""The joint's angle as `simulate` writes it; read where there is no `joint_rad`."""
+
 ROW_S = 0.01
 """Step of what is fitted: a log that is faster is thinned to it."""
 
@@ -121,6 +124,8 @@ def _read(file: Path, how: Measurement, start_rad: float) -> JointLog:
         raw = read_measurement(file, how)
     if raw.input_m is None:
         raise InputError(motor)
+    if raw.output_m is None and how.output_position_column == JOINT and SIMULATED_JOINT in raw.unread:
+        raw = read_measurement(file, replace(how, output_position_column=SIMULATED_JOINT))
     record = clean(raw, how)
     piece = max(record.pieces, key=lambda p: len(p.time_s))
     return _log(piece, record, start_rad)

@@ -12,7 +12,7 @@ from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fits.least_squares import Blocks, Residuals, Solution, Unknown, block_covariance, solve
-from tendonff.ocp.fits.mechanism import GEAR_SLIP_RAD, MotorResponse, differences, respond
+from tendonff.ocp.fits.mechanism import GEAR_SLIP_RAD, MotorResponse, MotorRun, differences, respond
 
 COARSE_MASSES, FINE_MASSES = 6, 12
 """Of each tendon while laws are compared, and at the end."""
@@ -26,8 +26,15 @@ STEP = 5e-3
 STOP_MARGIN = 2e-3
 """Share of the motor's range by which a stop that was touched stands inside of it at the start of a search."""
 
-BLOCK_S = 0.5
-"""Rows this far apart are taken as independent: about a reversal."""
+TURNING_SHARE, SLIDES = 0.02, 0.7
+"""A reversal is under way until a bristle that builds up within this share of the motor's range has so much of its
+friction.
+"""
+
+BLOCK_S, STANDS = 0.5, 0.02
+"""Rows so much moving apart are taken as independent: about a reversal. A motor stands below this share of its speed,
+and keeps one error of the friction for as long.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,17 +108,28 @@ class MechanismLaw:
         return np.concatenate([*parts, np.array(before)])
 
     def _blocks(self, rows: int) -> Blocks:
-        """Which rows of the residuals belong together: a stretch of time, of torque and angle alike."""
+        """Which rows of the residuals belong together: a stretch of moving, of torque and angle alike."""
         found, first = [], 0
         for log in self.logs:
-            time = log.time_s[log.counted]
-            own = first + (time / BLOCK_S).astype(int)
+            own = first + (_moving_s(log.run)[log.counted] / BLOCK_S).astype(int)
             first = int(own[-1]) + 1
             found.append(own)
             if log.joint_rad is not None:
                 found.append(own)
         blocks = np.concatenate(found)
         return np.concatenate([blocks, first + np.arange(rows - len(blocks))])
+
+    def kinds(self, rows: int) -> Blocks:
+        """Kinds of rows of the residuals: torque or angle, of each log, turning or sliding, either way."""
+        found = list[Blocks]()
+        for log in self.logs:
+            turning = TURNING_SHARE * float(np.ptp(log.run.motor_rad))
+            slides = np.abs(log.run.way(turning)) > SLIDES
+            own = 2 * slides[log.counted] + (log.run.way(0.1 * turning) > 0)[log.counted]
+            for _ in range(1 if log.joint_rad is None else 2):
+                found.append(4 * len(found) + own.astype(int))
+        kinds = np.concatenate(found)
+        return np.concatenate([kinds, np.full(rows - len(kinds), 4 * len(found))])
 
     def evaluate(self, values: Mapping[JointNumber, float], over: Sequence[JointNumber]) -> Residuals:
         """Residuals with slopes over some of the values."""
@@ -155,6 +173,29 @@ class MechanismLaw:
             raise SolveError(str(error)) from None
 
 
+def widened(covariance: Array, residuals: Residuals, kinds: Blocks) -> Array:
+    """A covariance whose variances are at least the squares of what each kind of rows would move the values by."""
+    weight = 1 / np.sqrt(1 + residuals.values**2)
+    size = np.maximum(np.sqrt((weight[:, None] * residuals.slopes**2).sum(axis=0)), 1e-300)
+    slopes = residuals.slopes / size
+    inverse = np.linalg.pinv(slopes.T @ (weight[:, None] * slopes), hermitian=True)
+    names, index = np.unique(kinds, return_inverse=True)
+    score = np.zeros((len(names), slopes.shape[1]))
+    np.add.at(score, index, slopes * (weight * residuals.values)[:, None])
+    moved = ((score @ inverse / size) ** 2).sum(axis=0) * len(names) / max(len(names) - 1, 1)
+    own = np.diag(covariance)
+    known = np.isfinite(own) & (own > 0)
+    wider = np.ones(len(own))
+    wider[known] = np.sqrt(np.maximum(moved[known] / own[known], 1.0))
+    return np.asarray(covariance * np.outer(wider, wider))
+
+
+def _moving_s(run: MotorRun) -> Array:
+    """Time up to each row that the motor moved."""
+    speed = np.abs(np.gradient(run.motor_rad, run.step_s))
+    return np.asarray(np.cumsum(speed > STANDS * np.percentile(speed, 95)) * run.step_s)
+
+
 def gains(law: MechanismLaw, solution: Solution, tried: Sequence[JointNumber] = EXTRAS) -> dict[JointNumber, float]:
     """Gain in the logarithm of the error that one more number promises, by a Gauss-Newton step from a solution.
 
@@ -191,9 +232,14 @@ def _stepped(found: Residuals, columns: list[int]) -> tuple[float, float]:
 
 
 def covariance_of(law: MechanismLaw, solution: Solution) -> Array:
-    """Covariance of the values, with the floor of the method; infinite where the data do not tell, shape (k, k)."""
+    """Covariance of the values, with the floor of the method; infinite where the data do not tell, shape (k, k).
+
+    Not less than what kinds of rows disagree by: friction that is not that of the law errs alike at every reversal.
+    """
     names = [JointNumber(n) for n in solution.values]
     values = {n: solution.values[n] for n in names}
-    covariance, _ = block_covariance(law.evaluate(values, names), robust=True)
+    residuals = law.evaluate(values, names)
+    covariance, _ = block_covariance(residuals, robust=True)
+    covariance = widened(covariance, residuals, law.kinds(len(residuals.values)))
     floor = np.array([n.floor(values[n]) for n in names])
     return np.asarray(covariance + np.diag(floor**2))

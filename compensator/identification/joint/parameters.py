@@ -71,6 +71,9 @@ class JointSpec:
 
 
 _PUSH = "push slowly against a stop until a tendon is slack, and on as far again"
+ANGLE_OR_PUSH = f"log the angle of the joint (joint_rad), or {_PUSH}"
+"""Measurement that tells the lost motion of a loop."""
+
 _STROKE = "add strokes over the whole range, both ways"
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from tendonff.compensator.identification.joint.first_look import FirstLook
-from tendonff.compensator.identification.joint.parameters import JointNumber
+from tendonff.compensator.identification.joint.parameters import ANGLE_OR_PUSH, JointNumber
 from tendonff.compensator.identification.joint.sensor import SensorFit
 from tendonff.compensator.identification.joint.torque import TorqueFit
 from tendonff.compensator.identification.measured import Array, Mask
@@ -150,7 +150,7 @@ class JointIdentification:
                 ("mu_theta", "mu theta", "", 1.0),
                 ("tension_over_stiffness_m", "T/k", " mm", 1e3),
                 ("lost_motion_rad", "lost motion", " deg", 180 / np.pi),
-                ("drive_torque_N_m", "friction at the motor", " N m", 1.0),
+                ("motor_friction_N_m", "friction at the motor", " N m", 1.0),
             )
         ]
         percent = max(c.torque_percent for c in self.of_role("fit"))
@@ -240,6 +240,8 @@ def summary_lines(found: JointIdentification, folder: str = "") -> Sequence[str]
     ]
     lines += [f"  {line}" for line in (found.missing,) if line]
     lines.append(f"law: {found.law}")
-    if found.described:
+    if found.described and not found.estimate("lost_motion_rad").identifiable:
+        lines.append(f"next: {ANGLE_OR_PUSH}; a design rests on the scenario's lost motion until then")
+    elif found.described:
         lines.append(f"next: tendonff design {(Path(folder) / 'fitted.toml').as_posix()}")
     return lines

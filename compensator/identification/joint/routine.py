@@ -75,8 +75,8 @@ class _Pen:
 def suggest_routine(scenario: JointScenario) -> MotorRoutine:
     """Motor angles for a log that identifies the loop of a scenario, within its range and the motor's limits.
 
-    With stop_high_rad or stop_low_rad in the table of the joint, it pushes against these; without, only lost motion
-    and friction are identified.
+    With stop_high_rad or stop_low_rad in the table of the joint, it pushes against these; without, only friction is
+    identified, and the lost motion where the angle of the joint is logged.
 
     Raises
     ------
@@ -119,7 +119,8 @@ def suggest_routine(scenario: JointScenario) -> MotorRoutine:
         pen.move(top, STROKE_S)
         pen.move(bottom, STROKE_S)
     middle = (top + bottom) / 2
-    pen.note("small reversals: gear friction and presliding")
+    hint = "" if any(stop is not None for stop in stops.values()) else "; without joint_rad or a stop no lost motion"
+    pen.note(f"small reversals: gear friction and presliding{hint}")
     pen.move(middle, STROKE_S)
     for size in SMALL:
         pen.move(middle + max(size * lost, 0.02), SMALL_S)

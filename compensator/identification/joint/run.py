@@ -20,7 +20,13 @@ from tendonff.compensator.identification.joint.mechanism_law import (
     covariance_of,
     gains,
 )
-from tendonff.compensator.identification.joint.parameters import EXTRAS, JointNumber, put_into, require_loop
+from tendonff.compensator.identification.joint.parameters import (
+    ANGLE_OR_PUSH,
+    EXTRAS,
+    JointNumber,
+    put_into,
+    require_loop,
+)
 from tendonff.compensator.identification.joint.result import DESCRIBED_PERCENT, JointComparison, JointIdentification
 from tendonff.compensator.identification.joint.sensor import SensorFit, fit_sensor
 from tendonff.compensator.identification.joint.torque import TorqueFit, fit_torque
@@ -36,6 +42,9 @@ N = JointNumber
 
 STOP_STIFFNESS_N_M_PER_RAD = 100.0
 """Of a stop that the scenario does not have, before the fit."""
+
+_BY_REVERSALS = (N.MU, N.TENSION, N.STIFFNESS, N.BRISTLE, N.COULOMB, N.GEAR_SLIP)
+"""Numbers that only the slope of the torque at reversals separates, if neither a stop nor an encoder does."""
 
 MOST_EXTRAS = 3
 FIRST_STEPS, STEPS, FINE_STEPS = 5, 15, 4
@@ -149,6 +158,9 @@ def _fitted(
     kept, note = {}, ""
     if not touched:
         kept, note = {N.MU: N.MU.of(mechanism)}, "no push against a stop in these files"
+    untold: tuple[JointNumber, ...] = ()
+    if not touched and all(log.joint_rad is None for log in logs):
+        untold, note = _BY_REVERSALS, "neither a push against a stop nor the angle of the joint in these files"
     law = MechanismLaw(mechanism=mechanism, logs=logs, fixed=kept)
     say("whole mechanism")
     if all(log.joint_rad is not None for log in logs) and (poor := _loaded(law, free, looks)) is not None:
@@ -158,11 +170,18 @@ def _fitted(
         note = "the pushes end before a tendon is slack"
         law = replace(law, fixed={N.MU: N.MU.of(mechanism)})
         solution = _from_starts(law, free, looks)
-    solution, tried = _with_extras(law, solution, say)
+    solution, tried = _with_extras(law, solution, (N.OFFSET,) if untold else EXTRAS, say)
     say("finer mechanism")
     fine = replace(law, segments=FINE_MASSES, refinement=2)
     solution = fine.fit(_values(solution), most=FINE_STEPS)
-    return Found(law=fine, solution=solution, covariance=covariance_of(fine, solution), tried=tried, kept_because=note)
+    return Found(
+        law=fine,
+        solution=solution,
+        covariance=covariance_of(fine, solution),
+        tried=tried,
+        kept_because=note,
+        untold=untold,
+    )
 
 
 def _loaded(law: MechanismLaw, free: Sequence[JointNumber], looks: Sequence[FirstLook]) -> Found | None:
@@ -209,12 +228,14 @@ def _slack(law: MechanismLaw, solution: Solution) -> bool:
 
 
 def _with_extras(
-    law: MechanismLaw, solution: Solution, say: Callable[[str], None]
+    law: MechanismLaw, solution: Solution, some: Sequence[JointNumber], say: Callable[[str], None]
 ) -> tuple[Solution, tuple[tuple[JointNumber, float, bool], ...]]:
     """Take up effects one by one as long as the data support another."""
     tried: dict[JointNumber, tuple[float, bool]] = {}
     for _ in range(MOST_EXTRAS):
-        extras = [n for n in EXTRAS if n not in solution.values]
+        extras = [n for n in some if n not in solution.values]
+        if not extras:
+            break
         blocks = len(np.unique(solution.residuals.blocks))
         worth = {n: gain * blocks / 2 for n, gain in gains(law, solution, extras).items()}
         tried |= {n: (gain, False) for n, gain in worth.items()}
@@ -255,7 +276,7 @@ def _answer(
     name = ", ".join(("loop with presliding", *taken)) if sensor is None else "virtual sensor of a loop"
     encoder = any(log.joint_rad is not None for log in law.logs)
     warnings = list(_warnings(found, described=described, joint=encoder, observed=sensor is not None))
-    mechanism = put_into(scenario.mechanism, {**law.fixed, **values})
+    mechanism = put_into(scenario.mechanism, found.told)
     text = fitted_text(scenario, mechanism, estimates) if described else scenario.text
     if sensor is not None:
         bands = sensor.band_rad or 0.0, 0.0 if torque is None else torque.band_N_m or 0.0
@@ -308,12 +329,19 @@ def _warnings(found: Found, *, described: bool, joint: bool, observed: bool) -> 
             + (", with the virtual sensor as [observer]" if observed else "")
         )
         return
-    if found.kept_because:
+    if found.untold:
         yield (
-            f"{found.kept_because}: only (T/k) tanh(mu theta/2) and 2 mu theta T by the motor are identified; "
+            f"{found.kept_because}: the friction of the gear hides what reversals tell of the lost motion, so only "
+            "friction at the motor and gravity are identified, and fitted.toml keeps the scenario's lost motion, "
+            f"friction and pre-tension; {ANGLE_OR_PUSH}"
+        )
+    elif found.kept_because:
+        known = "2 mu theta T by the motor are" if found.pushed else "friction at the motor are"
+        yield (
+            f"{found.kept_because}: only (T/k) tanh(mu theta/2) and {known} identified; "
             "mu_dynamic is the scenario's, and pretension_N and stiffness_N_per_m belong to it"
         )
-    if found.solution.at_bound:
-        yield f"{', '.join(found.solution.at_bound)} ended at a bound of the search; check the scenario's value"
+    if bound := [n for n in found.solution.at_bound if n not in found.untold]:
+        yield f"{', '.join(bound)} ended at a bound of the search; check the scenario's value"
     if not joint:
         yield ("no encoder at the joint: its angles count from where the reference of the scenario starts")

@@ -19,9 +19,11 @@ from tendonff.compensator.compensators.plant import FINE_SEGMENTS, Plant
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.score import verify
 from tendonff.compensator.design.sweep import run
-from tendonff.compensator.design.sweep.plan import Axis, varied
+from tendonff.compensator.design.sweep.kinds import kind_of
+from tendonff.compensator.design.sweep.plan import Axis, random_keys, random_units, varied
 from tendonff.compensator.design.sweep.run import sweep
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.joint.scenario import load_joint_scenario
 from tendonff.compensator.scenario.reference import SineReference
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario
 from tendonff.models.parameters.drive import Motor
@@ -247,8 +249,6 @@ def test_what_cannot_be_swept_is_refused_with_a_way_out(unsure: Scenario, tmp_pa
         sweep(unsure, tmp_path / "a", over=[Axis(key="path.segments", values=(1.5,))])
     with pytest.raises(InputError, match="either --over"):
         sweep(unsure, tmp_path / "a")
-    with pytest.raises(InputError, match=r"write \[robust\]"):
-        sweep(replace(unsure, robust=Uncertainty()), tmp_path / "a", samples=3)
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "thesis.tex").write_text("precious")
     with pytest.raises(InputError, match="holds no sweep"):
@@ -256,3 +256,15 @@ def test_what_cannot_be_swept_is_refused_with_a_way_out(unsure: Scenario, tmp_pa
     sweep(unsure, tmp_path / "b", samples=3, compensators=NAMES)
     with pytest.raises(InputError, match="another sweep"):
         sweep(unsure, tmp_path / "b", samples=4, compensators=NAMES)
+
+
+@pytest.mark.parametrize("kind", ["tendon", "joint"])
+def test_units_without_a_statement_are_drawn_from_what_design_assumes(unsure: Scenario, kind: str) -> None:
+    joint = load_joint_scenario(EXAMPLES / "hand_joint.toml")
+    scenario = replace(unsure, robust=Uncertainty()) if kind == "tendon" else joint
+    assumed = kind_of(scenario).problem(scenario).doubt.uncertainty
+    assert len(assumed.spreads) == (1 if kind == "tendon" else 3)
+    stated = replace(scenario, robust=assumed)
+    assert random_keys(scenario) == random_keys(stated)
+    assert [u.values for u in random_units(scenario, 4)] == [u.values for u in random_units(stated, 4)]
+    assert {u.scenario.robust for u in random_units(scenario, 2)} == {Uncertainty()}

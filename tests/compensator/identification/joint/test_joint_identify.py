@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import partialmethod
 
 import numpy as np
 import pytest
@@ -9,14 +10,17 @@ import pytest
 import tendonff as tf
 from tendonff.compensator.cli import run
 from tendonff.compensator.files.reading import InputError, read_csv
-from tendonff.compensator.identification.joint.estimates import derived
+from tendonff.compensator.identification.joint.estimates import DERIVED, derived
 from tendonff.compensator.identification.joint.first_look import look
 from tendonff.compensator.identification.joint.fitted import fitted_text, moved_files
 from tendonff.compensator.identification.joint.log import read_logs
+from tendonff.compensator.identification.joint.mechanism_law import MechanismLaw, widened
 from tendonff.compensator.identification.joint.parameters import JointNumber
+from tendonff.compensator.identification.joint.result import summary_lines
 from tendonff.compensator.identification.joint.routine import suggest_routine
 from tendonff.compensator.identification.joint.run import identify_joint
 from tendonff.compensator.scenario.measurement import Measurement
+from tendonff.ocp.fits.least_squares import Minimum, Residuals, block_covariance
 from tests.compensator.identification.joint import own_log
 from tests.hidden_loop import EXAMPLES, scenario
 
@@ -24,25 +28,126 @@ pytestmark = [pytest.mark.compiler]
 
 
 @pytest.mark.slow
-def test_without_a_stop_lost_motion_and_friction_are_told_and_nothing_else(tmp_path):
+def test_without_a_stop_and_an_encoder_lost_motion_stays_the_scenarios(tmp_path):
+    asked = scenario(stop=False)
+    true = own_log.other(coulomb_N_m=0.0)  # a search that starts with friction of the gear may end at its bound
+    found = identify_joint(asked, [own_log.write(tmp_path, true, asked)])
+    assert derived(asked.mechanism, 0.0)[2] != pytest.approx(derived(true, 0.0)[2], rel=0.1)  # else nothing is claimed
+    told = found.estimate("motor_friction_N_m")
+    assert told.interval[0] <= derived(true, 0.0)[4] <= told.interval[1]
+    _is_kept(found, asked)
+    assert "next: log the angle of the joint (joint_rad), or push slowly" in summary_lines(found)[-1]
+    assert not any("bound" in text for text in found.warnings)
+
+
+@pytest.mark.slow
+def test_an_encoder_tells_the_lost_motion_without_a_stop(tmp_path):
     asked = scenario(stop=False)
     true = own_log.other()
-    found = identify_joint(asked, [own_log.write(tmp_path, true, asked)])
-    exponent, _, lost, friction = derived(true, 0.0)
+    found = identify_joint(asked, [own_log.write(tmp_path, true, asked, encoder=True)])
+    exponent, _, lost, _, friction = derived(true, 0.0)
     assert found.estimate("mu_theta").value != pytest.approx(exponent, rel=0.1)  # else the claim would be empty
-    assert found.estimate("lost_motion_rad").value == pytest.approx(lost, rel=0.08)
-    assert found.estimate("drive_torque_N_m").value == pytest.approx(friction, rel=0.08)
-    for name in ("mu_dynamic", "pretension_N", "stiffness_N_per_m", "mu_theta", "tension_over_stiffness_m"):
+    for name, value in (("lost_motion_rad", lost), ("motor_friction_N_m", friction)):
+        assert found.estimate(name).identifiable
+        assert found.estimate(name).value == pytest.approx(value, rel=0.08)
+    alone = ("mu_dynamic", "pretension_N", "stiffness_N_per_m", "mu_theta", "tension_over_stiffness_m")
+    for name in (*alone, "drive_torque_N_m"):
         assert not found.estimate(name).identifiable
         assert "push slowly against a stop" in found.estimate(name).why
     assert any("no push against a stop" in text for text in found.warnings)
     assert "push slowly against a stop" in found.missing
 
 
+def _is_kept(found, asked):
+    """What only reversals would tell: no interval, the reason, and the scenario's value in the answer and the file."""
+    own = derived(asked.mechanism, 0.0)
+    for name, value in zip(list(DERIVED)[:4], own, strict=False):
+        assert found.estimate(name).value == pytest.approx(value)
+    for name in (*list(DERIVED)[:4], "mu_dynamic", "pretension_N", "stiffness_N_per_m", "coulomb_N_m"):
+        estimate = found.estimate(name)
+        assert not estimate.identifiable
+        assert estimate.interval is None
+        assert "joint_rad" in estimate.advice
+    assert derived(found.scenario.mechanism, 0.0) == pytest.approx(own)
+
+
+def test_a_tight_fit_of_free_strokes_alone_is_not_believed(tmp_path, monkeypatch):
+    """A search that stops far off states a narrow interval: what a move tells is not the search's to say."""
+    asked = scenario(stop=False)
+    monkeypatch.setattr(MechanismLaw, "fit", _far_off)
+    monkeypatch.setattr(MechanismLaw, "evaluate", lambda _law, _values, over: _rows(len(over)))
+    found = identify_joint(asked, [own_log.write(tmp_path, asked.mechanism, asked)])
+    assert found.described
+    _is_kept(found, asked)
+    assert found.estimate("gravity_N_m").identifiable
+    assert found.scenario.mechanism.joint.gravity_N_m == pytest.approx(1.01 * asked.mechanism.joint.gravity_N_m)
+
+
+def test_a_value_at_a_bound_of_its_search_is_not_identifiable(tmp_path, monkeypatch):
+    asked = scenario(stop=False)
+    monkeypatch.setattr(MechanismLaw, "fit", partialmethod(_far_off, at_bound=(JointNumber.GRAVITY,)))
+    monkeypatch.setattr(MechanismLaw, "evaluate", lambda _law, _values, over: _rows(len(over)))
+    found = identify_joint(asked, [own_log.write(tmp_path, asked.mechanism, asked)])
+    assert not found.estimate("gravity_N_m").identifiable
+    assert "bound of its search" in found.estimate("gravity_N_m").why
+    assert any("gravity_N_m ended at a bound" in text for text in found.warnings)
+
+
+def _rows(count):
+    """Residuals that see each value alike, and well."""
+    values = 1e-3 * np.random.default_rng(0).standard_normal(6000)
+    slopes = 1e3 * np.random.default_rng(1).standard_normal((6000, count))
+    return Residuals(values=values, slopes=slopes, blocks=np.arange(6000))
+
+
+def _far_off(law, start, at_bound=(), **_):
+    factors = {JointNumber.STIFFNESS: 1.5, JointNumber.GRAVITY: 1.01}
+    values = {n: n.of(law.mechanism) * factors.get(n, 1.0) for n in start}
+    minimum = Minimum(values=values, residuals=_rows(len(start)), cost=1.0, at_bound=at_bound)
+    return minimum.with_covariance()
+
+
+def test_kinds_of_rows_that_disagree_widen_an_interval(tmp_path):
+    """Strokes up tell a value one higher than strokes down: their mean is not known better than that."""
+    [log] = read_logs(scenario(), [own_log.write(tmp_path, scenario().mechanism)], Measurement())
+    law = MechanismLaw(mechanism=scenario().mechanism, logs=[log], fixed={})
+    kinds = law.kinds(int(log.counted.sum()))
+    assert len(np.unique(kinds)) == 4  # turning and sliding, either way
+    off = np.where(kinds % 2 == 1, 0.5, -0.5)
+    off = np.where(kinds % 2 == 1, off, off * (kinds % 2 == 1).sum() / (kinds % 2 == 0).sum())  # a minimum
+    rows = Residuals(values=off, slopes=np.ones((len(off), 1)), blocks=np.arange(len(off)))
+    plain, _ = block_covariance(rows, robust=True)
+    wide = widened(plain, rows, kinds)
+    assert plain[0, 0] < 1e-3
+    assert 0.05 < wide[0, 0] < 0.5
+    assert widened(4 * wide, rows, kinds) == pytest.approx(4 * wide)
+
+
+def test_all_friction_of_a_stroke_is_that_of_the_tendons_and_of_the_gear():
+    true = own_log.other(coulomb_N_m=0.03, gear_efficiency=0.9)
+    exponent, _, _, tendons, whole = derived(true, 0.0)
+    assert tendons == pytest.approx(2 * exponent * true.drive.pretension_N * true.drum_radius_m[0], rel=1e-9)
+    assert whole == pytest.approx(1.1 * tendons + 0.03, rel=1e-9)
+
+
+def test_the_angle_that_simulate_writes_is_that_of_the_joint(tmp_path):
+    time = np.arange(200) * 0.01
+    table = np.column_stack([time, np.sin(time), np.cos(time), 0.5 * np.sin(time)])
+
+    def read(names):
+        np.savetxt(tmp_path / "log.csv", table, delimiter=",", header=names, comments="")
+        return read_logs(scenario(), [tmp_path / "log.csv"], Measurement())[0].joint_rad
+
+    joint = read("time_s,motor_rad,motor_torque_N_m,angle_rad")
+    assert joint == pytest.approx(0.5 * np.sin(time), abs=0.01)
+    assert read("time_s,motor_rad,motor_torque_N_m,other_rad") is None
+    assert read("time_s,motor_rad,motor_torque_N_m,joint_rad") == pytest.approx(joint)
+
+
 def test_a_shallow_push_starts_from_a_stop_that_was_reached(tmp_path):
     """Else the fit never touches it: tension and stiffness then miss the truth by more than their intervals."""
     known = scenario().mechanism
-    true = replace(known, joints=(replace(known.joint, stop_low_rad=-0.1),))
+    true = replace(known, joints=(replace(known.joint, stop_low_rad=-0.08),))
     [log] = read_logs(scenario(), [own_log.write(tmp_path, true, dip_rad=0.12)], Measurement())
     found = look(log, known)
     assert [push.way for push in found.pushes] == [1, -1]
