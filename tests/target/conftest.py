@@ -3,7 +3,7 @@
 import re
 import shutil
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -21,6 +21,7 @@ from tendonff.ocp.inverse import invert
 HERE = Path(__file__).parent
 MODULES = ("parameters", "limits", "inverse", "capstan", "table", "plant", "observer")
 KINDS = ("inverse", "capstan", "table", "plant", "observer")
+_SHOWN = re.compile("[0-9a-f]{8}|[0-9a-f]{16}")
 HOST_FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno")
 
 
@@ -171,7 +172,11 @@ def answers(text: str, precision: Precision, kinds: tuple[str, ...] = KINDS) -> 
     lines = [line.split() for line in text.splitlines()]
     kind = np.float32 if precision is Precision.FLOAT else np.float64
     width = 8 if precision is Precision.FLOAT else 16
-    rows = [[bytes.fromhex(word[-width:])[::-1] for word in words] for words in lines if len(words) == len(KINDS)]
+    rows = [
+        [bytes.fromhex(word[-width:])[::-1] for word in words]
+        for words in lines
+        if words and all(map(_SHOWN.fullmatch, words))
+    ]
     shown = np.array([[np.frombuffer(b, dtype=kind)[0] for b in row] for row in rows], dtype=np.float64)
     hashes = next(tuple(words[1:]) for words in lines if words[:1] == ["hash"])
     found = {int(words[1]): words[2:] for words in lines if words[:1] == ["count"]}
@@ -228,10 +233,10 @@ def on_board(board: Board, source: Path, folder: Path, kinds: tuple[str, ...] = 
     return answers(done.stderr + done.stdout, board.precision, kinds), image
 
 
-def code_size(board: Board, source: Path, folder: Path) -> tuple[int, dict[str, int]]:
-    """Bytes of code and constants of all modules but the profile, and the stack of the two step functions."""
+def code_size(board: Board, source: Path, folder: Path, modules: Sequence[str] = MODULES) -> tuple[int, dict[str, int]]:
+    """Bytes of code and constants of modules (default: all but the profile), and the stack of two step functions."""
     total, stack = 0, {}
-    for name in MODULES:
+    for name in modules:
         target = folder / f"{name}.o"
         run(
             *("arm-none-eabi-gcc", *board.flags, "-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno"),

@@ -809,14 +809,14 @@ tff_real tff_observer_step_dt(tff_observer *self, tff_real dt_s, tff_real input_
 {
     tff_real samples = tff_samples(&self->waiting, dt_s);
     const int32_t missed = tff_paused(samples);
-    int32_t steps = 1;
 
     if (missed > 0) {
         tff_observer_missed(self, missed);
         samples = 1.0;
     }
     if (samples >= 1.0) {
-        steps = (int32_t)samples;
+        const int32_t steps = (int32_t)samples;
+
         self->waiting = (samples - (tff_real)steps) * TFF_STEP_S;
         (void)tff_observer_after(self, steps, input_tension, input_position);
     } else { /* waits for the next call */
