@@ -119,6 +119,19 @@ class MechanismLaw:
         blocks = np.concatenate(found)
         return np.concatenate([blocks, first + np.arange(rows - len(blocks))])
 
+    def joint_friction_N_m(self) -> float:
+        """Friction of free strokes, as a torque on the joint: half of what they differ by."""
+        found = []
+        for log in self.logs:
+            torque = log.torque_N_m[log.counted]
+            way = log.run.way(TURNING_SHARE * float(np.ptp(log.run.motor_rad)))[log.counted]
+            up, down = torque[way > SLIDES], torque[way < -SLIDES]
+            if up.size and down.size:
+                found.append(float(np.median(up) - np.median(down)) / 2)
+        mechanism, start = self.mechanism, self.logs[0].run.start_rad
+        arm = abs(mechanism.arms_at(start)[0])
+        return max(found, default=0.0) * mechanism.drive.gear_ratio * arm / mechanism.drum_radius_m[0]
+
     def kinds(self, rows: int) -> Blocks:
         """Kinds of rows of the residuals: torque or angle, of each log, turning or sliding, either way."""
         found = list[Blocks]()
@@ -241,5 +254,6 @@ def covariance_of(law: MechanismLaw, solution: Solution) -> Array:
     residuals = law.evaluate(values, names)
     covariance, _ = block_covariance(residuals, robust=True)
     covariance = widened(covariance, residuals, law.kinds(len(residuals.values)))
-    floor = np.array([n.floor(values[n]) for n in names])
+    friction = law.joint_friction_N_m()
+    floor = np.array([np.hypot(n.floor(values[n]), n.spec.floor_of_friction * friction) for n in names])
     return np.asarray(covariance + np.diag(floor**2))

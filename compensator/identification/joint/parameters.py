@@ -46,6 +46,8 @@ class JointSpec:
         Standard deviation that is known before, of the logarithm; 0 for none.
     floor : float
         Standard error of the method itself: a share of what is positive or a force, else in the number's unit.
+    floor_of_friction : float
+        The same as a share of the friction of free strokes, beside which it is seen.
     of_force : bool
         It is a force or torque: known as well as the scale of the measured torque.
     effect : str
@@ -65,6 +67,7 @@ class JointSpec:
     start: float = 0.0
     prior: float = 0.0
     floor: float = 0.0
+    floor_of_friction: float = 0.0
     of_force: bool = False
     effect: str = ""
     advice: str = ""
@@ -173,7 +176,14 @@ class JointNumber(_Specified, Enum):
     GRAVITY = (
         "gravity_N_m",
         JointSpec(
-            unit="N m", role=Role.CORE, key="joint.gravity_N_m", step=0.02, floor=0.012, of_force=True, advice=_STROKE
+            unit="N m",
+            role=Role.CORE,
+            key="joint.gravity_N_m",
+            step=0.02,
+            floor=0.012,
+            floor_of_friction=0.008,
+            of_force=True,
+            advice=_STROKE,
         ),
     )
     STOP_HIGH = (

@@ -14,7 +14,7 @@ from tendonff.compensator.identification.joint.estimates import DERIVED, derived
 from tendonff.compensator.identification.joint.first_look import look
 from tendonff.compensator.identification.joint.fitted import fitted_text, moved_files
 from tendonff.compensator.identification.joint.log import read_logs
-from tendonff.compensator.identification.joint.mechanism_law import MechanismLaw, widened
+from tendonff.compensator.identification.joint.mechanism_law import MechanismLaw, covariance_of, widened
 from tendonff.compensator.identification.joint.parameters import JointNumber
 from tendonff.compensator.identification.joint.result import summary_lines
 from tendonff.compensator.identification.joint.routine import suggest_routine
@@ -121,6 +121,18 @@ def test_kinds_of_rows_that_disagree_widen_an_interval(tmp_path):
     assert plain[0, 0] < 1e-3
     assert 0.05 < wide[0, 0] < 0.5
     assert widened(4 * wide, rows, kinds) == pytest.approx(4 * wide)
+
+
+def test_a_weight_is_known_no_better_than_the_friction_it_is_seen_beside(tmp_path):
+    asked = scenario(stop=False)
+    [log] = read_logs(asked, [own_log.write(tmp_path, asked.mechanism, asked)], Measurement())
+    law = MechanismLaw(mechanism=asked.mechanism, logs=[log], fixed={})
+    friction = derived(asked.mechanism, 0.0)[4]  # arm and drum are alike
+    assert law.joint_friction_N_m() == pytest.approx(friction, rel=0.03)
+    gravity = JointNumber.GRAVITY
+    minimum = _far_off(law, [gravity])
+    variance = covariance_of(law, minimum)[0, 0]
+    assert np.sqrt(variance) > 0.007 * friction
 
 
 def test_all_friction_of_a_stroke_is_that_of_the_tendons_and_of_the_gear():
