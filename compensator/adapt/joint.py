@@ -286,14 +286,14 @@ def _run(
 def _headline(cases: list[JointCase], scenario: JointScenario) -> str:
     off = [case for case in cases if not case.variation.stuck and case.variation.stiffness == 1]
     plain, tuned = (max(c.settled_deg(e) for c, e in zip(off, errors, strict=True)) for errors in _errors_of(off))
-    settings = scenario.adaptation
-    both = settings is not None and len(settings.parameters) > 1
-    one = " by one factor" if both else ""
-    names = "" if settings is None else " and ".join(settings.parameters)
+    parameters = scenario.adaptation.parameters if scenario.adaptation is not None else ()
+    words = {JointTunable.MU: "friction", JointTunable.PRETENSION: "pre-tension"}
+    names = " and ".join(words[parameter] for parameter in parameters)
+    one = " by one factor" if len(parameters) > 1 else ""
     return (
         f"Expect an RMS error of up to {tuned:.2g} deg after {SETTLED_S:g} s with {names} tuned{one} from the joint's "
-        f"angle, for mu ±30 % and pre-tension ±20 % (without: up to {plain:.2g} deg)."
-    ).replace("mu ±", "friction ±")
+        f"angle, for friction ±30 % and pre-tension ±20 % (without: up to {plain:.2g} deg)."
+    )
 
 
 def _errors_of(cases: list[JointCase]) -> tuple[list[FloatArray], list[FloatArray]]:
