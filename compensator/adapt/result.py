@@ -8,6 +8,7 @@ import numpy as np
 
 from tendonff.compensator.adapt.feedback import FeedbackCertificate
 from tendonff.compensator.compensators.profile import FloatArray
+from tendonff.compensator.files.results import writer_of
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.ocp.adaptation.bounds import CertifiedInterval
@@ -244,7 +245,4 @@ class AdaptationStudy:
 
     def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
         """Write `estimate.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
-        # Output is made from results: the one import that may not stand at the top.
-        from tendonff.compensator.adapt.output import write_files
-
-        write_files(self, folder, pdf=pdf)
+        writer_of(AdaptationStudy)(self, folder, pdf=pdf)

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from tendonff.compensator.adapt.feedback import FeedbackCertificate, feedback_certificate
+from tendonff.compensator.adapt.output import write_files
 from tendonff.compensator.adapt.result import (
     SETTLED_S,
     WINDOW_S,
@@ -33,6 +34,7 @@ from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.files.results import register_writer
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenario.settings import Adaptation
@@ -47,6 +49,8 @@ _SEGMENTS_OF_A_DRIFT = 120
 _VARIED = (Tunable.MU_PULL, Tunable.MU_RELEASE, Tunable.TENDON_STIFFNESS, Tunable.LOAD_STIFFNESS)
 _STRETCHES_S = 0.5  # time in which a tendon gets longer
 _POSTURE_S = 4.0  # period of a load that changes with posture
+
+register_writer(AdaptationStudy, write_files)
 
 
 def adapt(scenario: Scenario, *, progress: Progress = silent) -> AdaptationStudy:

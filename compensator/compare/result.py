@@ -7,6 +7,7 @@ from typing import Literal
 from tendonff.compensator.compare.levels import LevelCost, LevelTraits
 from tendonff.compensator.compare.matrix import MatrixData
 from tendonff.compensator.compensators.score import IgnoredMotion
+from tendonff.compensator.files.results import writer_of
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
@@ -65,7 +66,4 @@ class Comparison(MatrixData):
 
     def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
         """Write `matrix.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
-        # Output is made from results: the one import that may not stand at the top.
-        from tendonff.compensator.compare.output import write_files
-
-        write_files(self, folder, pdf=pdf)
+        writer_of(Comparison)(self, folder, pdf=pdf)

@@ -15,6 +15,7 @@ from tendonff.compensator.compare.matrix import (
     noise_warnings,
     recommend,
 )
+from tendonff.compensator.compare.output import write_files
 from tendonff.compensator.compare.result import CAPSTAN_PLANT, PLANTS, Comparison
 from tendonff.compensator.compensators.base import SLOW_PARTS, Compensator, Problem, answers_of
 from tendonff.compensator.compensators.expectation import (
@@ -27,6 +28,7 @@ from tendonff.compensator.compensators.profile import FloatArray, Profile, Profi
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import ignored_motion, slack_warnings
 from tendonff.compensator.files.progress import Parts, Progress, silent
+from tendonff.compensator.files.results import register_writer
 from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
@@ -45,6 +47,8 @@ SIMPLE = (
     Simple(name="capstan", words="The static capstan law"),
     Simple(name=SMOOTHED, words="The capstan law with a smoothed sign change"),
 )
+
+register_writer(Comparison, write_files)
 
 
 def compare(

@@ -8,6 +8,7 @@ from tendonff.compensator.compensators.base import Compensator
 from tendonff.compensator.compensators.expectation import Expectation
 from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
 from tendonff.compensator.compensators.score import IgnoredMotion, Score, Verified
+from tendonff.compensator.files.results import writer_of
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
@@ -99,7 +100,4 @@ class Design:
 
         An interactive report has a view with zoom, hover and a legend that hides curves, and needs Bokeh.
         """
-        # Output is made from results: the one import that may not stand at the top.
-        from tendonff.compensator.design.output import write_files
-
-        write_files(self, folder, interactive=interactive, pdf=pdf)
+        writer_of(Design)(self, folder, interactive=interactive, pdf=pdf)

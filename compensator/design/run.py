@@ -16,8 +16,10 @@ from tendonff.compensator.compensators.score import (
     verify,
 )
 from tendonff.compensator.design.drive_use import drive_warnings
+from tendonff.compensator.design.output import write_files
 from tendonff.compensator.design.result import Design
 from tendonff.compensator.files.progress import Parts, Progress, silent
+from tendonff.compensator.files.results import register_writer
 from tendonff.compensator.scenario.reference import CsvReference, Hold
 from tendonff.compensator.scenario.sampled.from_file import noise_advice, ripple_advice
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
@@ -26,6 +28,8 @@ from tendonff.models.fidelity import Level
 from tendonff.ocp.inverse import invert
 from tendonff.ocp.stability import predict_stick_slip
 from tendonff.ocp.tracking.options import TrackOptions
+
+register_writer(Design, write_files)
 
 
 def design(

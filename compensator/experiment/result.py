@@ -8,6 +8,7 @@ import numpy as np
 from tendonff.compensator.experiment.machine import StatePass
 from tendonff.compensator.experiment.rig import Plan
 from tendonff.compensator.files.reading import FloatArray
+from tendonff.compensator.files.results import writer_of
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
@@ -140,7 +141,4 @@ class ExperimentResult:
         """Write `experiment_<level>.csv`, `summary.json`, figures and `report.html`, all or nothing; makes
         the folder.
         """
-        # Output is made from results: the one import that may not stand at the top.
-        from tendonff.compensator.experiment.output import write_files
-
-        write_files(self, folder, pdf=pdf)
+        writer_of(ExperimentResult)(self, folder, pdf=pdf)

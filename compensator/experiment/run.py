@@ -14,10 +14,12 @@ import numpy as np
 
 from tendonff.compensator.experiment.machine import Machine, Schedule, StatePass, plan_experiment
 from tendonff.compensator.experiment.numbers import read_measured
+from tendonff.compensator.experiment.output import write_files
 from tendonff.compensator.experiment.result import ExperimentResult, ExperimentRun
 from tendonff.compensator.experiment.rig import Plan, Rig, RigRows
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.reading import FloatArray
+from tendonff.compensator.files.results import register_writer
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
 
@@ -25,6 +27,8 @@ Ends = tuple[float | None, float | None]
 
 _SCALE_BOUNDS = (0.5, 2.0)
 _QUASI_STATIC_FACTOR = 1000.0
+
+register_writer(ExperimentResult, write_files)
 
 
 def run_machine(plan: Plan, level: Level) -> tuple[Schedule, ExperimentRun]:

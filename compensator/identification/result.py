@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from tendonff.compensator.files.results import writer_of
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.errors import FileError
 from tendonff.compensator.identification.fitting.sliding import SectionFriction, SlidingRatio
@@ -280,10 +281,7 @@ class Identification:
         """Write `fitted.toml`, `fit.json`, figures, the suggested excitation and `report.html`, all or nothing; makes
         the folder.
         """
-        # Output is made from results: the one import that may not stand at the top.
-        from tendonff.compensator.identification.output import write_files
-
-        write_files(self, folder, pdf=pdf)
+        writer_of(Identification)(self, folder, pdf=pdf)
 
 
 def _file(result: FileResult, unit: str) -> dict[str, Any]:

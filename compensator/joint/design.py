@@ -7,7 +7,9 @@ import numpy as np
 
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.files.results import register_writer
 from tendonff.compensator.joint.compensators import JointTask, compensators_of
+from tendonff.compensator.joint.output import write_files
 from tendonff.compensator.joint.plant import REFINEMENT, joint_load, verifying_masses
 from tendonff.compensator.joint.result import JointDesign, JointProfile
 from tendonff.compensator.joint.scenario import JointScenario, SampledJoint
@@ -17,6 +19,8 @@ from tendonff.ocp.joint.invert import JointInversion, JointStatus
 
 LEAST_DAMPING_RATIO, LEAST_COMMANDS = 0.02, 20.0
 """A joint that damps its resonance less is shaken by commands that come less often than so many times a period [-]."""
+
+register_writer(JointDesign, write_files)
 
 
 def design_joint(scenario: JointScenario, *, strict: bool = True, progress: Progress = silent) -> JointDesign:

@@ -8,6 +8,7 @@ import numpy as np
 
 from tendonff.compensator.compensators.expectation import Expectation
 from tendonff.compensator.files.reading import FloatArray
+from tendonff.compensator.files.results import writer_of
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.joint.compensators import JointCompensator
 from tendonff.compensator.joint.reference import JointQuantity
@@ -143,7 +144,4 @@ class JointDesign:
 
     def write(self, folder: str | os.PathLike[str]) -> None:
         """Write `profile.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
-        # Output is made from results: the one import that may not stand at the top.
-        from tendonff.compensator.joint.output import write_files
-
-        write_files(self, folder)
+        writer_of(JointDesign)(self, folder)

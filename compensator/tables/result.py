@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from tendonff.compensator.compensators.expectation import Expectation
 from tendonff.compensator.compensators.score import Score
 from tendonff.compensator.compensators.table import BuiltTable
+from tendonff.compensator.files.results import writer_of
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
@@ -88,7 +89,4 @@ class Tables:
 
         The names in `table.h` begin with `prefix`.
         """
-        # Output is made from results: the one import that may not stand at the top.
-        from tendonff.compensator.tables.output import write_files
-
-        write_files(self, folder, prefix=prefix, pdf=pdf)
+        writer_of(Tables)(self, folder, prefix=prefix, pdf=pdf)

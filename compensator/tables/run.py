@@ -11,11 +11,15 @@ from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.score import harm_warnings, verify
 from tendonff.compensator.compensators.table import CompensationTable, table_of, table_range
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.files.results import register_writer
 from tendonff.compensator.scenario.sampled.joint_motion import posed
 from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.tables.output import write_files
 from tendonff.compensator.tables.result import AngleTable, Tables
 from tendonff.models.fidelity import Level
 from tendonff.ocp.tracking.diagnosis import law_of, reasons
+
+register_writer(Tables, write_files)
 
 
 def make_tables(

@@ -12,6 +12,7 @@ from tendonff.compensator.compensators.expectation import Expectation, two_digit
 from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.design.sweep.kinds import AnyScenario, kind_of
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.files.results import writer_of
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.files.writing import atomic_file
 from tendonff.models.parameters.numbers import FACTORS
@@ -113,10 +114,7 @@ class Sweep:
         """Write `samples.csv` (and `samples.parquet`), `summary.json`, figures and `report.html`, all or nothing; makes
         the folder.
         """
-        # Output is made from results: the one import that may not stand at the top.
-        from tendonff.compensator.design.sweep.output import write_files
-
-        write_files(self, folder, parquet=parquet, pdf=pdf)
+        writer_of(Sweep)(self, folder, parquet=parquet, pdf=pdf)
 
 
 _PLAN, _ROWS = "sweep.json", "rows.partial.csv"

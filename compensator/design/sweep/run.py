@@ -10,12 +10,16 @@ from pathlib import Path
 from typing import Any
 
 from tendonff.compensator.design.sweep.kinds import AnyScenario, kind_of
+from tendonff.compensator.design.sweep.output import write_files
 from tendonff.compensator.design.sweep.plan import Axis, Unit, grid_units, random_keys, random_units
 from tendonff.compensator.design.sweep.result import Row, Store, Sweep
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.files.results import register_writer
 from tendonff.models.errors import TendonffError
 from tendonff.ocp.batch import run_jobs
+
+register_writer(Sweep, write_files)
 
 
 @contextmanager

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from tendonff.compensator.files.results import writer_of
 from tendonff.compensator.identification.joint.first_look import FirstLook
 from tendonff.compensator.identification.joint.parameters import ANGLE_OR_PUSH, JointNumber
 from tendonff.compensator.identification.joint.sensor import SensorFit
@@ -203,11 +204,7 @@ class JointIdentification:
         """Write `fitted.toml`, `fit.json`, figures, the suggested routine and `report.html`, all or nothing; makes the
         folder.
         """
-        from tendonff.compensator.identification.joint.output import (
-            write_files,
-        )  # of results: not at the top
-
-        write_files(self, folder, pdf=pdf)
+        writer_of(JointIdentification)(self, folder, pdf=pdf)
 
 
 def _shown(estimate: Estimate, label: str, unit: str, scale: float) -> str:

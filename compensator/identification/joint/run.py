@@ -9,6 +9,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.files.results import register_writer
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.joint.estimates import Found, estimates_of
 from tendonff.compensator.identification.joint.first_look import FirstLook, look
@@ -20,6 +21,7 @@ from tendonff.compensator.identification.joint.mechanism_law import (
     covariance_of,
     gains,
 )
+from tendonff.compensator.identification.joint.output import write_files
 from tendonff.compensator.identification.joint.parameters import (
     ANGLE_OR_PUSH,
     EXTRAS,
@@ -49,6 +51,8 @@ _BY_REVERSALS = (N.MU, N.TENSION, N.STIFFNESS, N.BRISTLE, N.COULOMB, N.GEAR_SLIP
 MOST_EXTRAS = 3
 FIRST_STEPS, STEPS, FINE_STEPS = 5, 15, 4
 """Evaluations of a start, of the best one, and on the finer mechanism."""
+
+register_writer(JointIdentification, write_files)
 
 
 def identify_joint(

@@ -40,7 +40,7 @@ SAID = []
 
 
 def take_message(*message):
-    """One logger for all runs: FMPy keeps the last one for ever, so it must not be collected."""
+    """One logger for all runs: FMPy keeps a reference to the last one, so it must not be collected."""
     SAID.append(message)
 
 

@@ -196,7 +196,7 @@ def test_the_self_test_passes_and_dies_with_every_safety_mutant(exported, precis
 
 
 def test_what_single_precision_loses_is_measured_and_said(exported, finger):
-    """finger_fast loses little; a chain of light, stiff links at a tiny step loses much, and is told so."""
+    """finger_fast loses little; a chain of light, stiff links at a tiny step loses much, and its report says so."""
     losses = json.loads(exported[Precision.FLOAT].files["design.json"])["float_loss"]
     assert 0 < losses["inverse"]["rms_N"] < 0.01
     assert "Single precision, measured" in exported[Precision.FLOAT].files["README.md"]
@@ -225,7 +225,7 @@ def warned(warnings):
 
 
 def test_golden_vectors_of_a_cycle_know_the_joints_beyond_its_period(examples):
-    """The course goes on after the scenario's reference: its model must be where its joints are told to be."""
+    """The course goes on after the scenario's reference: its model must have its joints where they are commanded."""
     scenario = load_scenario(examples / "finger_moving.toml")
     problem = Problem.of(scenario)
     motion = problem.chain.motion

@@ -92,7 +92,7 @@ def test_every_value_says_where_it_comes_from(answer):
         assert estimate["why"], name
         assert estimate["identifiable"] <= (estimate["interval_95"] is not None)
         if not estimate["identifiable"] and estimate["scenario"] is not None:
-            # Static friction follows the dynamic one, in fitted.toml and in what is told of it.
+            # Static friction follows the dynamic one, in fitted.toml and in the report.
             kept = getattr(friction, name) if name.startswith("mu_static") else estimate["scenario"]
             assert estimate["estimate"] == pytest.approx(kept, rel=1e-12), name
 

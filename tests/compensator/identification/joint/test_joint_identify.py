@@ -1,4 +1,4 @@
-"""Identification of a joint on logs of its own mechanism: laws that the data choose, what is told, what is refused."""
+"""Identification of a joint on logs of its own mechanism: laws that the data choose, identified and refused values."""
 
 import json
 from dataclasses import replace
