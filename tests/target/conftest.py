@@ -1,9 +1,10 @@
 """Exported folders, compilers and the emulated controllers."""
 
+import functools
 import re
 import shutil
 import subprocess
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -73,8 +74,15 @@ def run(*command: str | Path, **options: object) -> subprocess.CompletedProcess[
 
 
 @pytest.fixture(scope="session")
-def toolbox() -> object:
+def toolbox(tmp_path_factory: pytest.TempPathFactory) -> object:
     """The helpers of this folder, for its tests."""
+
+    @functools.cache
+    def counter() -> Path:
+        need("gcc")
+        library = tmp_path_factory.mktemp("counter") / "libcount.so"
+        run("gcc", "-O2", "-shared", "-fPIC", "-o", library, HERE / "count.c")
+        return library
 
     class Toolbox:
         need, run = staticmethod(need), staticmethod(run)
@@ -82,7 +90,7 @@ def toolbox() -> object:
         host_flags = HOST_FLAGS
         write_reference = staticmethod(write_reference)
         answers = staticmethod(answers)
-        on_board = staticmethod(on_board)
+        on_board = staticmethod(functools.partial(on_board, counter))
         on_host = staticmethod(on_host)
         torn_table = staticmethod(torn_table)
         code_size = staticmethod(code_size)
@@ -208,23 +216,24 @@ def _sources(source: Path, folder: Path, kinds: tuple[str, ...]) -> list[str | P
     ]
 
 
-def on_board(board: Board, source: Path, folder: Path, kinds: tuple[str, ...] = KINDS) -> tuple[Answers, Path]:
+def on_board(
+    counter: Callable[[], Path], board: Board, source: Path, folder: Path, kinds: tuple[str, ...] = KINDS
+) -> tuple[Answers, Path]:
     """Run bench.c (the bench of one module for one alone) on an emulated controller; returns the image too."""
-    need("arm-none-eabi-gcc", "qemu-system-arm", "gcc")
-    image, counter = folder / "bench.elf", folder / "libcount.so"
+    need("arm-none-eabi-gcc", "qemu-system-arm")
+    image = folder / "bench.elf"
     run(
         *("arm-none-eabi-gcc", *board.flags, "-std=gnu11", "-O2", "-ffp-contract=off", "-fno-math-errno"),
         *("-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections", "-nostartfiles"),
         *("--specs=nano.specs", "--specs=nosys.specs", "-I", folder, "-I", source, "-T", HERE / "mps2.ld"),
         *(HERE / "startup.c", *_sources(source, folder, kinds), "-lm", "-o", image),
     )
-    run("gcc", "-O2", "-shared", "-fPIC", "-o", counter, HERE / "count.c")
     symbols = {
         words[2]: words[0]
         for line in run("arm-none-eabi-nm", image).stdout.splitlines()
         if len(words := line.split()) == 3
     }
-    plugin = f"{counter},begin=0x{symbols['mark_begin']},end=0x{symbols['mark_end']},kinds={len(kinds) + 1}"
+    plugin = f"{counter()},begin=0x{symbols['mark_begin']},end=0x{symbols['mark_end']},kinds={len(kinds) + 1}"
     done = run(
         *("qemu-system-arm", "-M", board.machine, "-nographic", "-monitor", "none", "-serial", "none"),
         *("-semihosting-config", "enable=on,target=native", "-plugin", plugin, "-kernel", image),
@@ -233,23 +242,23 @@ def on_board(board: Board, source: Path, folder: Path, kinds: tuple[str, ...] = 
     return answers(done.stderr + done.stdout, board.precision, kinds), image
 
 
-def code_size(board: Board, source: Path, folder: Path, modules: Sequence[str] = MODULES) -> tuple[int, dict[str, int]]:
-    """Bytes of code and constants of modules (default: all but the profile), and the stack of two step functions."""
-    total, stack = 0, {}
-    for name in modules:
+def code_size(board: Board, source: Path, folder: Path) -> tuple[dict[str, int], dict[str, int]]:
+    """Bytes of code and constants of each module but the profile, and the stack of two step functions."""
+    sizes, stack = {}, {}
+    for name in MODULES:
         target = folder / f"{name}.o"
         run(
             *("arm-none-eabi-gcc", *board.flags, "-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno"),
             *("-fstack-usage", "-I", source, "-c", source / f"tff_{name}.c", "-o", target),
         )
-        total += int(run("arm-none-eabi-size", target).stdout.splitlines()[1].split()[0])
+        sizes[name] = int(run("arm-none-eabi-size", target).stdout.splitlines()[1].split()[0])
         for line in target.with_suffix(".su").read_text().splitlines():
             where, size, _ = line.split("\t")
             stack[where.split(":")[-1]] = int(size)
     inner = [size for name, size in stack.items() if name.startswith("tff_inverse_after")]  # where it is not inlined
     inverse = stack["tff_inverse_step"] + max(inner, default=0) + stack["tff_output_set"]
     plant = stack["tff_plant_step"] + stack.get("tff_chain_solve", 0) + stack.get("tff_chain_evaluate", 0)
-    return total, {"inverse": inverse, "plant": plant}
+    return sizes, {"inverse": inverse, "plant": plant}
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
