@@ -28,15 +28,13 @@ def test_a_controller_gives_the_bits_of_the_host_within_the_instruction_ceilings
     assert there.hashes == here.hashes
     most = {name: there.counts[name][1] for name in toolbox.kinds}
     means = {name: round(there.counts[name][2]) for name in toolbox.kinds}
-    size, stack = toolbox.code_size(board, source, tmp_path)
+    size, stack = toolbox.code_size(board, source)
     for name in toolbox.kinds:
         record_property("figure", f"{board.name}, N = 6, {name}: {most[name]} instructions at most, {means[name]} mean")
     record_property("figure", f"{board.name}, N = 6: {size} bytes of code and constants, stack {stack}")
     assert all(most[name] <= ceiling for name, ceiling in CEILINGS.items())
     assert size < 20 * 1024
-    without_observer, _ = toolbox.code_size(
-        board, source, tmp_path, [name for name in toolbox.modules if name != "observer"]
-    )
+    without_observer, _ = toolbox.code_size(board, source, [name for name in toolbox.modules if name != "observer"])
     assert without_observer < 16 * 1024
     if board.precision is Precision.FLOAT:
         assert "__aeabi_d" not in toolbox.run("arm-none-eabi-nm", image).stdout
@@ -89,7 +87,7 @@ def test_the_figures_in_the_readme_are_those_measured(toolbox, exported, course,
             source = exported(board.precision, "finger", None if segments == 6 else segments)
             toolbox.write_reference(folder, rows, board.precision)
             there, _ = toolbox.on_board(board, source, folder)
-            size, stack = toolbox.code_size(board, source, folder)
+            size, stack = toolbox.code_size(board, source)
             row = {"target": board.name.rsplit(" ", 1)[0], "masses": segments}
             row |= {name: there.counts[name][1] for name in toolbox.kinds}
             torn = toolbox.torn_table(source, folder, board.precision)
