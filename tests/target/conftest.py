@@ -1,12 +1,11 @@
 """Exported folders, compilers and the emulated controllers."""
 
-import atexit
 import functools
 import re
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -90,18 +89,16 @@ def compiled(compiler: tuple[str, ...], source: Path) -> Path:
     return target
 
 
-@functools.cache
-def counter() -> Path:
-    """The emulator's plugin that counts instructions."""
-    library = Path(tempfile.mkdtemp(prefix="tff-count-")) / "libcount.so"
-    atexit.register(shutil.rmtree, library.parent, ignore_errors=True)
-    run("gcc", "-O2", "-shared", "-fPIC", "-o", library, HERE / "count.c")
-    return library
-
-
 @pytest.fixture(scope="session")
-def toolbox() -> object:
+def toolbox(tmp_path_factory: pytest.TempPathFactory) -> object:
     """The helpers of this folder, for its tests."""
+
+    @functools.cache
+    def counter() -> Path:
+        need("gcc")
+        library = tmp_path_factory.mktemp("counter") / "libcount.so"
+        run("gcc", "-O2", "-shared", "-fPIC", "-o", library, HERE / "count.c")
+        return library
 
     class Toolbox:
         need, run = staticmethod(need), staticmethod(run)
@@ -109,7 +106,7 @@ def toolbox() -> object:
         host_flags = HOST_FLAGS
         write_reference = staticmethod(write_reference)
         answers = staticmethod(answers)
-        on_board = staticmethod(on_board)
+        on_board = staticmethod(functools.partial(on_board, counter))
         on_host = staticmethod(on_host)
         torn_table = staticmethod(torn_table)
         code_size = staticmethod(code_size)
@@ -237,9 +234,11 @@ def _objects(compiler: tuple[str, ...], source: Path, kinds: tuple[str, ...]) ->
     return [compiled(compiler, made) for name in modules if (made := source / f"tff_{name}.c").exists()]
 
 
-def on_board(board: Board, source: Path, folder: Path, kinds: tuple[str, ...] = KINDS) -> tuple[Answers, Path]:
+def on_board(
+    counter: Callable[[], Path], board: Board, source: Path, folder: Path, kinds: tuple[str, ...] = KINDS
+) -> tuple[Answers, Path]:
     """Run bench.c (the bench of one module for one alone) on an emulated controller; returns the image too."""
-    need("arm-none-eabi-gcc", "qemu-system-arm", "gcc")
+    need("arm-none-eabi-gcc", "qemu-system-arm")
     image = folder / "bench.elf"
     run(
         *("arm-none-eabi-gcc", *board.flags, "-std=gnu11", "-O2", "-ffp-contract=off", "-fno-math-errno"),
@@ -261,19 +260,19 @@ def on_board(board: Board, source: Path, folder: Path, kinds: tuple[str, ...] = 
     return answers(done.stderr + done.stdout, board.precision, kinds), image
 
 
-def code_size(board: Board, source: Path, modules: Sequence[str] = MODULES) -> tuple[int, dict[str, int]]:
-    """Bytes of code and constants of modules (default: all but the profile), and the stack of two step functions."""
-    total, stack = 0, {}
-    for name in modules:
+def code_size(board: Board, source: Path) -> tuple[dict[str, int], dict[str, int]]:
+    """Bytes of code and constants of each module but the profile, and the stack of two step functions."""
+    sizes, stack = {}, {}
+    for name in MODULES:
         target = compiled(board.compiler, source / f"tff_{name}.c")
-        total += int(run("arm-none-eabi-size", target).stdout.splitlines()[1].split()[0])
+        sizes[name] = int(run("arm-none-eabi-size", target).stdout.splitlines()[1].split()[0])
         for line in target.with_suffix(".su").read_text().splitlines():
             where, size, _ = line.split("\t")
             stack[where.split(":")[-1]] = int(size)
     inner = [size for name, size in stack.items() if name.startswith("tff_inverse_after")]  # where it is not inlined
     inverse = stack["tff_inverse_step"] + max(inner, default=0) + stack["tff_output_set"]
     plant = stack["tff_plant_step"] + stack.get("tff_chain_solve", 0) + stack.get("tff_chain_evaluate", 0)
-    return total, {"inverse": inverse, "plant": plant}
+    return sizes, {"inverse": inverse, "plant": plant}
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
