@@ -4,6 +4,7 @@ import functools
 import re
 import shutil
 import subprocess
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -34,6 +35,12 @@ class Board:
     precision: Precision
     machine: str
     flags: tuple[str, ...]
+
+    @property
+    def compiler(self) -> tuple[str, ...]:
+        """Command that compiles a module as on the controller."""
+        plain = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fstack-usage")
+        return ("arm-none-eabi-gcc", *self.flags, *plain, "-ffunction-sections", "-fdata-sections")
 
 
 M4F = Board(
@@ -71,6 +78,15 @@ def run(*command: str | Path, **options: object) -> subprocess.CompletedProcess[
     done = subprocess.run([str(c) for c in command], capture_output=True, text=True, check=False, **options)  # type: ignore[call-overload]
     assert done.returncode == 0, f"{' '.join(map(str, command))}\n{done.stdout[-3000:]}\n{done.stderr[-3000:]}"
     return done
+
+
+@functools.cache
+def compiled(compiler: tuple[str, ...], source: Path) -> Path:
+    """Object of an exported source, made once, beside its folder; the use of the stack stands beside it."""
+    kept = Path(tempfile.mkdtemp(prefix="objects-", dir=source.parent.parent))
+    target = kept / f"{source.stem}.o"
+    run(*compiler, "-c", source, "-o", target)
+    return target
 
 
 @pytest.fixture(scope="session")
@@ -199,21 +215,23 @@ def answers(text: str, precision: Precision, kinds: tuple[str, ...] = KINDS) -> 
 def on_host(source: Path, folder: Path, precision: Precision, kinds: tuple[str, ...] = KINDS) -> Answers:
     """Run bench.c (the bench of one module for one alone) on this machine."""
     need("gcc")
-    compiled = _sources(source, folder, kinds)
-    run("gcc", *HOST_FLAGS, "-DHOST", "-I", folder, "-I", source, *compiled, "-lm", "-o", folder / "host")
+    bench = _bench(folder, kinds)
+    objects = _objects(("gcc", *HOST_FLAGS), source, kinds)
+    run("gcc", *HOST_FLAGS, "-DHOST", "-I", folder, "-I", source, *bench, *objects, "-lm", "-o", folder / "host")
     return answers(run(folder / "host").stderr, precision, kinds)
 
 
-def _sources(source: Path, folder: Path, kinds: tuple[str, ...]) -> list[str | Path]:
-    """Sources and options: bench.c for all modules, of one alone its own bench or bench_one.c."""
-    modules = MODULES if kinds == KINDS else ("parameters", "limits", "path", *kinds)
+def _bench(folder: Path, kinds: tuple[str, ...]) -> list[str | Path]:
+    """Source and options of a bench: bench.c for all modules, of one alone its own bench or bench_one.c."""
     own = HERE / ("bench.c" if kinds == KINDS else f"bench_{kinds[0]}.c")
     (folder / "module.h").write_text(f'#include "tff_{kinds[0]}.h"\n')
-    return [
-        f"-DMODULE={kinds[0]}",
-        own if own.exists() else HERE / "bench_one.c",
-        *(made for name in modules if (made := source / f"tff_{name}.c").exists()),
-    ]
+    return [f"-DMODULE={kinds[0]}", own if own.exists() else HERE / "bench_one.c"]
+
+
+def _objects(compiler: tuple[str, ...], source: Path, kinds: tuple[str, ...]) -> list[Path]:
+    """Compiled modules: all, or one alone and what it needs."""
+    modules = MODULES if kinds == KINDS else ("parameters", "limits", "path", *kinds)
+    return [compiled(compiler, made) for name in modules if (made := source / f"tff_{name}.c").exists()]
 
 
 def on_board(
@@ -226,7 +244,7 @@ def on_board(
         *("arm-none-eabi-gcc", *board.flags, "-std=gnu11", "-O2", "-ffp-contract=off", "-fno-math-errno"),
         *("-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections", "-nostartfiles"),
         *("--specs=nano.specs", "--specs=nosys.specs", "-I", folder, "-I", source, "-T", HERE / "mps2.ld"),
-        *(HERE / "startup.c", *_sources(source, folder, kinds), "-lm", "-o", image),
+        *(HERE / "startup.c", *_bench(folder, kinds), *_objects(board.compiler, source, kinds), "-lm", "-o", image),
     )
     symbols = {
         words[2]: words[0]
@@ -242,15 +260,11 @@ def on_board(
     return answers(done.stderr + done.stdout, board.precision, kinds), image
 
 
-def code_size(board: Board, source: Path, folder: Path) -> tuple[dict[str, int], dict[str, int]]:
+def code_size(board: Board, source: Path) -> tuple[dict[str, int], dict[str, int]]:
     """Bytes of code and constants of each module but the profile, and the stack of two step functions."""
     sizes, stack = {}, {}
     for name in MODULES:
-        target = folder / f"{name}.o"
-        run(
-            *("arm-none-eabi-gcc", *board.flags, "-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno"),
-            *("-fstack-usage", "-I", source, "-c", source / f"tff_{name}.c", "-o", target),
-        )
+        target = compiled(board.compiler, source / f"tff_{name}.c")
         sizes[name] = int(run("arm-none-eabi-size", target).stdout.splitlines()[1].split()[0])
         for line in target.with_suffix(".su").read_text().splitlines():
             where, size, _ = line.split("\t")

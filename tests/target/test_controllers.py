@@ -24,7 +24,7 @@ def finger(toolbox, exported, course, tmp_path_factory):
     def ran(board):
         source, folder = exported(board.precision), tmp_path_factory.mktemp("finger")
         toolbox.write_reference(folder, course("finger"), board.precision)
-        return folder, *toolbox.on_board(board, source, folder), *toolbox.code_size(board, source, folder)
+        return folder, *toolbox.on_board(board, source, folder), *toolbox.code_size(board, source)
 
     return ran
 
@@ -113,7 +113,7 @@ def test_the_figures_in_the_readme_are_those_measured(toolbox, exported, finger,
                 source = exported(board.precision, "finger", segments)
                 toolbox.write_reference(folder, rows, board.precision)
                 there, _ = toolbox.on_board(board, source, folder)
-                sizes, stack = toolbox.code_size(board, source, folder)
+                sizes, stack = toolbox.code_size(board, source)
                 reversing = toolbox.torn_table(source, folder, board.precision)
                 table, _ = toolbox.on_board(board, reversing, reversing, kinds=("table",))
             row = {"target": board.name.rsplit(" ", 1)[0], "masses": segments}
