@@ -18,7 +18,7 @@ HOST_CEILINGS = {"inverse": 1500, "capstan": 200, "table": 200}
 
 @pytest.fixture(scope="module")
 def finger(toolbox, exported, course, tmp_path_factory):
-    """The finger on an emulated controller, all its course: its folder, what was counted, image, sizes, stack."""
+    """The finger on an emulated controller, over the whole course: folder, what was counted, image, sizes, stack."""
 
     @functools.cache
     def ran(board):
