@@ -34,7 +34,7 @@ def keys_of(system: object) -> list[str]:
         *(
             f"{place}.{name}"
             for place, record in _places(system).items()
-            for name in _numbers(type(record))
+            for name in _numbers(record.__class__)
             if not (name == "total_angle_rad" and getattr(record, "sections", False))  # that add up to it
         ),
     ]
@@ -56,7 +56,7 @@ def is_whole(system: object, key: str) -> bool:
     if key in FACTORS:
         return False
     place, name = key.rsplit(".", 1)
-    return _hints(type(_places(system)[place]))[name] is int
+    return _hints(_places(system)[place].__class__)[name] is int
 
 
 def with_numbers(system: S, values: Mapping[str, float]) -> S:
@@ -79,7 +79,7 @@ def with_numbers(system: S, values: Mapping[str, float]) -> S:
             raise KeyError(key)
         if key not in FACTORS:
             place, name = key.rsplit(".", 1)
-            whole = _hints(type(places[place]))[name] is int
+            whole = _hints(places[place].__class__)[name] is int
             changes.setdefault(place, {})[name] = round(value) if whole else value
     # A motor before its actuator, whose own keys override what follows from it; else what all share before one's own.
     for place, given in sorted(changes.items(), key=lambda each: (each[0] != "actuator.motor", each[0].count("."))):

@@ -18,7 +18,7 @@ class _Array:
         self._kind = np.dtype(kind)
 
     def from_param(self, values: object) -> ctypes.c_void_p:
-        """Value that ctypes hands to the function; TypeError where the array is another one."""
+        """Address for the function; TypeError where the array is another one."""
         if not isinstance(values, np.ndarray):
             raise TypeError(f"must be an ndarray, got {type(values).__name__}")
         if values.dtype != self._kind:
