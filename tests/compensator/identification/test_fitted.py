@@ -126,6 +126,7 @@ def test_what_is_printed_is_what_is_written(found):
     assert found.estimate("mu_static").value == pytest.approx(t.friction.mu_static)
 
 
+@pytest.mark.usefixtures("unpainted")
 def test_simulating_the_fitted_scenario_again_gives_the_error_that_is_printed(found, tmp_path, logs):
     found.write(tmp_path / "out")
     fitted = load_scenario(tmp_path / "out" / "fitted.toml")
