@@ -52,7 +52,7 @@ class AdaptiveGolden:
     joint_rad: FloatArray  # shape (rows, joints); joint angles that its steps take, those at their ends
 
     def given(self, reference_N: FloatArray, nudge: int = 0) -> FloatArray:
-        """What the steps take, shape (rows, 2): references, and measurements that round otherwise for each `nudge`."""
+        """Inputs of the steps, shape (rows, 2): references, and measurements that round otherwise for each `nudge`."""
         sign = np.random.default_rng(nudge).choice((-1.0, 0.0, 1.0), len(self.measured)) if nudge else 0.0
         rounding = float(np.finfo(np.float32).eps) * np.abs(self.measured)
         return np.stack([reference_N, self.measured + sign * rounding], axis=1)

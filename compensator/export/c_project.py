@@ -170,7 +170,8 @@ def export_project(
     if settings is not None and tuned is not None:
         notes = learnt(problem, tuning_of(problem, settings)).sentences()
         answers = [] if found is None else [answer[ADAPTIVE.name] for answer in found[4:]]
-        further["adaptive"] = adaptive_test(problem, settings, golden.course, precision, tuned, answers)
+        if ADAPTIVE in modules:  # not where the inverse that it tunes is left out
+            further["adaptive"] = adaptive_test(problem, settings, golden.course, precision, tuned, answers)
     texts = c_sources(scenario, problem, modules, precision, prefix, further)
     texts |= folder_files(scenario, problem, modules, precision, prefix, further)
     texts["design.json"] = _design_json(

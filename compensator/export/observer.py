@@ -254,7 +254,7 @@ class ObserverGolden:
     low_N: FloatArray
     high_N: FloatArray
     # position_m, far_output_N: shape (rows,); the beginning of it once more while something moves the far end; empty
-    # where a position is not used
+    # where a position is not used, or the course is too short
     position_m: FloatArray
     far_output_N: FloatArray
     most_N: float  # largest input that is accepted [N]
@@ -278,7 +278,7 @@ def observer_golden(design: ObserverDesign, chain: Chain, course_N: FloatArray, 
     low, high = design.enclosure.history_N(given, float(given[0]), output)
     position, layout = np.empty(0), moved.layout
     far = position
-    if design.follows_far_end:
+    if design.follows_far_end and len(given) >= _FAR_ROWS:  # in fewer the far end hardly departs
         position, far = _with_far_end(design, moved, given[:_FAR_ROWS], precision)
     return ObserverGolden(
         input_N=given,

@@ -198,7 +198,8 @@ def on_host(source: Path, folder: Path, precision: Precision, kinds: tuple[str, 
 
 def _sources(source: Path, folder: Path, kinds: tuple[str, ...]) -> list[str | Path]:
     """Sources and options: bench.c for all modules, of one alone its own bench or bench_one.c."""
-    modules = MODULES if kinds == KINDS else ("parameters", "limits", "path", *kinds)
+    needed = ("parameters", "limits", "path", "inverse") if kinds == ("stream",) else ("parameters", "limits", "path")
+    modules = MODULES if kinds == KINDS else (*needed, *kinds)
     own = HERE / ("bench.c" if kinds == KINDS else f"bench_{kinds[0]}.c")
     (folder / "module.h").write_text(f'#include "tff_{kinds[0]}.h"\n')
     return [

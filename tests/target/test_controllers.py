@@ -94,6 +94,7 @@ def test_the_figures_in_the_readme_are_those_measured(toolbox, exported, course,
             row |= {name: there.counts[name][1] for name in toolbox.kinds}
             torn = toolbox.torn_table(source, folder, board.precision)
             row["table"] = toolbox.on_board(board, torn, torn, kinds=("table",))[0].counts["table"][1]
+            row["stream"] = toolbox.on_board(board, source, folder, kinds=("stream",))[0].counts["stream"][1]
             row |= {"code": size, "stack_inverse": stack["inverse"], "stack_plant": stack["plant"]}
             fresh[board.precision]["rows"].append(row)  # type: ignore[attr-defined]
     if target:
