@@ -37,6 +37,8 @@ from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.step.joints import Joints
 
+_APART = 1e-3  # of the range: difference of the observer in single precision from which on it is not compared
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exported:
@@ -156,11 +158,7 @@ def export_project(
     further: dict[str, object] = {
         **numbers,
         **self_test_context(problem, table, profile_N, golden, precision, found),
-        "seen": seen,
-        "seen_far_tolerance_N": (1e-3 if precision is Precision.FLOAT else 1e-8) * float(seen.input_N.max()),
-        "seen_tolerance_N": tolerance(
-            seen.output_N, float(seen.input_N.max()), precision, None if found is None else found[0][OBSERVER.name]
-        ),
+        **_observer_test(seen, _APART * problem.reference.range_N, precision, found),
         "measured": measured(precision),
         "judged": judged,
         "choice": choice,
@@ -188,6 +186,22 @@ def export_project(
     )
     warnings = (*warnings, *faults, *loss_warnings(losses))
     return Exported(files=texts, built=built, profile_N=profile_N, judged=judged, warnings=warnings, notes=notes)
+
+
+def _observer_test(
+    seen: ObserverGolden, apart_N: float, precision: Precision, found: Sequence[Mapping[str, FloatArray]] | None
+) -> dict[str, object]:
+    """Values for the self test of the observer; answers of the exported code are None where it was not run."""
+    answered = None
+    if found is not None:
+        seen = seen.as_far_as(found[0][OBSERVER.name], apart_N)
+        answered = found[0][OBSERVER.name][: len(seen.output_N)]
+    scale = float(seen.input_N.max())
+    return {
+        "seen": seen,
+        "seen_far_tolerance_N": (1e-3 if precision is Precision.FLOAT else 1e-8) * scale,
+        "seen_tolerance_N": tolerance(seen.output_N, scale, precision, answered),
+    }
 
 
 def _run_in_float(
