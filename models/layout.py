@@ -145,7 +145,12 @@ class ChainInputs:
         return len(self.near_force_N)
 
     def __getitem__(self, rows: slice) -> "ChainInputs":
-        return ChainInputs(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+        return ChainInputs(
+            near_force_N=self.near_force_N[rows],
+            near_rest_m=self.near_rest_m[rows],
+            far_force_N=self.far_force_N[rows],
+            far_rest_m=self.far_rest_m[rows],
+        )
 
     @classmethod
     def of(cls, rows: int, **values: "Array | float") -> "ChainInputs":
@@ -159,17 +164,18 @@ class ChainInputs:
     def of_force(cls, force_N: Array) -> "ChainInputs":
         """The actuator's force alone: x_c1 = f_c2 = x_c2 = 0."""
         force = np.asarray(force_N, dtype=np.float64)
-        return cls.of(len(force), near_force_N=force)
+        still = np.zeros(len(force))
+        return cls(near_force_N=force, near_rest_m=still, far_force_N=still, far_rest_m=still)
 
-    def then(self, others: "ChainInputs") -> "ChainInputs":
-        """These instants, then others."""
-        return ChainInputs(
-            **{f.name: np.concatenate([getattr(self, f.name), getattr(others, f.name)]) for f in fields(self)}
-        )
-
-    def table(self) -> Array:
-        """All of it in one array, a row an instant, a column a field."""
-        return np.column_stack([getattr(self, f.name) for f in fields(self)])
+    def table(self, before: "ChainInputs | None" = None) -> Array:
+        """All of it in one array, a row an instant, a column a field; instants `before` these come first."""
+        first = 0 if before is None else len(before)
+        found = np.empty((first + len(self), len(INPUT_NAMES)))
+        for column, name in enumerate(INPUT_NAMES):
+            if before is not None:
+                found[:first, column] = getattr(before, name)
+            found[first:, column] = getattr(self, name)
+        return found
 
 
 INPUT_NAMES: tuple[str, ...] = tuple(f.name for f in fields(ChainInputs))

@@ -193,7 +193,7 @@ def _run(
     source = _force_source if directions.numbers is None else _parameter_source
     library, n, width = library_of(chain, source), chain.count, directions.width
     library.tff_tangent_run.restype = ctypes.c_long
-    inputs = np.ascontiguousarray(ChainInputs.of_force(force_N).table())
+    inputs = ChainInputs.of_force(force_N).table()
     rows = len(inputs) - 1
     first_link = 0 if all_links else n
     x = state.vector()

@@ -18,7 +18,7 @@ import subprocess
 import sys
 import tarfile
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
 
@@ -26,6 +26,7 @@ import matplotlib as mpl
 import pytest
 from hypothesis import HealthCheck, settings
 from shared_outputs import Output, output_of
+from without_figures import without_figures
 
 from tendonff.models.parameters import (
     Actuator,
@@ -44,9 +45,10 @@ _SHARED = re.compile(r'scope="(module|session)"')
 mpl.use("Agg")
 gc.set_threshold(50_000, 20, 100)  # as in the program: importing and drawing make many objects that stay
 
-# Here too: a third of the time to compile, and the same numbers to the bit (`tests/ocp/step/test_engines.py`).
+# Here too: a third of the time to compile, and the same numbers to the bit (`tests/ocp/step/test_engines.py`). Loops as
+# shipped, for long chains take half as long again without.
 _SHIPPED = compiler._FLAGS
-compiler._FLAGS = tuple("-O1" if flag == "-O3" else flag for flag in _SHIPPED)
+compiler._FLAGS = ("-O1", "-ftree-vectorize", *(flag for flag in _SHIPPED if flag != "-O3"))
 
 # A failure prints what reproduces it; no deadline, for machines differ in speed; the same examples on every run, so
 # that a red build is a change of the code.
@@ -97,6 +99,13 @@ def output(tmp_path_factory: pytest.TempPathFactory, examples: Path) -> Callable
     shared = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "outputs"
     shared.mkdir(exist_ok=True)
     return functools.partial(output_of, shared, examples)
+
+
+@pytest.fixture
+def unpainted() -> Iterator[None]:
+    """No figure is painted."""
+    with without_figures():
+        yield
 
 
 @pytest.fixture(scope="session")
@@ -221,7 +230,7 @@ def _record(base: str, temporary: Path, arguments: Sequence[str | os.PathLike[st
         raise pytest.UsageError(f"--golden-exact {base}: {archive.stderr.decode().strip()}")
     with tarfile.open(fileobj=io.BytesIO(archive.stdout)) as files:
         files.extractall(checkout, filter="tar")
-    for name in ("conftest.py", "shared_outputs.py"):
+    for name in ("conftest.py", "shared_outputs.py", "without_figures.py"):
         shutil.copy(ROOT / "tests" / name, checkout / "tests")
     shutil.copytree(
         ROOT / "tests" / "golden", checkout / "tests" / "golden", dirs_exist_ok=True, ignore=lambda *_: ["stored"]

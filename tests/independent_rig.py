@@ -43,6 +43,7 @@ void rig_advance(rig *r, double force_from, double force_to, int steps)
 {
     int n = r->n, i, s;
     double a[MAX], b[MAX], d[MAX], x[MAX], k[MAX], f0[MAX], g[MAX], h = r->h, bar_pull[MAX], bar_release[MAX];
+    double keep[MAX], inverse[MAX]; /* divisions take most of a step: each is done once */
     for (i = 1; i <= n; i++) {
         double spot = r->spot[i - 1] > 0 ? r->spot[i - 1] : 1;
         bar_pull[i] = tanh(spot * r->mu_pull * r->angle / n / 2);
@@ -59,28 +60,27 @@ void rig_advance(rig *r, double force_from, double force_to, int steps)
         }
         d[0] = r->ma / h + r->ba + g[0]; b[0] = -g[0]; x[0] = r->ma / h * r->v[0] + force - f0[0]; a[0] = 0;
         if (r->gear > 0) { /* a bristle of 10 um */
-            double stiff = r->gear / 1e-5, keep = 1 / (1 + stiff * h * fabs(r->v[0]) / r->gear);
-            d[0] += keep * stiff * h; x[0] -= keep * r->gear_force;
+            double stiff = r->gear / 1e-5, held = 1 / (1 + stiff * h * fabs(r->v[0]) / r->gear);
+            d[0] += held * stiff * h; x[0] -= held * r->gear_force;
         }
         for (i = 1; i <= n; i++) {
             double normal = k[i - 1] + k[i] + 2 * r->adhesion, v = r->v[i], bar = v >= 0 ? bar_pull[i] : bar_release[i];
             double sigma = r->sigma / n, most = bar * (normal > 1e-9 ? normal : 1e-9);
-            double keep = 1 / (1 + sigma * h * fabs(v) / most); /* f_s = keep (f_s + sigma h v) */
+            keep[i] = most / (most + sigma * h * fabs(v)); /* f_s = keep (f_s + sigma h v) */
             a[i] = -g[i - 1]; b[i] = -g[i];
-            d[i] = r->mass / n / h + r->viscous / n + keep * sigma * h + g[i - 1] + g[i];
-            x[i] = r->mass / n / h * v + f0[i - 1] - f0[i] - keep * r->fs[i - 1];
+            d[i] = r->mass / n / h + r->viscous / n + keep[i] * sigma * h + g[i - 1] + g[i];
+            x[i] = r->mass / n / h * v + f0[i - 1] - f0[i] - keep[i] * r->fs[i - 1];
         }
         a[n + 1] = -g[n]; b[n + 1] = 0;
         d[n + 1] = r->ml / h + r->bl + r->kl * h + g[n];
         x[n + 1] = r->ml / h * r->v[n + 1] + f0[n] - r->anchor - r->kl * r->ql;
-        for (i = 1; i <= n + 1; i++) { double w = a[i] / d[i - 1]; d[i] -= w * b[i - 1]; x[i] -= w * x[i - 1]; }
-        x[n + 1] /= d[n + 1];
-        for (i = n; i >= 0; i--) x[i] = (x[i] - b[i] * x[i + 1]) / d[i];
-        for (i = 1; i <= n; i++) {
-            double normal = k[i - 1] + k[i] + 2 * r->adhesion, v = r->v[i], bar = v >= 0 ? bar_pull[i] : bar_release[i];
-            double sigma = r->sigma / n, most = bar * (normal > 1e-9 ? normal : 1e-9);
-            r->fs[i - 1] = (r->fs[i - 1] + sigma * h * x[i]) / (1 + sigma * h * fabs(v) / most);
+        for (i = 1; i <= n + 1; i++) {
+            double w = a[i] * (inverse[i - 1] = 1 / d[i - 1]);
+            d[i] -= w * b[i - 1]; x[i] -= w * x[i - 1];
         }
+        x[n + 1] /= d[n + 1];
+        for (i = n; i >= 0; i--) x[i] = (x[i] - b[i] * x[i + 1]) * inverse[i];
+        for (i = 1; i <= n; i++) r->fs[i - 1] = keep[i] * (r->fs[i - 1] + r->sigma / n * h * x[i]);
         if (r->gear > 0) {
             double stiff = r->gear / 1e-5;
             r->gear_force = (r->gear_force + stiff * h * x[0]) / (1 + stiff * h * fabs(x[0]) / r->gear);

@@ -23,12 +23,11 @@ typedef struct {
     double inertia, damping, spring, rest, gravity, zero, dry, dry_sigma, low, high, stop;
 } joint;
 
-/* Forces of the links. */
-static void pull(tendon *t, int n, double h)
+/* Forces of the links. Arrays are arguments, since compilers heed `restrict` there alone. */
+static void stretch_links(
+    int n, double h, const tendon *t, const double *restrict u, const double *restrict v, const double *restrict stiff,
+    const double *restrict shift, const double *restrict drift, double *restrict f, double *restrict z)
 {
-    const double *restrict u = t->u, *restrict v = t->v, *restrict stiff = t->stiff, *restrict shift = t->shift;
-    const double *restrict drift = t->drift;
-    double *restrict f = t->f, *restrict z = t->z;
     const double k1 = t->k1, k2 = t->k2, c = t->c, slow = h / t->tau;
     int i;
     for (i = 0; i <= n; i++) {
@@ -37,6 +36,11 @@ static void pull(tendon *t, int n, double h)
         z[i] += slow * (e - z[i]);
         f[i] = force > 0 ? force : 0;
     }
+}
+
+static void pull(tendon *t, int n, double h)
+{
+    stretch_links(n, h, t, t->u, t->v, t->stiff, t->shift, t->drift, t->f, t->z);
 }
 
 /* Wrap angles; contact that is lost takes its bristle along. */
@@ -62,21 +66,29 @@ static void bend(tendon *t, double q)
     }
 }
 
-/* Bristles, speeds and positions of the masses, which are u[1] .. u[n]. */
-static void slide(tendon *t, int n, double h)
+/* Bristles, speeds and positions of the masses. */
+static void move_masses(
+    int n, double h, const tendon *t, const double *restrict f, const double *restrict to, const double *restrict fro,
+    const double *restrict s0, const double *restrict inverse, const double *restrict piece, double *restrict u,
+    double *restrict v, double *restrict b)
 {
-    const double *restrict f = t->f, *restrict to = t->to, *restrict fro = t->fro, *restrict s0 = t->s0;
-    const double *restrict inverse = t->inverse, *restrict piece = t->piece;
-    double *restrict u = t->u + 1, *restrict v = t->v + 1, *restrict b = t->b;
     const double p = 2 * t->p, viscous = t->viscous;
     int i;
     for (i = 0; i < n; i++) {
-        const double most = (v[i] > 0 ? to[i] : fro[i]) * (f[i] + f[i + 1] + p);
+        const double most_pulled = to[i], most_released = fro[i]; /* both are read, so that nothing branches */
+        const double most = (v[i] > 0 ? most_pulled : most_released) * (f[i] + f[i + 1] + p);
         const double drag = h * s0[i] * fabs(v[i]);
-        b[i] = most * (b[i] + h * s0[i] * v[i]) / (most + drag + 1e-30);
-        v[i] += h * (f[i] - f[i + 1] - b[i] - viscous * piece[i] * v[i]) * inverse[i];
-        u[i] += h * v[i];
+        const double bristle = most * (b[i] + h * s0[i] * v[i]) / (most + drag + 1e-30);
+        const double speed = v[i] + h * (f[i] - f[i + 1] - bristle - viscous * piece[i] * v[i]) * inverse[i];
+        b[i] = bristle;
+        v[i] = speed;
+        u[i] += h * speed;
     }
+}
+
+static void slide(tendon *t, int n, double h) /* the masses are u[1] .. u[n] */
+{
+    move_masses(n, h, t, t->f, t->to, t->fro, t->s0, t->inverse, t->piece, t->u + 1, t->v + 1, t->b);
 }
 
 /* motor: (rows + 1) * count angles of the drums, contact: rows + 1; out: rows * (2 + 3 count) of q, w, tension at the
@@ -88,6 +100,7 @@ void plant(
 {
     const double h = row_s / inner;
     double q = state[3] > 0 ? state[0] : start, w = state[1], dry = state[2];
+    double stretch[2] = { 0, 0 }; /* of the whole tendon at the start: where the drum then stands */
     long row;
     int k, i, step;
     for (k = 0; state[3] == 0 && k < count; k++) {
@@ -124,6 +137,11 @@ void plant(
             t->fro[i] = tanh(t->mu_release[i] * t->old[i] / 2);
         }
     }
+    for (k = 0; k < count; k++) {
+        for (i = 0; i <= tendons[k].masses; i++) {
+            stretch[k] += tendons[k].tension / tendons[k].k1 * tendons[k].share[i];
+        }
+    }
     /* u[0] is the drum's end, u[1 ..] the masses */
     for (row = 0; row < rows; row++) {
         double lowest[2] = { 1e9, 1e9 };
@@ -138,11 +156,7 @@ void plant(
                 const double from = q - t->from, base = start - t->from;
                 const double far = t->arm * (from - base) + t->arm_by_q * (from * from - base * base) / 2;
                 const double far_v = (t->arm + t->arm_by_q * from) * w;
-                double first = 0;
-                for (i = 0; i <= n; i++) { /* where the drum stands: the start's stretch and the motor's travel */
-                    first += t->tension / t->k1 * t->share[i];
-                }
-                t->u[0] = first + t->radius * (m0 + s * (m1 - m0));
+                t->u[0] = stretch[k] + t->radius * (m0 + s * (m1 - m0));
                 t->v[0] = t->radius * (m1 - m0) / row_s;
                 t->u[n + 1] = far;
                 t->v[n + 1] = far_v;

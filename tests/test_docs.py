@@ -134,7 +134,7 @@ def test_the_commands_of_the_tutorial_lead_from_the_data_sheet_to_tested_c(tmp_p
 
 
 @pytest.fixture
-def run_commands_of(tmp_path, monkeypatch):
+def run_commands_of(tmp_path, monkeypatch, unpainted):
     """Runs the commands of a page in order, in an empty folder; what the last other program said."""
     monkeypatch.chdir(tmp_path)
 

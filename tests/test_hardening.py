@@ -259,7 +259,7 @@ def test_a_stopped_design_leaves_what_was_there(examples, tmp_path, number):
     assert (out / "profile.csv").read_text(encoding="utf-8") == "of an earlier run"
     if number is not signal.SIGKILL:
         # Interrupted inside an `exec` (a dataclass being made), Python ends by SIGINT itself; a shell shows 130 too.
-        assert process.returncode in (130, -signal.SIGINT)
+        assert process.returncode in (130, -signal.SIGINT), said
         assert said.strip() == "interrupted; nothing was written"
         assert list(tmp_path.iterdir()) == [out]
 

@@ -34,6 +34,9 @@ _OTHER_RELEASE = 0.9
 NUDGE, GROWTH = 1e-9, 1.0
 """Relative change of the force from row to row, and how much larger its effect may get before comparing ends."""
 
+_TOGETHER = 8
+"""Rows that are tried at once: most need two evaluations."""
+
 _SHARE_OF_WORK = 1 / 3
 """Of what the exported plant may do in one call: its line search gives up sooner than that of the simulation."""
 
@@ -194,11 +197,17 @@ def easy_rows(chain: Chain, force_N: FloatArray, step_s: float, start_N: float) 
     """Rows of a chain's course before a step that is split or takes long; CasADi alone knows the first only."""
     inputs = ChainInputs.of_force(force_N)
     simulator = Simulator(chain, step_s, chain.rest_state(start_N), inputs[:1])
-    most = _SHARE_OF_WORK * plant_limits(Precision.DOUBLE).evaluations
-    for row in range(1, len(force_N)):
-        step = simulator.advance(inputs[row : row + 1])
-        if step.splits or step.evaluations > most:
+    most, row, rows = _SHARE_OF_WORK * plant_limits(Precision.DOUBLE).evaluations, 1, _TOGETHER
+    while row < len(force_N):
+        before = simulator.checkpoint()
+        steps = simulator.advance(inputs[row : row + rows])
+        if not steps.splits and steps.evaluations <= most:
+            row, rows = row + rows, _TOGETHER
+        elif rows == 1:
             return row
+        else:  # one by one, where all together take what one of them may
+            simulator.restore(before)
+            rows = 1
     return len(force_N)
 
 

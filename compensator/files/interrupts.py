@@ -3,18 +3,31 @@
 import signal
 import threading
 from types import FrameType
-from typing import NoReturn
 
 _STOPPED = threading.Event()
+_DEFERRED = getattr(signal, "SIGALRM", None)  # asks again after an import; Windows has none
+_AGAIN_S = 0.02
 
 
 class Interrupted(Exception):  # noqa: N818 - an interrupt, like KeyboardInterrupt, and no error
     """The user stopped a command that keeps what it has; the message says what that is."""
 
 
-def _stop(_number: int, _frame: FrameType | None) -> NoReturn:
+def _stop(number: int, frame: FrameType | None) -> None:
+    again = _STOPPED.is_set() and number != _DEFERRED
     _STOPPED.set()
+    if _DEFERRED is not None and not again and _imports(frame):
+        signal.signal(_DEFERRED, _stop)
+        signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
+        return
     raise KeyboardInterrupt
+
+
+def _imports(frame: FrameType | None) -> bool:
+    """Whether a module is being imported: what is raised then is lost, or ends a compiled module by `abort`."""
+    while frame is not None and frame.f_code.co_filename != "<frozen importlib._bootstrap>":
+        frame = frame.f_back
+    return frame is not None
 
 
 def install() -> None:

@@ -43,7 +43,8 @@ class Tuned:
     simpler_within : float
         The simplest law whose validation error is within this factor of the least is chosen (rule).
     nearly_as_good : float
-        What laws within this factor of the least validation error state is doubt of the chosen one's answer (rigs).
+        What laws within this factor of the least validation error state is doubt of the chosen one's answer; an answer
+        whose error grows by more while the noise of the input is taken out is not taken (rigs).
     other_channel_below : float
         The other channel is explained instead where the error falls below this share (recordings).
     worth_a_constant : float
@@ -52,8 +53,10 @@ class Tuned:
         A speed term lowers the validation error by the first factor, or by the second where the fit error falls by the
         first (rigs without a Stribeck effect).
     sure, very_sure : float
-        Standard errors from nothing: of a speed term, adhesion, a difference of directions or a delay of positions, and
-        of an offset or a delay of tensions, which systematic errors imitate (rigs).
+        Standard errors from nothing: of a speed term, adhesion or a difference of directions, and of an offset or a
+        delay of tensions, which systematic errors imitate (rigs).
+    sure_of_positions : float
+        The same of a delay of tension and position; the errors that are stated of it are five times the scatter (rigs).
     symmetric_share : float
         One coefficient holds for both directions where their difference is known to this share (rigs).
     identifiable_share : float
@@ -135,6 +138,7 @@ class Tuned:
     slightly: float = 1.1
     sure: float = 2.0
     very_sure: float = 4.0
+    sure_of_positions: float = 1.0
     symmetric_share: float = 0.01
     identifiable_share: float = 0.35
     insensitive_share: float = 1e3
@@ -145,15 +149,15 @@ class Tuned:
     forget_most: float = 0.3
     forget_bridge: float = 0.85
     small_piece: float = 0.5
-    adhesion_floor: float = 0.0005
-    other_laws: float = 0.5
+    adhesion_floor: float = 0.0003
+    other_laws: float = 0.16
     tried_concentration: float = 0.3
     uneven_from: float = 3.0
     least_files: int = 3
     kept_uncertainty: float = 0.5
     scatter_share: float = 0.02
     hold_share: float = 0.02
-    least_delay_steps: float = 0.3
+    least_delay_steps: float = 0.1
     most_delay_s: float = 0.1
     most_delay_share: float = 0.1
     knot_s: float = 0.05

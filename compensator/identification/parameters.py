@@ -133,11 +133,11 @@ class Parameter(_Specified, Enum):
 
     MU_PULL = (
         "mu_dynamic",
-        Spec(**_MU, floor=0.0009, key="friction.mu_dynamic", static=StaticParameter.PULL),
+        Spec(**_MU, floor=0.0005, key="friction.mu_dynamic", static=StaticParameter.PULL),
     )
     MU_RELEASE = (
         "mu_dynamic_release",
-        Spec(**_MU, floor=0.0013, key="friction.mu_dynamic_release", static=StaticParameter.RELEASE),
+        Spec(**_MU, floor=0.0008, key="friction.mu_dynamic_release", static=StaticParameter.RELEASE),
     )
     # mu_static/mu_dynamic - 1 in both directions
     STATIC_EXCESS = (
@@ -184,7 +184,7 @@ class Parameter(_Specified, Enum):
         Spec(
             unit="N/m",
             role=Role.CORE,
-            floor=0.004,
+            floor=0.0025,
             alike=3.0,
             whole=Number.BRISTLE_STIFFNESS,
             key="friction.soft_bristle_stiffness_N_per_m",
@@ -217,7 +217,7 @@ class Parameter(_Specified, Enum):
             unit="N/m",
             role=Role.TENDON,
             step=0.2,
-            floor=0.0009,
+            floor=0.0005,
             whole=Number.STIFFNESS,
             key="tendon.stiffness_N_per_m",
             advice="the elongation does not follow the tension; check the positions' units, sign and zero drift",
@@ -228,7 +228,7 @@ class Parameter(_Specified, Enum):
         Spec(
             unit="N/m",
             role=Role.TENDON,
-            floor=0.002,
+            floor=0.001,
             whole=Number.RELAXING_STIFFNESS,
             key="tendon.relaxing_stiffness_N_per_m",
             advice=_NO_RELAXATION,
@@ -239,7 +239,7 @@ class Parameter(_Specified, Enum):
         Spec(
             unit="s",
             role=Role.TENDON,
-            floor=0.004,
+            floor=0.0025,
             whole=Number.RELAXATION_TIME,
             key="tendon.relaxation_time_s",
             advice=_NO_RELAXATION,

@@ -7,6 +7,7 @@ tendons have alike. Three more stand for a factor on several numbers at once, 1 
 coefficients, of sections too), `stiffness` (all stiffnesses of the tendons) and `bristle_stiffness` (of all levels).
 """
 
+import functools
 import math
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace
@@ -33,7 +34,7 @@ def keys_of(system: object) -> list[str]:
         *(
             f"{place}.{name}"
             for place, record in _places(system).items()
-            for name in _numbers(record)
+            for name in _numbers(record.__class__)
             if not (name == "total_angle_rad" and getattr(record, "sections", False))  # that add up to it
         ),
     ]
@@ -55,7 +56,7 @@ def is_whole(system: object, key: str) -> bool:
     if key in FACTORS:
         return False
     place, name = key.rsplit(".", 1)
-    return get_type_hints(type(_places(system)[place]))[name] is int
+    return _hints(_places(system)[place].__class__)[name] is int
 
 
 def with_numbers(system: S, values: Mapping[str, float]) -> S:
@@ -72,12 +73,14 @@ def with_numbers(system: S, values: Mapping[str, float]) -> S:
         If a number is out of its bounds.
     """
     changes: dict[str, dict[str, float]] = {}
+    changed, places, known = system, _places(system), frozenset(keys_of(system))
     for key, value in values.items():
-        number_of(system, key)
+        if key not in known:
+            raise KeyError(key)
         if key not in FACTORS:
             place, name = key.rsplit(".", 1)
-            changes.setdefault(place, {})[name] = round(value) if is_whole(system, key) else value
-    changed, places = system, _places(system)
+            whole = _hints(places[place].__class__)[name] is int
+            changes.setdefault(place, {})[name] = round(value) if whole else value
     # A motor before its actuator, whose own keys override what follows from it; else what all share before one's own.
     for place, given in sorted(changes.items(), key=lambda each: (each[0] != "actuator.motor", each[0].count("."))):
         changed = _replaced(changed, place, _with_followers(places[place], given))
@@ -87,13 +90,20 @@ def with_numbers(system: S, values: Mapping[str, float]) -> S:
     return changed
 
 
-def _numbers(record: object) -> list[str]:
+@functools.cache
+def _hints(kind: type) -> Mapping[str, Any]:
+    """Types of a record's fields."""
+    return get_type_hints(kind)
+
+
+@functools.cache
+def _numbers(kind: type) -> tuple[str, ...]:
     """Names of a record's fields that are numbers."""
-    return [
+    return tuple(
         name
-        for name, hint in get_type_hints(type(record)).items()
+        for name, hint in _hints(kind).items()
         if {int, float} & set(get_args(hint) if isinstance(hint, UnionType) else (hint,))
-    ]
+    )
 
 
 def _inner(record: Any) -> dict[str, Any]:

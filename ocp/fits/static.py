@@ -113,7 +113,11 @@ def _with_slopes(state: ca.SX, signals: ca.SX, parameters: ca.SX, start: ca.SX, 
     output_slopes = ca.jacobian(output, state) @ slopes + ca.jacobian(output, parameters)
     whole = ca.vertcat(state, ca.vec(slopes))
     return _Step(
-        start=ca.Function("start", [signals, parameters], [ca.vertcat(start, ca.vec(ca.jacobian(start, parameters)))]),
+        start=ca.Function(
+            "tff_law_start",
+            [signals, parameters],
+            [ca.densify(ca.vertcat(start, ca.vec(ca.jacobian(start, parameters))))],
+        ),
         step=ca.Function(
             "tff_law_step",  # "step" is one of the C library's own
             [whole, signals, parameters],
@@ -176,14 +180,19 @@ def _bristle_step() -> _Step:
 
 
 _LOOP = """
-int tff_law_rows(long rows, double *state, const double *signals, const double *parameters, double *found)
+int tff_law_rows(long rows, const double *signals, const double *parameters, double *found)
 {{
-    double before[{states}], w[{reals} + 1];
+    double state[{states}], before[{states}], w[{reals} + 1];
     const double *arg[{arguments}];
     double *res[{results}];
     casadi_int iw[{whole_numbers} + 1];
     long k;
     int i;
+    arg[0] = signals;
+    arg[1] = parameters;
+    res[0] = state;
+    if (tff_law_start(arg, res, iw, w, 0) != 0)
+        return 1;
     for (k = 0; k < rows; ++k) {{
         for (i = 0; i < {states}; ++i)
             before[i] = state[i];
@@ -207,16 +216,17 @@ def _accumulated(law: _Step) -> ca.Function:
 
 @functools.lru_cache(maxsize=8)
 def _compiled(law: _Step) -> CFunction:
-    step, code = law.step, ca.CodeGenerator("law")
-    code.add(step)
+    step, code, both = law.step, ca.CodeGenerator("law"), (law.start, law.step)
+    for function in both:
+        code.add(function)
     source = code.dump() + _LOOP.format(
         states=step.numel_in(0),
         signals=step.numel_in(1),
         found=step.numel_out(1),
-        arguments=step.sz_arg(),
-        results=step.sz_res(),
-        whole_numbers=step.sz_iw(),
-        reals=step.sz_w(),
+        arguments=max(function.sz_arg() for function in both),
+        results=max(function.sz_res() for function in both),
+        whole_numbers=max(function.sz_iw() for function in both),
+        reals=max(function.sz_w() for function in both),
     )
     return CFunction(load_library(source), source, "tff_law_rows")
 
@@ -224,19 +234,18 @@ def _compiled(law: _Step) -> CFunction:
 def _run(law: _Step, values: Mapping[StaticParameter, float], signals: Array) -> Response:
     """Step through all rows."""
     numbers = np.array([values.get(k, NEUTRAL[k]) for k in ORDER])
-    state = np.array(law.start(signals[:, 0], numbers).full().ravel(order="F"))
     if resolve_engine(Engine.AUTO) is Engine.CASADI:
-        rows = _accumulated_rows(law, numbers, state, signals)
+        rows = _accumulated_rows(law, numbers, signals)
     else:
-        rows = np.empty((signals.shape[1], law.step.numel_out(1)))
+        rows = np.empty((signals.shape[1], 1 + len(numbers)))
         columns = np.ascontiguousarray(signals.T, dtype=float)
-        _compiled(law)(rows=len(rows), state=state, signals=columns, parameters=numbers, found=rows)
+        _compiled(law)(rows=len(rows), signals=columns, parameters=numbers, found=rows)
     return Response(prediction_N=rows[:, 0].copy(), slopes=rows[:, 1:].copy())
 
 
-def _accumulated_rows(law: _Step, numbers: Array, start: Array, signals: Array) -> Array:
+def _accumulated_rows(law: _Step, numbers: Array, signals: Array) -> Array:
     """The same without a compiler, a chunk at a time: a function of one length is made once."""
-    run, state, count = _accumulated(law), ca.DM(start), signals.shape[1]
+    run, state, count = _accumulated(law), law.start(signals[:, 0], numbers), signals.shape[1]
     # The last row is repeated to fill the last chunk, and its answers are dropped.
     whole = np.concatenate([signals, np.repeat(signals[:, -1:], -count % CHUNK, axis=1)], axis=1)
     given, parts = ca.repmat(ca.DM(numbers), 1, CHUNK), []

@@ -156,11 +156,12 @@ class CompiledStepper:
         self._struct = chain_struct(chain)
         self._library = _library_of(chain)
         self._work = np.empty(self._library.tff_work_reals(ctypes.c_int(chain.count)))
+        self._work_at = pointer(self._work)
 
     def advance(self, memory: StepperMemory, inputs: ChainInputs, record: bool) -> Rows:
         """See `protocol.Stepper`."""
         rows = len(inputs)
-        table = np.ascontiguousarray(memory.inputs.then(inputs).table())
+        table = inputs.table(memory.inputs)
         tension, ends = np.empty((rows, self._chain.count + 1)), np.empty((rows, 2))
         states = np.empty((rows, self._chain.layout.size)) if record else None
         report, worst = ReportStruct(), ctypes.c_int()
@@ -168,7 +169,9 @@ class CompiledStepper:
         done = self._library.tff_run(
             *(ctypes.byref(self._struct), ctypes.c_double(self._step_s), pointer(table)),
             *(ctypes.c_long(rows), ctypes.c_int(memory.fresh)),
-            *map(pointer, (*places, memory.x, memory.x_old, self._work, tension, ends, states)),
+            *map(pointer, (*places, memory.x, memory.x_old)),
+            self._work_at,
+            *map(pointer, (tension, ends, states)),
             *map(ctypes.byref, (report, worst)),
         )
         if done:

@@ -1,9 +1,11 @@
 """Exported folders, compilers and the emulated controllers."""
 
+import functools
 import re
 import shutil
 import subprocess
-from collections.abc import Callable, Sequence
+import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -33,6 +35,12 @@ class Board:
     precision: Precision
     machine: str
     flags: tuple[str, ...]
+
+    @property
+    def compiler(self) -> tuple[str, ...]:
+        """Command that compiles a module as on the controller."""
+        plain = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fstack-usage")
+        return ("arm-none-eabi-gcc", *self.flags, *plain, "-ffunction-sections", "-fdata-sections")
 
 
 M4F = Board(
@@ -72,9 +80,25 @@ def run(*command: str | Path, **options: object) -> subprocess.CompletedProcess[
     return done
 
 
+@functools.cache
+def compiled(compiler: tuple[str, ...], source: Path) -> Path:
+    """Object of an exported source, made once, beside its folder; the use of the stack stands beside it."""
+    kept = Path(tempfile.mkdtemp(prefix="objects-", dir=source.parent.parent))
+    target = kept / f"{source.stem}.o"
+    run(*compiler, "-c", source, "-o", target)
+    return target
+
+
 @pytest.fixture(scope="session")
-def toolbox() -> object:
+def toolbox(tmp_path_factory: pytest.TempPathFactory) -> object:
     """The helpers of this folder, for its tests."""
+
+    @functools.cache
+    def counter() -> Path:
+        need("gcc")
+        library = tmp_path_factory.mktemp("counter") / "libcount.so"
+        run("gcc", "-O2", "-shared", "-fPIC", "-o", library, HERE / "count.c")
+        return library
 
     class Toolbox:
         need, run = staticmethod(need), staticmethod(run)
@@ -82,7 +106,7 @@ def toolbox() -> object:
         host_flags = HOST_FLAGS
         write_reference = staticmethod(write_reference)
         answers = staticmethod(answers)
-        on_board = staticmethod(on_board)
+        on_board = staticmethod(functools.partial(on_board, counter))
         on_host = staticmethod(on_host)
         torn_table = staticmethod(torn_table)
         code_size = staticmethod(code_size)
@@ -191,41 +215,44 @@ def answers(text: str, precision: Precision, kinds: tuple[str, ...] = KINDS) -> 
 def on_host(source: Path, folder: Path, precision: Precision, kinds: tuple[str, ...] = KINDS) -> Answers:
     """Run bench.c (the bench of one module for one alone) on this machine."""
     need("gcc")
-    compiled = _sources(source, folder, kinds)
-    run("gcc", *HOST_FLAGS, "-DHOST", "-I", folder, "-I", source, *compiled, "-lm", "-o", folder / "host")
+    bench = _bench(folder, kinds)
+    objects = _objects(("gcc", *HOST_FLAGS), source, kinds)
+    run("gcc", *HOST_FLAGS, "-DHOST", "-I", folder, "-I", source, *bench, *objects, "-lm", "-o", folder / "host")
     return answers(run(folder / "host").stderr, precision, kinds)
 
 
-def _sources(source: Path, folder: Path, kinds: tuple[str, ...]) -> list[str | Path]:
-    """Sources and options: bench.c for all modules, of one alone its own bench or bench_one.c."""
-    needed = ("parameters", "limits", "path", "inverse") if kinds == ("stream",) else ("parameters", "limits", "path")
-    modules = MODULES if kinds == KINDS else (*needed, *kinds)
+def _bench(folder: Path, kinds: tuple[str, ...]) -> list[str | Path]:
+    """Source and options of a bench: bench.c for all modules, of one alone its own bench or bench_one.c."""
     own = HERE / ("bench.c" if kinds == KINDS else f"bench_{kinds[0]}.c")
     (folder / "module.h").write_text(f'#include "tff_{kinds[0]}.h"\n')
-    return [
-        f"-DMODULE={kinds[0]}",
-        own if own.exists() else HERE / "bench_one.c",
-        *(made for name in modules if (made := source / f"tff_{name}.c").exists()),
-    ]
+    return [f"-DMODULE={kinds[0]}", own if own.exists() else HERE / "bench_one.c"]
 
 
-def on_board(board: Board, source: Path, folder: Path, kinds: tuple[str, ...] = KINDS) -> tuple[Answers, Path]:
+def _objects(compiler: tuple[str, ...], source: Path, kinds: tuple[str, ...]) -> list[Path]:
+    """Compiled modules: all, or one alone and what it needs."""
+    needed = ("parameters", "limits", "path", "inverse") if kinds == ("stream",) else ("parameters", "limits", "path")
+    modules = MODULES if kinds == KINDS else (*needed, *kinds)
+    return [compiled(compiler, made) for name in modules if (made := source / f"tff_{name}.c").exists()]
+
+
+def on_board(
+    counter: Callable[[], Path], board: Board, source: Path, folder: Path, kinds: tuple[str, ...] = KINDS
+) -> tuple[Answers, Path]:
     """Run bench.c (the bench of one module for one alone) on an emulated controller; returns the image too."""
-    need("arm-none-eabi-gcc", "qemu-system-arm", "gcc")
-    image, counter = folder / "bench.elf", folder / "libcount.so"
+    need("arm-none-eabi-gcc", "qemu-system-arm")
+    image = folder / "bench.elf"
     run(
         *("arm-none-eabi-gcc", *board.flags, "-std=gnu11", "-O2", "-ffp-contract=off", "-fno-math-errno"),
         *("-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections", "-nostartfiles"),
         *("--specs=nano.specs", "--specs=nosys.specs", "-I", folder, "-I", source, "-T", HERE / "mps2.ld"),
-        *(HERE / "startup.c", *_sources(source, folder, kinds), "-lm", "-o", image),
+        *(HERE / "startup.c", *_bench(folder, kinds), *_objects(board.compiler, source, kinds), "-lm", "-o", image),
     )
-    run("gcc", "-O2", "-shared", "-fPIC", "-o", counter, HERE / "count.c")
     symbols = {
         words[2]: words[0]
         for line in run("arm-none-eabi-nm", image).stdout.splitlines()
         if len(words := line.split()) == 3
     }
-    plugin = f"{counter},begin=0x{symbols['mark_begin']},end=0x{symbols['mark_end']},kinds={len(kinds) + 1}"
+    plugin = f"{counter()},begin=0x{symbols['mark_begin']},end=0x{symbols['mark_end']},kinds={len(kinds) + 1}"
     done = run(
         *("qemu-system-arm", "-M", board.machine, "-nographic", "-monitor", "none", "-serial", "none"),
         *("-semihosting-config", "enable=on,target=native", "-plugin", plugin, "-kernel", image),
@@ -234,23 +261,19 @@ def on_board(board: Board, source: Path, folder: Path, kinds: tuple[str, ...] = 
     return answers(done.stderr + done.stdout, board.precision, kinds), image
 
 
-def code_size(board: Board, source: Path, folder: Path, modules: Sequence[str] = MODULES) -> tuple[int, dict[str, int]]:
-    """Bytes of code and constants of modules (default: all but the profile), and the stack of two step functions."""
-    total, stack = 0, {}
-    for name in modules:
-        target = folder / f"{name}.o"
-        run(
-            *("arm-none-eabi-gcc", *board.flags, "-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno"),
-            *("-fstack-usage", "-I", source, "-c", source / f"tff_{name}.c", "-o", target),
-        )
-        total += int(run("arm-none-eabi-size", target).stdout.splitlines()[1].split()[0])
+def code_size(board: Board, source: Path) -> tuple[dict[str, int], dict[str, int]]:
+    """Bytes of code and constants of each module but the profile, and the stack of two step functions."""
+    sizes, stack = {}, {}
+    for name in MODULES:
+        target = compiled(board.compiler, source / f"tff_{name}.c")
+        sizes[name] = int(run("arm-none-eabi-size", target).stdout.splitlines()[1].split()[0])
         for line in target.with_suffix(".su").read_text().splitlines():
             where, size, _ = line.split("\t")
             stack[where.split(":")[-1]] = int(size)
     inner = [size for name, size in stack.items() if name.startswith("tff_inverse_after")]  # where it is not inlined
     inverse = stack["tff_inverse_step"] + max(inner, default=0) + stack["tff_output_set"]
     plant = stack["tff_plant_step"] + stack.get("tff_chain_solve", 0) + stack.get("tff_chain_evaluate", 0)
-    return total, {"inverse": inverse, "plant": plant}
+    return sizes, {"inverse": inverse, "plant": plant}
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -1,5 +1,6 @@
 """The exported C under every compiler and checker that is here."""
 
+import functools
 import os
 import re
 import shutil
@@ -21,11 +22,12 @@ from tendonff.ocp.codegen.precision import Precision
 STIFFNESSES = (Tunable.MU, Tunable.TENDON_STIFFNESS)
 
 STRICT = ("-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror", "-O2")
+# Only GCC finds more where it optimises, and that in C as in C++.
 LANGUAGES = {
-    "gcc": ("-std=c99",),
-    "clang": ("-std=c99",),
-    "g++": ("-x", "c++", "-std=c++11"),
-    "clang++": ("-x", "c++", "-std=c++11"),
+    "gcc": ("-std=c99", "-c"),
+    "clang": ("-std=c99", "-fsyntax-only"),
+    "g++": ("-x", "c++", "-std=c++11", "-fsyntax-only"),
+    "clang++": ("-x", "c++", "-std=c++11", "-fsyntax-only"),
 }
 
 
@@ -35,8 +37,9 @@ LANGUAGES = {
 def test_strict_compilers_have_nothing_to_say_in_c_and_in_cplusplus(toolbox, exported, compiler, precision, tmp_path):
     toolbox.need(compiler)
     folder = exported(precision)
-    for source in sorted(folder.glob("*.c")):
-        toolbox.run(compiler, *LANGUAGES[compiler], *STRICT, "-c", source, "-o", tmp_path / "x.o")
+    sources = sorted(folder.glob("*.c"))
+    assert len(sources) > len(toolbox.modules)
+    toolbox.run(compiler, *LANGUAGES[compiler], *STRICT, *sources, cwd=tmp_path)
 
 
 @pytest.mark.parametrize("precision", Precision)
@@ -78,11 +81,10 @@ def test_cmake_builds_and_tests_the_folder(toolbox, exported, tmp_path):
 def test_sanitizers_find_nothing_in_fuzzed_input_and_limits_hold(toolbox, exported, precision, tmp_path):
     toolbox.need("gcc")
     folder = exported(precision)
-    files = [folder / f"tff_{name}.c" for name in toolbox.modules]
+    files = [folder / f"tff_{name}.c" for name in toolbox.modules if name != "observer"]
     program = tmp_path / "fuzz"
     sanitize = (
         "-g",
-        "-O1",
         "-fsanitize=address,undefined,float-divide-by-zero,float-cast-overflow",
         "-fno-sanitize-recover=all",
     )
@@ -94,6 +96,7 @@ def test_sanitizers_find_nothing_in_fuzzed_input_and_limits_hold(toolbox, export
 def test_cppcheck_and_its_misra_rules_are_quiet(toolbox, exported, precision, tmp_path):
     """One advisory rule is set aside: 8.9 wants the table's arrays inside the function that reads them."""
     folder = shutil.copytree(exported(precision), tmp_path / "c")
+    shorten_the_profile(folder)
     # In float the inverse alone is other code; the rest differs by its literals.
     files = sorted(folder.glob("tff_*.c")) if precision is Precision.DOUBLE else [folder / "tff_inverse.c"]
     assert [hit for hit in checked(toolbox, files) if not ("8.9]" in hit and "tff_table_data.h" in hit)] == []
@@ -124,19 +127,36 @@ def test_cppcheck_and_its_misra_rules_are_quiet_about_the_tuner(
     assert checked(toolbox, files, "--suppress=unusedStructMember") == []
 
 
+def shorten_the_profile(folder):
+    """Leave eight rows of the profile: the rules look at each number, and thousands are alike."""
+    header, code = folder / "tff_profile.h", folder / "tff_profile.c"
+    head, found = re.subn(r"(define TFF_PROFILE_LENGTH) \d+", r"\1 8", header.read_text())
+    before, opened, rest = code.read_text().partition("profile[TFF_PROFILE_LENGTH] = {\n")
+    numbers, closed, after = rest.partition("\n    };")
+    assert found == 1
+    assert opened
+    assert closed
+    header.write_text(head)
+    code.write_text(before + opened + "    " + ", ".join(re.findall(r"[^\s,]+", numbers)[:8]) + closed + after)
+
+
+@functools.cache
+def misra():
+    """The rules, or None where they are not installed; folders of documentation are large and hold none."""
+    known = ("/usr/lib", "/usr/share", "/usr/local")
+    return next((p for place in known for p in Path(place).glob("**/cppcheck/addons/misra.py")), None)
+
+
 def checked(toolbox, files, *more):
     """Violations of MISRA's rules that cppcheck finds, where its own checks find nothing."""
     toolbox.need("cppcheck")
     toolbox.run(
-        *("cppcheck", "--std=c99", "--quiet", "--enable=warning,style,performance,portability"),
+        *("cppcheck", "--std=c99", "--quiet", "--dump", "--enable=warning,style,performance,portability"),
         *("--suppress=missingIncludeSystem", "--error-exitcode=1", *more, "-I", files[0].parent, *files),
     )
-    addon = next((p for p in Path("/usr").glob("*/**/cppcheck/addons/misra.py")), None)
+    addon = misra()
     if addon is None:
         pytest.skip("cppcheck's misra.py is not installed")
-    hits = []
-    for file in files:
-        toolbox.run("cppcheck", "--std=c99", "--quiet", "--dump", "-I", file.parent, file)
-        said = subprocess.run([sys.executable, addon, f"{file}.dump"], capture_output=True, text=True, check=False)
-        hits += [line for line in (said.stdout + said.stderr).splitlines() if "[misra-c2012" in line]
-    return hits
+    dumps = [f"{file}.dump" for file in files]
+    said = subprocess.run([sys.executable, addon, *dumps], capture_output=True, text=True, check=False)
+    return [line for line in (said.stdout + said.stderr).splitlines() if "[misra-c2012" in line]

@@ -1,5 +1,6 @@
 """The exported C on emulated controllers: bits, instructions, memory."""
 
+import functools
 import json
 import os
 import re
@@ -15,42 +16,61 @@ CEILINGS = {"inverse": 3000, "capstan": 200, "table": 220, "plant": 120_000, "ob
 HOST_CEILINGS = {"inverse": 1500, "capstan": 200, "table": 200}
 
 
+@pytest.fixture(scope="module")
+def finger(toolbox, exported, course, tmp_path_factory):
+    """The finger on an emulated controller, over the whole course: folder, what was counted, image, sizes, stack."""
+
+    @functools.cache
+    def ran(board):
+        source, folder = exported(board.precision), tmp_path_factory.mktemp("finger")
+        toolbox.write_reference(folder, course("finger"), board.precision)
+        return folder, *toolbox.on_board(board, source, folder), *toolbox.code_size(board, source)
+
+    return ran
+
+
+@pytest.fixture(scope="module")
+def torn(toolbox, exported, tmp_path_factory):
+    """The table under reversals at every depth, on an emulated controller: its folder and what was counted."""
+
+    @functools.cache
+    def ran(board):
+        folder = toolbox.torn_table(exported(board.precision), tmp_path_factory.mktemp("torn"), board.precision)
+        return folder, toolbox.on_board(board, folder, folder, kinds=("table",))[0]
+
+    return ran
+
+
 @pytest.mark.parametrize("board", ["m4f", "m7"])
 def test_a_controller_gives_the_bits_of_the_host_within_the_instruction_ceilings(
-    toolbox, exported, course, board, tmp_path, record_property
+    toolbox, exported, finger, board, record_property
 ):
     """Without Stribeck the code needs + - * / sqrt only, which are exact to the last bit everywhere."""
     board = getattr(toolbox, board)
-    source = exported(board.precision)
-    toolbox.write_reference(tmp_path, course("finger"), board.precision)
-    there, image = toolbox.on_board(board, source, tmp_path)
-    here = toolbox.on_host(source, tmp_path, board.precision)
+    folder, there, image, sizes, stack = finger(board)
+    here = toolbox.on_host(exported(board.precision), folder, board.precision)
     assert there.hashes == here.hashes
     most = {name: there.counts[name][1] for name in toolbox.kinds}
     means = {name: round(there.counts[name][2]) for name in toolbox.kinds}
-    size, stack = toolbox.code_size(board, source, tmp_path)
+    size = sum(sizes.values())
     for name in toolbox.kinds:
         record_property("figure", f"{board.name}, N = 6, {name}: {most[name]} instructions at most, {means[name]} mean")
     record_property("figure", f"{board.name}, N = 6: {size} bytes of code and constants, stack {stack}")
     assert all(most[name] <= ceiling for name, ceiling in CEILINGS.items())
     assert size < 20 * 1024
-    without_observer, _ = toolbox.code_size(
-        board, source, tmp_path, [name for name in toolbox.modules if name != "observer"]
-    )
-    assert without_observer < 16 * 1024
+    assert size - sizes["observer"] < 16 * 1024
     if board.precision is Precision.FLOAT:
         assert "__aeabi_d" not in toolbox.run("arm-none-eabi-nm", image).stdout
 
 
 @pytest.mark.parametrize("board", ["m4f", "m7"])
 def test_no_call_of_the_table_passes_its_ceiling_whatever_the_depth_of_the_reversal(
-    toolbox, exported, board, tmp_path, record_property
+    toolbox, torn, board, record_property
 ):
     """Reversals out of transitions in every state, with the limits of force and rate binding; the host's bits."""
     board = getattr(toolbox, board)
-    torn = toolbox.torn_table(exported(board.precision), tmp_path, board.precision)
-    there, _ = toolbox.on_board(board, torn, torn, kinds=("table",))
-    here = toolbox.on_host(torn, torn, board.precision, kinds=("table",))
+    folder, there = torn(board)
+    here = toolbox.on_host(folder, folder, board.precision, kinds=("table",))
     least, most, mean = there.counts["table"]
     record_property("figure", f"{board.name}, table, reversals at every depth: {most} instructions, {mean} mean")
     assert there.hashes == here.hashes
@@ -74,28 +94,33 @@ def test_no_call_of_the_table_passes_its_ceiling_on_the_host(toolbox, exported, 
     assert 100 < max(calls) <= HOST_CEILINGS["table"]
 
 
-def test_the_figures_in_the_readme_are_those_measured(toolbox, exported, course, tmp_path):
+def test_the_figures_in_the_readme_are_those_measured(toolbox, exported, finger, torn, course, tmp_path):
     """Within a fifth, for compilers differ; TENDONFF_UPDATE_MEASURED=path writes the file anew, on the whole course."""
     target = os.environ.get("TENDONFF_UPDATE_MEASURED")
-    rows = course("finger") if target else course("finger")[750:1750]
+    rows = course("finger") if target else course("finger")[750:1750]  # of 40 masses, which take long
     stored = json.loads(files("tendonff.compensator.export").joinpath("measured.json").read_text(encoding="utf-8"))
     fresh: dict[str, dict[str, object]] = {}
     for precision in Precision:
-        fresh[precision] = {"note": ", GCC 12.2", "calls": len(rows), "rows": []}
+        fresh[precision] = {"note": ", GCC 12.2", "calls": len(course("finger")), "rows": []}
     for board in (toolbox.m4f, toolbox.m7):
         for segments in (6, 40):
-            folder = tmp_path / f"{board.machine}{segments}"
-            folder.mkdir()
-            source = exported(board.precision, "finger", None if segments == 6 else segments)
-            toolbox.write_reference(folder, rows, board.precision)
-            there, _ = toolbox.on_board(board, source, folder)
-            size, stack = toolbox.code_size(board, source, folder)
+            if segments == 6:
+                folder, there, _, sizes, stack = finger(board)
+                source, table = exported(board.precision), torn(board)[1]
+            else:
+                folder = tmp_path / board.machine
+                folder.mkdir()
+                source = exported(board.precision, "finger", segments)
+                toolbox.write_reference(folder, rows, board.precision)
+                there, _ = toolbox.on_board(board, source, folder)
+                sizes, stack = toolbox.code_size(board, source)
+                reversing = toolbox.torn_table(source, folder, board.precision)
+                table, _ = toolbox.on_board(board, reversing, reversing, kinds=("table",))
             row = {"target": board.name.rsplit(" ", 1)[0], "masses": segments}
-            row |= {name: there.counts[name][1] for name in toolbox.kinds}
-            torn = toolbox.torn_table(source, folder, board.precision)
-            row["table"] = toolbox.on_board(board, torn, torn, kinds=("table",))[0].counts["table"][1]
-            row["stream"] = toolbox.on_board(board, source, folder, kinds=("stream",))[0].counts["stream"][1]
-            row |= {"code": size, "stack_inverse": stack["inverse"], "stack_plant": stack["plant"]}
+            row |= {name: there.counts[name][1] for name in toolbox.kinds} | {"table": table.counts["table"][1]}
+            stream, _ = toolbox.on_board(board, source, folder, kinds=("stream",))
+            row |= {"stream": stream.counts["stream"][1]}
+            row |= {"code": sum(sizes.values()), "stack_inverse": stack["inverse"], "stack_plant": stack["plant"]}
             fresh[board.precision]["rows"].append(row)  # type: ignore[attr-defined]
     if target:
         Path(target).write_text(json.dumps(fresh, indent=2) + "\n")

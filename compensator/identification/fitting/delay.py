@@ -49,7 +49,7 @@ def align(
     step = TUNED.least_delay_steps * max(r.step_s for r in records)
     most = most_delay_s(records)
     # Without positions the tendon's values are kept, and an error of theirs imitates a delay.
-    sure = TUNED.sure if all(r.has_positions for r in records) else TUNED.very_sure
+    sure = TUNED.sure_of_positions if all(r.has_positions for r in records) else TUNED.very_sure
     found, shifted, total = coarse, tuple(records), 0.0
     seconds, error = at_first = _left_in(coarse)
     for _ in range(TUNED.rounds + 1):
@@ -59,10 +59,15 @@ def align(
         shifted = tuple(earlier(r, total) for r in records)
         found = fit_coarse(shifted, transmission, found.task.complete(found.solution.values), several=False)
         seconds, error = _left_in(found)
-    if abs(total) > max(sure * error, step) and abs(total + seconds) <= most and found.percent < coarse.percent:
+    if abs(total) > max(sure * error, step) and abs(total + seconds) <= most and _cost(found) < _cost(coarse):
         return Delay(seconds=total + seconds, error_s=error, identified=True), found, shifted
     seconds, error = at_first
     return Delay(seconds=seconds, error_s=error, identified=False), coarse, tuple(records)
+
+
+def _cost(fit: CoarseFit) -> float:
+    """Cost of a fit per row: the elongation tells more of a delay than the tension does."""
+    return fit.solution.cost / max(len(fit.solution.residuals.values), 1)
 
 
 def earlier(record: Record, seconds: float) -> Record:

@@ -185,7 +185,7 @@ def fit_dynamic(
         quick, slopes, every = seen(task, solution)
         return with_taken_for_granted(solution, slopes, every, quick, gains=gains, kept_uncertainty=kept_uncertainty)
 
-    law, task, solution, caution = look_again(law, task, solution, offsets=offsets, with_granted=with_granted)
+    law, task, solution, caution = look_again(law, task, solution, span_N, offsets=offsets, with_granted=with_granted)
     say("dynamic stage: uncertainty")
     quick, slopes, every = seen(task, solution)
     files = file_estimates(quick, slopes, solution)

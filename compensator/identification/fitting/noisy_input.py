@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonff.compensator.identification.constants import TUNED
-from tendonff.compensator.identification.fitting.chain_law import ChosenLaw, candidate
+from tendonff.compensator.identification.fitting.chain_law import ChosenLaw, candidate, fit_free
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.smoothing import low_pass_piece
@@ -250,6 +250,7 @@ def look_again(
     law: ChosenLaw,
     task: ChainResiduals,
     solution: Solution,
+    span_N: float,
     *,
     offsets: bool,
     with_granted: Callable[[ChainResiduals, Solution], Solution] = lambda _, solution: solution,
@@ -257,10 +258,12 @@ def look_again(
     """The law, its task on many masses, with the constants that the data tell, and its values with the input
     estimated; where that fails all stay as they are, and the last says why.
 
-    `with_granted` adds to a solution's errors what is taken for granted.
+    `with_granted` adds to a solution's errors what is taken for granted; `span_N` is the output tension's range.
     """
     try:
-        return *_looked_again(law, task, solution, offsets, with_granted), ""
+        again = _looked_again(law, task, solution, span_N, offsets, with_granted)
+        _check_no_worse(solution, again[2])
+        return *again, ""
     except SolveError as error:
         caution = (
             f"the noise of the input could not be taken out of the values ({error}): load-independent friction may be "
@@ -273,6 +276,7 @@ def _looked_again(
     law: ChosenLaw,
     task: ChainResiduals,
     solution: Solution,
+    span_N: float,
     offsets: bool,
     with_granted: Callable[[ChainResiduals, Solution], Solution],
 ) -> tuple[ChosenLaw, ChainResiduals, Solution]:
@@ -311,8 +315,24 @@ def _looked_again(
         fixed={**full, **{name: own[name] for name in dropped - {D.MU_RELEASE}}},
     )
     at = {str(name): float(wide_fit.values[name]) for name in kept}
+    if dropped & set(SPEED_TERMS):  # far from nothing, perhaps: the others are searched anew on few masses
+        start = {D(name): value for name, value in at.items()}
+        quick = replace(law.task, model=replace(law.task.model, symmetric=symmetric), free=kept, fixed=chosen.fixed)
+        at = fit_free(quick, {**chosen.fixed, **start}, span_N, 15, 1e-4).values
     found = with_input_estimated(chosen, replace(solution, values=at, residuals=residuals_of(chosen, at)))
     return _renamed(law, chosen, found), chosen, found
+
+
+def _check_no_worse(before: Solution, after: Solution) -> None:
+    """Raise SolveError where a law explains much less than it did."""
+    grown = _size(after.residuals) / max(_size(before.residuals), 1e-300)
+    if grown > TUNED.nearly_as_good:
+        raise SolveError(f"the error of the law grew by a factor of {grown:.2g}")
+
+
+def _size(residuals: Residuals) -> float:
+    """RMS of the residuals, large ones counted linearly."""
+    return float(np.sqrt(np.mean(2 * (np.sqrt(1 + residuals.values**2) - 1))))
 
 
 def _without(solution: Solution, name: Parameter, by: float | None = None) -> Solution:

@@ -17,11 +17,21 @@ from tendonff.compensator.identification.fitting.judging import (
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.cleaning import Piece, Record
 from tendonff.compensator.scenario.measurement import Explain
-from tendonff.ocp.fits.least_squares import Blocks, Residuals, Solution, Unknown, minimise
+from tendonff.ocp.fits.least_squares import (
+    Blocks,
+    Evaluate,
+    Residuals,
+    Solution,
+    Unknown,
+    gauss_newton_step,
+    minimise,
+)
 from tendonff.ocp.fits.static import NEUTRAL, ORDER, Response, StaticParameter, input_from_output, output_from_input
 
 P = StaticParameter
 CONSTANTS = (P.ADHESION, P.INPUT_BIAS, P.OUTPUT_BIAS)
+ON_BOUND, MOST_RATIO = 1e-3, 0.5
+"""A value this near to its bound, in its usual steps, is on it; Gauss-Newton steps that shrink by less are given up."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -267,9 +277,40 @@ class _Task:
                 found = solution.residuals if values == solution.values else self.evaluate(values)
                 return Residuals(values=found.values[rest], slopes=found.slopes[rest], blocks=found.blocks[rest])
 
-            refit = minimise(on_the_rest, near, most=10, tolerance=1e-4) if rest.any() else None
-            without[fold] = complete((refit or solution).values, self.model)
+            without[fold] = complete(_near_minimum(on_the_rest, near) if rest.any() else solution.values, self.model)
         return without
+
+
+def _near_minimum(evaluate: Evaluate, unknowns: Sequence[Unknown]) -> dict[str, float]:
+    """Minimiser near the start: by two Gauss-Newton steps where they close in on it within the bounds, else searched.
+
+    A value that is on its bound, and that the first step would move beyond, stays there. With linear weights for large
+    residuals the steps shrink by a ratio, which gives the steps that are left out.
+    """
+    low, high, scale = (np.array(one) for one in zip(*((u.low, u.high, u.scale) for u in unknowns), strict=True))
+    names, values = [u.name for u in unknowns], np.array([u.start for u in unknowns])
+    free, ratio, size = np.ones(len(values), dtype=bool), 0.0, 0.0
+    for _ in range(2):
+        found = evaluate(dict(zip(names, values.tolist(), strict=True)))
+        step = _step_within(found, free)
+        if not size:
+            free = ~((values <= low + ON_BOUND * scale) & (step < 0) | (values >= high - ON_BOUND * scale) & (step > 0))
+            step = _step_within(found, free)
+        after = float(np.abs(step / scale).max())
+        ratio, size = after / max(size, 1e-300) if size else 0.0, after
+        values = values + step / (1 - min(ratio, MOST_RATIO))
+        if ratio > MOST_RATIO or not (np.isfinite(values).all() and (values >= low).all() and (values <= high).all()):
+            return minimise(evaluate, unknowns, most=10, tolerance=1e-4).values
+        if not size:
+            break
+    return dict(zip(names, values.tolist(), strict=True))
+
+
+def _step_within(found: Residuals, free: Mask) -> Array:
+    """Gauss-Newton step over some values, shape (k,); the others stay."""
+    step = np.zeros(len(free))
+    step[free] = gauss_newton_step(found.values, found.slopes[:, free])
+    return step
 
 
 def _folds(runs: Sequence[_Run]) -> list[Folds]:

@@ -180,8 +180,12 @@ class MechanismLaw:
         def evaluate(values: Mapping[str, float]) -> Residuals:
             return self.evaluate({n: values[n] for n in free}, free)
 
+        def alone(values: Mapping[str, float]) -> Array:
+            return self._weighted({n: values[n] for n in free})
+
+        unknowns = [self._unknown(n, start[n]) for n in free]
         try:
-            return solve(evaluate, [self._unknown(n, start[n]) for n in free], most=most, tolerance=tolerance)
+            return solve(evaluate, unknowns, values=alone, most=most, tolerance=tolerance)
         except ParameterError as error:
             raise SolveError(str(error)) from None
 

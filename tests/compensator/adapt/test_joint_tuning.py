@@ -95,6 +95,7 @@ def test_what_cannot_be_tuned_is_refused(scenario, old, new, why):
         tf.Runtime(parse_joint_scenario(text, scenario.source))
 
 
+@pytest.mark.usefixtures("unpainted")
 def test_adapt_judges_it_on_loops_that_differ(scenario, tmp_path, monkeypatch, capsys):
     file = tmp_path / "joint.toml"
     file.write_text(scenario.text, "utf-8")

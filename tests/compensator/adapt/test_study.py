@@ -5,6 +5,7 @@ import json
 from types import SimpleNamespace
 
 import pytest
+from without_figures import without_figures
 
 from tendonff.compensator.adapt.result import Case, Scheme, variations
 from tendonff.compensator.adapt.run import _headline, _warnings
@@ -17,7 +18,8 @@ pytestmark = pytest.mark.compiler
 @pytest.fixture(scope="module")
 def out(examples, tmp_path_factory):
     folder = tmp_path_factory.mktemp("adapt") / "out"
-    assert run(["adapt", str(examples / "finger_adaptive.toml"), "--out", str(folder)]) == 0
+    with without_figures():
+        assert run(["adapt", str(examples / "finger_adaptive.toml"), "--out", str(folder)]) == 0
     return folder
 
 

@@ -179,6 +179,7 @@ def test_a_compensator_that_is_worse_than_none_is_called_so(examples):
     assert worse == {"frictionless", "capstan", "inverse", "table"}
 
 
+@pytest.mark.usefixtures("unpainted")
 def test_a_reference_out_of_reach_gets_the_best_profile_and_is_refused_where_design_is_strict(
     examples, tmp_path, capsys
 ):

@@ -292,6 +292,7 @@ def test_a_joint_with_the_period_of_the_cycle_is_followed(exosuit, record_proper
     assert verify(plant, "", ignorant, problem.reference).score.rmse_percent_of_range > 2
 
 
+@pytest.mark.usefixtures("unpainted")
 def test_the_motor_of_the_exosuit_is_sized(exosuit, tmp_path):
     assert run(["design", str(exosuit.source), "--out", str(tmp_path)]) == 0
     summary = json.loads((tmp_path / "summary.json").read_text())

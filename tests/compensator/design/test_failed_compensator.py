@@ -23,10 +23,16 @@ class Broken(Inverse):
         raise self.error
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def finger(examples):
     scenario = load_scenario(examples / "finger.toml")
-    return replace(scenario, run=replace(scenario.run, step_s=2e-3))
+    return replace(scenario, run=replace(scenario.run, step_s=4e-3))
+
+
+@pytest.fixture(scope="module")
+def alone(finger):
+    """The design without the compensator that fails."""
+    return design(finger, compensators=(Uncompensated(), Inverse()))
 
 
 @pytest.mark.parametrize(
@@ -42,14 +48,13 @@ def finger(examples):
     ],
 )
 def test_what_a_compensator_raises_is_its_own_message_and_the_others_are_what_they_are_without_it(
-    finger, tmp_path, error, reason
+    finger, alone, unpainted, tmp_path, error, reason
 ):
     result = design(finger, compensators=(Uncompensated(), Broken(error), Inverse()))
     assert result.failed == {"broken": reason}
     assert "broken" not in result.profiles
     assert not result.is_usable
     assert f"broken: {reason}" in result.warnings
-    alone = design(finger, compensators=(Uncompensated(), Inverse()))
     assert result.expectation.worst_percent == alone.expectation.worst_percent
     assert np.array_equal(result.forces_N["inverse"], alone.forces_N["inverse"])
     result.write(tmp_path)

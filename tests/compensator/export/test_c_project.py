@@ -256,8 +256,9 @@ def test_two_exports_build_under_one_cmake_project(examples, tmp_path):
         if shutil.which(tool) is None:
             pytest.skip(f"{tool} is not installed")
     scenario = load_scenario(examples / "finger.toml")
+    scenario = replace(scenario, reference=replace(scenario.reference, duration_s=0.5))
     for prefix in ("left", "right"):
-        export_project(scenario, profile_N=np.full(3, 30.0), prefix=prefix).write(tmp_path / prefix)
+        export_project(scenario, profile_N=np.full(3, 30.0), prefix=prefix, force_export=True).write(tmp_path / prefix)
     lines = [
         "cmake_minimum_required(VERSION 3.13)",
         "project(hand C)",

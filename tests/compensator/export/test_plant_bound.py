@@ -5,11 +5,9 @@ import subprocess
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.export.golden import golden_vectors
 from tendonff.compensator.export.host import run_on_host
 from tendonff.compensator.export.modules import PLANT
@@ -67,7 +65,8 @@ def test_the_work_of_a_call_is_bounded(examples, tmp_path, monkeypatch, evaluati
         monkeypatch.setattr(target, "plant_limits", tight)
         monkeypatch.setattr(c_text, "plant_limits", tight)
     scenario = load_scenario(examples / "finger_stribeck.toml")
-    export_project(scenario, profile_N=np.ones(3)).write(tmp_path)
+    for name, text in c_sources(scenario, Problem.of(scenario), (PLANT,), Precision.DOUBLE, "tff").items():
+        (tmp_path / name).write_text(text)
     sources = [
         Path(__file__).with_name("plant_fuzz.c"),
         *(tmp_path / f"tff_{name}.c" for name in ("plant", "limits", "parameters")),

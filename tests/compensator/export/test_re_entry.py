@@ -5,10 +5,11 @@ import subprocess
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from tendonff.compensator.export.c_project import export_project
+from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.export.modules import c_modules
+from tendonff.compensator.export.text.c_text import c_sources
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.ocp.codegen.precision import Precision
 
@@ -24,7 +25,9 @@ def test_a_restart_in_motion_and_a_lost_reference_make_no_bump(
     rig = scenario.transmission
     rig = replace(rig, actuator=replace(rig.actuator, coulomb_N=coulomb_N))
     scenario = replace(scenario, transmission=rig)
-    export_project(scenario, precision=precision, profile_N=np.ones(3)).write(tmp_path)
+    modules = [module for module in c_modules(scenario) if module.name in ("inverse", "plant")]
+    for name, text in c_sources(scenario, Problem.of(scenario), modules, precision, "tff").items():
+        (tmp_path / name).write_text(text)
     sources = [tmp_path / f"tff_{name}.c" for name in ("inverse", "limits", "parameters", "plant")]
     program = tmp_path / "program"
     main = Path(__file__).with_name("re_entry.c")

@@ -66,7 +66,8 @@ def test_nothing_is_exported_where_all_modules_do_harm(finger, monkeypatch):
     from tendonff.compensator.export import c_project
 
     def all_bad(problem, forces):
-        return (judge(problem, forces)[0], *(replace(each, fault="bad") for each in judge(problem, forces)[1:]))
+        nothing, *others = judge(problem, forces)
+        return (nothing, *(replace(each, fault="bad") for each in others))
 
     monkeypatch.setattr(c_project, "judge", all_bad)
     with pytest.raises(SolveError, match=r"nothing to export: .*inverse: bad.*--force-export"):

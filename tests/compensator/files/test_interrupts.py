@@ -1,4 +1,6 @@
+import importlib
 import signal
+import time
 import weakref
 from collections.abc import Iterator
 from pathlib import Path
@@ -48,3 +50,25 @@ def test_whatever_an_interrupt_breaks_is_called_interrupted(
         cli.main()
     assert ended.value.code == 130
     assert capsys.readouterr().err.strip() == "interrupted; nothing was written"
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="this system has no SIGALRM")
+def test_an_interrupt_waits_for_the_end_of_an_import(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A compiled module that is interrupted while it is loaded may end the process by `abort`."""
+    text = "import signal\nsignal.raise_signal(signal.SIGINT)\nwhole = True\n"
+    (tmp_path / "interrupted_import.py").write_text(text, encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    module = importlib.import_module("interrupted_import")
+    assert module.whole
+    with pytest.raises(KeyboardInterrupt):
+        time.sleep(10)
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="this system has no SIGALRM")
+def test_a_second_interrupt_does_not_wait(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = "import signal\nsignal.raise_signal(signal.SIGINT)\nsignal.raise_signal(signal.SIGINT)\n"
+    (tmp_path / "interrupted_twice.py").write_text(text, encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(KeyboardInterrupt):
+        importlib.import_module("interrupted_twice")
+    signal.setitimer(signal.ITIMER_REAL, 0)

@@ -31,7 +31,7 @@ from tendonff.ocp.joint.start import joint_problem
 pytestmark = pytest.mark.compiler
 STEP, PERIODS, MASSES = 4e-3, 5, 40
 DRIVES = {
-    "loop": 'kind = "loop"\npretension_N = 6.0\n',
+    "loop": 'kind = "loop"\npretension_N = 12.0\n',
     "pair": 'kind = "pair"\nleast_tension_N = 3.0\n',
 }
 PATHS = {

@@ -153,7 +153,7 @@ def test_a_layout_gives_every_state_of_every_law_its_place() -> None:
 
 def test_inputs_are_named_sliced_and_joined() -> None:
     inputs = ChainInputs.of(3, near_force_N=np.arange(3.0), far_rest_m=7.0)
-    assert inputs[1:].then(inputs[:1]).table().tolist() == [[1, 0, 0, 7], [2, 0, 0, 7], [0, 0, 0, 7]]
+    assert inputs[:1].table(inputs[1:]).tolist() == [[1, 0, 0, 7], [2, 0, 0, 7], [0, 0, 0, 7]]
     with pytest.raises(TypeError, match="ChainInputs has no field speed"):
         ChainInputs.of(3, speed=1.0)
 

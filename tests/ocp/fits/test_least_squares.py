@@ -81,3 +81,25 @@ def test_a_nearly_blind_value_without_scatter_overflows_nothing():
     values = np.tile([3.0, -3.0], 20)  # every block's gradient is zero
     covariance, _ = block_covariance(Residuals(values=values, slopes=slopes, blocks=np.arange(40) // 4), robust=False)
     assert (np.diag(covariance) > 0).all()
+
+
+def test_points_that_are_worse_than_the_one_before_cost_no_slopes():
+    """A valley as of Rosenbrock: some steps go too far."""
+    asked = []
+
+    def off(values):
+        asked.append("values")
+        return np.array([10 * (values["b"] - values["a"] ** 2), 1 - values["a"]])
+
+    def evaluate(values):
+        asked.append("slopes")
+        slopes = np.array([[-20 * values["a"], 10.0], [-1.0, 0.0]])
+        return Residuals(values=off(values), slopes=slopes, blocks=np.arange(2))
+
+    unknowns = [Unknown(name=name, start=at, low=-5, high=5, scale=1) for name, at in (("a", -1.2), ("b", 1.0))]
+    plain = solve(evaluate, unknowns, robust=False)
+    every = asked.count("slopes")
+    asked.clear()
+    found = solve(evaluate, unknowns, values=off, robust=False)
+    assert found.values == plain.values == pytest.approx({"a": 1.0, "b": 1.0})
+    assert asked.count("slopes") < every

@@ -170,6 +170,7 @@ def test_a_calibration_tool_reads_the_description_and_finds_every_member(example
     if not tool.exists() or shutil.which("gcc") is None or not sys.platform.startswith("linux"):
         pytest.skip("a2ltool or gcc is not installed")
     scenario = load_scenario(examples / "finger.toml")
+    scenario = replace(scenario, reference=replace(scenario.reference, duration_s=0.5))
     export_project(scenario, precision=precision, profile_N=np.full(3, 30.0), prefix="rig").write(tmp_path)
     described = tmp_path / "rig_parameters.a2l"
     done = subprocess.run([tool, described, "--check", "--strict"], capture_output=True, text=True, check=False)

@@ -62,6 +62,7 @@ def test_straight_lines_are_a_first_look_only(log):
     assert first.tension_over_stiffness_m == pytest.approx(truth(LOOP)["tension_over_stiffness_m"], rel=0.5)
 
 
+@pytest.mark.usefixtures("unpainted")
 def test_a_design_from_the_file_tracks_on_the_plant(found, tmp_path, record_property):
     found.write(tmp_path / "fit")
     fitted = load_joint_scenario(tmp_path / "fit" / "fitted.toml")
