@@ -16,6 +16,7 @@ from tendonff.models.parameters.transmission import Transmission
 from tendonff.models.path import cut_path
 
 _HALVINGS = 60
+_INSIDE = 1e-9  # of ln(T + p) from full slip, at which the mass that sticks most is determined
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -143,9 +144,9 @@ class TwoEndedLaw:
             return float(-taken - far_travel_m)
 
         least, most = y_near - self.pull_exponent[-1], y_near + self.release_exponent[-1]
-        if left(least) <= 0:
+        if left(least + _INSIDE) <= 0:
             y = least
-        elif left(most) >= 0:
+        elif left(most - _INSIDE) >= 0:
             y = most
         else:
             for _ in range(_HALVINGS):

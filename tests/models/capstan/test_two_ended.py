@@ -70,8 +70,8 @@ def ramps(rng: np.random.Generator, corners: int, steps: int) -> tuple[np.ndarra
 
 def test_the_profile_is_that_of_a_chain_under_random_ramps_of_both_ends(law: TwoEndedLaw) -> None:
     rng, worst, moved = np.random.default_rng(5), 0.0, 0.0
-    for _ in range(6):
-        near, far = ramps(rng, 8, 12)
+    for _ in range(4):
+        near, far = ramps(rng, 6, 12)
         chain = Chain()
         brute = np.array([chain.settle(a, b) for a, b in zip(near, far, strict=True)])
         found = law.history_N(near, far, np.full(11, START))
@@ -81,11 +81,12 @@ def test_the_profile_is_that_of_a_chain_under_random_ramps_of_both_ends(law: Two
     assert moved > 10
 
 
-def test_a_far_end_that_is_moved_has_the_tension_of_the_chain(law: TwoEndedLaw) -> None:
+@pytest.mark.parametrize("seed", [1, 5])
+def test_a_far_end_that_is_moved_has_the_tension_of_the_chain(law: TwoEndedLaw, seed: int) -> None:
     """Exact while the ends go straight; where the sliding turns within a step, of first order in the step."""
     rms = []
-    for steps in (20, 80):
-        rng = np.random.default_rng(3)
+    for steps in (10, 30):
+        rng = np.random.default_rng(seed)
         near, _ = ramps(rng, 5, steps)
         travel = np.interp(np.arange(len(near)) / steps, np.arange(5), np.append(0.0, rng.uniform(-1, 1, 4) * 4e-4))
         chain, profile, off, brute = Chain(), np.full(11, START), [], []
@@ -96,8 +97,19 @@ def test_a_far_end_that_is_moved_has_the_tension_of_the_chain(law: TwoEndedLaw) 
             off.append(far - brute[-1])
         assert np.abs(off[: steps // 3]).max() < 1e-5
         rms.append(np.sqrt(np.mean(np.square(off))) / np.ptp(brute))
-    assert rms[1] < 0.3 * rms[0]
-    assert rms[1] < 0.005
+    assert rms[1] < 0.45 * rms[0]
+    assert rms[1] < 0.015
+
+
+def test_a_far_end_that_turns_in_full_slip_holds_the_last_mass(law: TwoEndedLaw) -> None:
+    """All slide towards the load when it gives way: the last link shortens by what it moves, the others follow on."""
+    before = law.profile_N(np.full(11, START), 20.0, 20.0 * math.exp(0.36))
+    full = law.profile_N(before, 19.0, law.far_tension_N(before, 19.0, -1e-4, STIFFNESS))
+    slid = np.diff(np.log(full + ADHESION))
+    assert slid == pytest.approx(np.diff(law.release_exponent), abs=1e-6)
+    far = law.far_tension_N(full, 18.5, 4e-6, STIFFNESS)
+    last = STIFFNESS / law.length_share[-1]
+    assert far == pytest.approx(full[-1] - last * 4e-6, rel=1e-6)
 
 
 def test_a_far_end_that_only_follows_is_the_play_law(law: TwoEndedLaw) -> None:
