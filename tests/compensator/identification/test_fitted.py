@@ -55,7 +55,7 @@ def rms(x):
     return float(np.sqrt(np.mean(x**2)))
 
 
-def strokes(seed, seconds=13.0):
+def strokes(seed, seconds=9.0):
     rng = np.random.default_rng(seed)
     time = np.arange(0, seconds + 1e-9, STEP)
     turns = np.arange(0, seconds + 1.1, 1.1)
@@ -129,6 +129,7 @@ def test_what_is_printed_is_what_is_written(found):
     assert found.estimate("mu_static").value == pytest.approx(t.friction.mu_static)
 
 
+@pytest.mark.usefixtures("unpainted")
 def test_simulating_the_fitted_scenario_again_gives_the_error_that_is_printed(found, tmp_path, logs):
     found.write(tmp_path / "out")
     fitted = load_scenario(tmp_path / "out" / "fitted.toml")
@@ -193,7 +194,7 @@ def test_a_path_that_is_not_even_widens_the_stiffness_and_is_named(nominal, trut
         Section(name="far", angle_rad=0.25 * theta, length_m=0.5),
     )
     uneven = replace(truth, path=replace(truth.path, sections=halves), friction=replace(truth.friction, adhesion_N=0.0))
-    write_synthetic(tmp_path / "a.csv", uneven, *strokes(5), Faults(noise=0.003), step_s=STEP)
+    write_synthetic(tmp_path / "a.csv", uneven, *strokes(5, seconds=13.0), Faults(noise=0.003), step_s=STEP)
     found = identify(nominal, [tmp_path / "a.csv"])
     [message] = [w for w in found.warnings if "the elongation fits better" in w]
     near_rad = float(message.partition("actuator has ")[2].split()[0])

@@ -167,6 +167,7 @@ def test_a_shallow_push_starts_from_a_stop_that_was_reached(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("unpainted")
 def test_an_efficiency_of_the_gear_is_taken_up_where_it_acts_and_written(tmp_path):
     true = own_log.other(gear_efficiency=0.88)
     log = own_log.write(tmp_path, true)
