@@ -153,7 +153,7 @@ class Tuned:
     forget_bridge: float = 0.85
     small_piece: float = 0.5
     adhesion_floor: float = 0.0003
-    other_laws: float = 0.2
+    other_laws: float = 0.25
     granted: float = 1.2
     tried_concentration: float = 0.3
     uneven_from: float = 3.0
