@@ -23,6 +23,7 @@ static void course(int moved)
     tff_parameters_init(&own);
     if (moved) {
         tff_inverse_init_at(&a, (tff_real)r, (tff_real)(1.1 * r)); tff_stream_init_at(&g, (tff_real)r, (tff_real)(0.9 * r));
+        tff_capstan_init_at(&b, (tff_real)r, (tff_real)(1.1 * r)); tff_table_init_at(&c, (tff_real)r, (tff_real)(0.9 * r));
         printf("%d %d ", (int)tff_parameters_set_mu(&own, (tff_real)1.1 * own.mu_pull, (tff_real)0.9 * own.mu_release),
                (int)tff_parameters_set_adhesion(&own, own.adhesion + (tff_real)0.5));
         printf("%d ", (int)tff_parameters_set_limits(&own, own.force_min + (tff_real)1, (tff_real)0.9 * own.force_max, (tff_real)0.8 * own.force_rate_max));

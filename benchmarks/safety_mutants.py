@@ -145,13 +145,23 @@ RESTS = (
         "(&wanted, mu_dynamic, mu_dynamic)",
         "(&wanted, mu_dynamic, wanted.mu_release)",
     ),
-    (
-        "inverse.c",
-        "a bad force of a start taken",
-        "(tff_is_within(force, TFF_FORCE_MIN_N",
-        "(1 + tff_is_within(force, TFF_FORCE_MIN_N",
+    *(
+        (
+            f"{module}.c",
+            f"{module}: a bad force of a start taken",
+            "(tff_is_within(force, TFF_FORCE_MIN_N",
+            "(1 + tff_is_within(force, TFF_FORCE_MIN_N",
+        )
+        for module in ("inverse", "capstan", "table")
     ),
-    ("inverse.c", "a start in motion is not led", "tff_inverse_missed(self, TFF_RE_ENTRY);", ""),
+    *(
+        (f"{module}.c", f"{module}: {what}", old, new)
+        for module in ("inverse", "capstan", "table")
+        for what, old, new in (
+            ("a start in motion is not led", f"tff_{module}_missed(self, TFF_RE_ENTRY);", ""),
+            ("a start in motion is at rest", "self->output.force = force;", ""),
+        )
+    ),
     ("table.c", "the branch survives init", "self->branch = 0;\n    self->ratio", "self->ratio"),
     (
         "plant.c",
@@ -251,8 +261,8 @@ RESTS = (
     ("adaptive.c", "tuner: no limit of the rate of a factor", "move = (move > t->slew) ? t->slew : move;", ""),
     ("adaptive.c", "tuner: no limit of the rate downwards", "move = (move < -t->slew) ? -t->slew : move;", ""),
     ("adaptive.c", "tuner: it integrates at the limits", "if (self->limited == 0) {", "if (self->limited >= 0) {"),
-    ("adaptive.c", "tuner: no bound of the integral above", "(self->gain > 2.0) ? 2.0 :", ""),
-    ("adaptive.c", "tuner: no bound of the integral below", "(self->gain < 0.5) ? 0.5 :", ""),
+    ("adaptive.c", "tuner: no bound of the integral above", "(self->correction > 1.0) ? 1.0 :", ""),
+    ("adaptive.c", "tuner: no bound of the integral below", "(self->correction < -0.5) ? -0.5 :", ""),
     ("adaptive.c", "tuner: it integrates what is frozen", "(self->level < t->lost_level) && ", ""),
     ("adaptive.c", "tuner: a model that fails not flagged", "more |= TFF_FAILED;", ""),
 )

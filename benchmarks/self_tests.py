@@ -2,14 +2,15 @@
 
 Run: python benchmarks/self_tests.py [--count 60] [--seed 1] [--self-tuning]
 
-Also counts those in which a module was worse than none and was left out. With --self-tuning half of the scenarios have
-it: in single precision the golden vectors of the tuner then fail on some rigs with small steps or tensions, where small
-differences grow in the recursion.
+Also counts those in which a module was worse than none and was left out, and prints the largest tolerance of each
+module's golden vectors over the range of the reference. With --self-tuning half of the scenarios have it: how many rows
+of the tuner's golden vectors are compared in single precision is printed then.
 """
 
 import argparse
 import collections
 import math
+import re
 import subprocess
 import sys
 import tempfile
@@ -19,6 +20,7 @@ from pathlib import Path
 import numpy as np
 
 import tendonff as tf
+from tendonff.compensator.compensators.score import scale_of
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.reference import Shape, SineReference, WaypointReference
 from tendonff.compensator.scenario.scenario import load_scenario
@@ -28,6 +30,7 @@ from tendonff.ocp.adaptation.tuning import Sensor, Tunable
 from tendonff.ocp.errors import SolveError
 
 FLAGS = ("-std=c99", "-O2", "-w", "-fno-math-errno")  # contraction as the compiler likes it
+MOST = 1e-3  # of the range: tolerances above are counted
 BASE = Path(__file__).resolve().parents[1] / "examples" / "finger.toml"
 
 
@@ -124,8 +127,13 @@ def _self_tuning(chance: np.random.Generator, tension_N: float, travel_m: float)
     )
 
 
-def self_test(exported: object) -> str:
-    """Failures, line by line; empty where there are none."""
+GOLDEN = re.compile(
+    r"(?P<what>\w+: golden vectors(?: of jumps)?)(?:, (?P<rows>\d+) of (?P<all>\d+) rows)?, .* at most (?P<N>\S+) N"
+)
+
+
+def self_test(exported: object) -> tuple[str, str]:
+    """Failures, line by line, empty where there are none; and all that was said."""
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch) / "c"
         exported.write(folder)
@@ -134,7 +142,7 @@ def self_test(exported: object) -> str:
         subprocess.run(["cc", *FLAGS, str(folder / "self_test.c"), *sources, "-lm", "-o", str(program)], check=True)
         done = subprocess.run([str(program)], capture_output=True, text=True, check=False)
         lines = [line for line in done.stdout.splitlines() if "FAILS" in line]
-        return "" if done.returncode == 0 else "; ".join(lines) or f"exit status {done.returncode}"
+        return "" if done.returncode == 0 else "; ".join(lines) or f"exit status {done.returncode}", done.stdout
 
 
 def main() -> int:
@@ -146,6 +154,8 @@ def main() -> int:
     options = parser.parse_args()
     chance = np.random.default_rng(options.seed)
     bad, tried, tuned, refused, harmful = [], 0, 0, collections.Counter(), collections.Counter()
+    widest: dict[tuple[str, str], list[float]] = collections.defaultdict(list)
+    compared = []
     while tried < options.count:
         try:
             scenario = a_scenario(chance, options.self_tuning)
@@ -158,10 +168,18 @@ def main() -> int:
         tuned += scenario.adaptation is not None
         for precision, exported in exports.items():
             harmful.update(each.module for each in exported.judged if each.fault and precision is tf.Precision.DOUBLE)
-            if said := self_test(exported):
-                bad.append(f"{tried} {precision}: {said}")
+            failed, said = self_test(exported)
+            if failed:
+                bad.append(f"{tried} {precision}: {failed}")
                 print(bad[-1], flush=True)
-    print(f"of these {tuned} with self-tuning")
+            for found in GOLDEN.finditer(said):
+                widest[found["what"], precision].append(float(found["N"]) / scale_of(profile))
+                if found["rows"]:
+                    compared.append(int(found["rows"]) / int(found["all"]))
+    print(f"of these {tuned} with self-tuning; rows compared where not all are: {np.round(sorted(compared), 2)}")
+    for (what, precision), shares in sorted(widest.items()):
+        above = sum(share > MOST for share in shares)
+        print(f"{what}, {precision}: tolerance at most {max(shares):.2g} of range, above {MOST:g} in {above}")
     print(
         f"{options.count} legal scenarios: {len(bad)} self tests of {2 * options.count} fail; refused {dict(refused)}"
     )

@@ -41,7 +41,7 @@ unsigned status(const tff_adaptive *self) { return self->output.status; }
 double value(const tff_adaptive *self, int k) { return tff_adaptive_tuner_value(&self->tuner, k); }
 double estimate(const tff_adaptive *self, int k) { return self->tuner.f[k]; }
 int last(void) { return TFF_ADAPTIVE_TUNER_TUNED - 1; }
-double gain(const tff_adaptive *self) { return self->tuner.gain; }
+double gain(const tff_adaptive *self) { return 1 + self->tuner.correction; }
 double level(const tff_adaptive *self) { return self->tuner.level; }
 """
 

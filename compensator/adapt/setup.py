@@ -12,6 +12,9 @@ from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenario.settings import Adaptation
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.parameters.drive import Drive
+from tendonff.models.parameters.numbers import with_numbers
+from tendonff.models.parameters.transmission import Transmission
+from tendonff.models.parameters.uncertainty import Spread
 from tendonff.ocp.adaptation.bounds import CertifiedInterval
 from tendonff.ocp.adaptation.code import TunedChain, nuisances_of
 from tendonff.ocp.adaptation.information import Information, information
@@ -20,9 +23,10 @@ from tendonff.ocp.adaptation.tuning import GATE, Sensor, Tunable, Tuning
 from tendonff.ocp.simulate import simulate
 
 BOUND_SPREAD = 0.2
-"""Relative half-width of mu theta of each direction that the interval admits, and of stiffness in its margin."""
+"""Least relative half-width of mu theta of each direction that the interval admits, and of stiffness in its margin."""
 
 BOUND_MASSES = 40
+_SLACK_NOISE = 0.01  # error of the force that is admitted where it lets the tendon go slack, share of the range
 _BOUNDED = (Tunable.MU_PULL, Tunable.MU_RELEASE, Tunable.TENDON_STIFFNESS, Tunable.LOAD_STIFFNESS)
 
 
@@ -93,24 +97,58 @@ def learnt(problem: Problem, tuning: Tuning) -> Information:
     return information(tuning, reference.time_s[1:], run.slopes, gated, nuisances_of(tuned, tuning))
 
 
+def friction_spread(problem: Problem) -> float:
+    """Relative half-width of mu theta that the interval admits: what [robust] states, at least `BOUND_SPREAD`."""
+    stated = sum(_change(problem, spread) for spread in problem.uncertainty.spreads)
+    if stated >= 1:
+        raise InputError(
+            f"[robust] admits mu theta within {100 * stated:.3g} % of the scenario's value; the interval of the output "
+            "tension needs less than 100 %: narrow the spreads of friction and angles"
+        )
+    return max(BOUND_SPREAD, stated)
+
+
+def _at(problem: Problem, spread: Spread, place: float) -> Transmission:
+    """The transmission with a stated number at a place in its interval."""
+    return with_numbers(problem.transmission, spread.values(problem.transmission, place))
+
+
+def _change(problem: Problem, spread: Spread) -> float:
+    """Largest relative change of mu theta over the interval of a stated number."""
+    law = CapstanLaw.of(problem.transmission)
+    ends = [CapstanLaw.of(_at(problem, spread, place)) for place in (-1.0, 1.0)]
+    both = [(end.pull_exponent, law.pull_exponent) for end in ends]
+    both += [(end.release_exponent, law.release_exponent) for end in ends]
+    return max((abs(there / here - 1) for there, here in both if here > 0), default=0.0)
+
+
 def certified(problem: Problem) -> Certified:
     """The interval of two plays along the reference, with what the static law leaves out as its margin.
 
     The margin is the largest over plants of 40 masses: at every corner of what friction of the two directions may be,
-    as the scenario, and with tendon, load and bristles all softer or all stiffer.
+    as the scenario, and with tendon, load and bristles all softer or all stiffer; and with each number of [robust] at
+    the ends of its interval, where the directions are apart the most.
     """
     start, step = problem.reference.initial_tension_N, problem.reference.step_s
-    force = problem.limited(problem.inversion.force_N)
+    force, spread = problem.limited(problem.inversion.force_N), friction_spread(problem)
     plant = TunedChain.of(problem.transmission, problem.level, _BOUNDED, BOUND_MASSES)
     name = "bristle_stiffness_N_per_m"
-    outputs = []
+    chains = []
     for elastic, bristle in ((1.0, 1.0), (1 - BOUND_SPREAD, 0.5), (1 + BOUND_SPREAD, 2.0)):
         rig = replace(plant, whole=plant.whole.changed({name: bristle * plant.whole.value(name)}))
         for places in ((0, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)):
-            factors = [*(1 + place * BOUND_SPREAD for place in places), elastic, elastic]
-            chain = rig.with_factors(dict(zip(_BOUNDED, factors, strict=True)))
-            outputs.append(simulate(chain, force, step, initial_tension_N=start).require().output_tension_N)
-    bare = CertifiedInterval(law=CapstanLaw.of(problem.transmission), spread=BOUND_SPREAD, noise_N=0.0)
+            factors = [*(1 + place * spread for place in places), elastic, elastic]
+            chains.append(rig.with_factors(dict(zip(_BOUNDED, factors, strict=True))))
+    for stated in problem.uncertainty.spreads:
+        left = max(spread - _change(problem, stated), 0.0)
+        for end in (-1.0, 1.0):
+            rig = TunedChain.of(_at(problem, stated, end), problem.level, _BOUNDED[:2], BOUND_MASSES)
+            corners = ({Tunable.MU_PULL: 1 + apart, Tunable.MU_RELEASE: 1 - apart} for apart in (-left, left))
+            chains.extend(map(rig.with_factors, corners))
+    outputs = [simulate(chain, force, step, initial_tension_N=start).require().output_tension_N for chain in chains]
+    slack = float(force.min()) + problem.transmission.friction.adhesion_N <= 0
+    noise_N = _SLACK_NOISE * problem.reference.range_N if slack else 0.0
+    bare = CertifiedInterval(law=CapstanLaw.of(problem.transmission), spread=spread, noise_N=noise_N)
     interval = bare.with_margin_for(force, np.stack(outputs))
     low, high = interval.history_N(force, start)
     return Certified(interval=interval, low_N=low, high_N=high)

@@ -1,9 +1,12 @@
 """Additions of an export for a scenario with [adaptation]: tuner, certified interval, an inverse with adjustable mu."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 from tendonff.compensator.adapt.setup import Certified, certified, tuned_chain, tuning_of
 from tendonff.compensator.compensators.base import Problem
@@ -21,6 +24,11 @@ from tendonff.ocp.codegen.precision import Precision
 _RIG = 1.1  # factor on friction of the rig behind the golden vectors
 
 _FLOAT_SHARE, _DOUBLE_SHARE = 1e-3, 1e-9  # of the range, and of the largest force: differences from the model that pass
+
+NUDGES = 4
+"""Runs in single precision whose measurements round differently."""
+
+_NEIGHBOURS = 11  # rows over which a difference counts, half of them before and behind
 
 _COAST_S = 0.05  # time in which joints whose angles are missing come to rest [s]
 
@@ -41,6 +49,13 @@ class AdaptiveGolden:
     # path, which has none
     low_N: FloatArray
     high_N: FloatArray
+    joint_rad: FloatArray  # shape (rows, joints); joint angles that its steps take, those at their ends
+
+    def given(self, reference_N: FloatArray, nudge: int = 0) -> FloatArray:
+        """Inputs of the steps, shape (rows, 2): references, and measurements that round otherwise for each `nudge`."""
+        sign = np.random.default_rng(nudge).choice((-1.0, 0.0, 1.0), len(self.measured)) if nudge else 0.0
+        rounding = float(np.finfo(np.float32).eps) * np.abs(self.measured)
+        return np.stack([reference_N, self.measured + sign * rounding], axis=1)
 
 
 def adaptive_code(problem: Problem, settings: Adaptation, precision: Precision, prefix: str) -> dict[str, object]:
@@ -100,6 +115,18 @@ def adaptive_tolerance_N(course: Course, precision: Precision) -> float:
     return _DOUBLE_SHARE * max(course.scale_N, 1.0)
 
 
+def repeated_rows(expected: FloatArray, found: Sequence[FloatArray], tolerance: float) -> NDArray[np.bool_]:
+    """Rows in which every answer and its neighbours are within half the tolerance, shape (rows,).
+
+    In single precision the others depend on how a compiler rounds: where the force falls steeply at a reversal, or
+    where a threshold of the recursion is passed a sample sooner or later.
+    """
+    if not found:
+        return np.ones(len(expected), dtype=np.bool_)
+    apart = np.max([np.abs(answer - expected) for answer in found], axis=0)
+    return np.asarray(maximum_filter1d(np.nan_to_num(apart, nan=math.inf), _NEIGHBOURS) <= 0.5 * tolerance)
+
+
 def _bounds(bounds: Certified) -> dict[str, object]:
     """Values for the templates of the interval; a path that joints move has no total angle to make one of."""
     interval = bounds.interval
@@ -137,19 +164,30 @@ def adaptive_golden(problem: Problem, settings: Adaptation, course: Course, prec
     low = high = np.empty(0)
     if course.chain.motion is None:
         low, high = certified(problem).interval.history_N(course.plant_force_N, start)
-    return AdaptiveGolden(measured=measured, force_N=np.array(force), low_N=low, high_N=high)
+    ahead = course.joint_rad[np.minimum(np.arange(1, len(reference_N) + 1), len(reference_N) - 1)]
+    return AdaptiveGolden(measured=measured, force_N=np.array(force), low_N=low, high_N=high, joint_rad=ahead)
 
 
-def adaptive_test(problem: Problem, settings: Adaptation, course: Course, precision: Precision) -> dict[str, object]:
-    """Values for the self test of tuner and interval."""
-    tuning = tuning_of(problem, settings)
+def adaptive_test(
+    problem: Problem,
+    settings: Adaptation,
+    course: Course,
+    precision: Precision,
+    golden: AdaptiveGolden,
+    found: Sequence[FloatArray] = (),
+) -> dict[str, object]:
+    """Values for the self test of tuner and interval; answers of the exported code are none where it was not run."""
+    tuning, tolerance = tuning_of(problem, settings), adaptive_tolerance_N(course, precision)
+    repeated = repeated_rows(golden.force_N, found, tolerance)
     return {
-        "golden": adaptive_golden(problem, settings, course, precision),
+        "golden": golden,
+        "expected": np.where(repeated, golden.force_N, np.nan),
+        "compared": int(repeated.sum()),
         "tuning": tuning,
         "far": 1e3 * tuning.span,  # no factor explains that
         "mu_index": settings.parameters.index(_main(settings)),
         "mu_dynamic": main_mu(problem, settings),
         "mu_release": other_mu(problem, settings),
-        "tolerance_N": adaptive_tolerance_N(course, precision),
+        "tolerance_N": tolerance,
         "bounds_tolerance_N": 0.02 if precision is Precision.FLOAT else 1e-9 * course.scale_N,
     }

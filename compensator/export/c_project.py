@@ -15,11 +15,11 @@ from tendonff.compensator.compensators.profile import FloatArray, Profile
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.stream import StreamChoice, choose_stream
 from tendonff.compensator.compensators.table import BuiltTable, table_of
-from tendonff.compensator.export.adaptive import adaptive_test
+from tendonff.compensator.export.adaptive import NUDGES, AdaptiveGolden, adaptive_golden, adaptive_test
 from tendonff.compensator.export.golden import Golden, golden_vectors
 from tendonff.compensator.export.host import run_on_host
 from tendonff.compensator.export.judgement import Judged, chosen, driven, judge, judge_stream, profiles_of
-from tendonff.compensator.export.modules import ADAPTIVE_MODULES, OBSERVER, c_modules, check_prefix
+from tendonff.compensator.export.modules import ADAPTIVE, BOUNDS, OBSERVER, c_modules, check_prefix
 from tendonff.compensator.export.observer import ObserverDesign, ObserverGolden, observer_golden
 from tendonff.compensator.export.self_test import FloatLoss, float_losses, loss_warnings, self_test_context, tolerance
 from tendonff.compensator.export.text.c_text import (
@@ -36,6 +36,8 @@ from tendonff.models.capstan import CapstanLaw
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.step.joints import Joints
+
+_APART = 1e-3  # of the range: difference of the observer in single precision from which on it is not compared
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,37 +137,39 @@ def export_project(
     observed = ObserverDesign(problem=problem)
     numbers["observed"] = observed
     seen = observer_golden(observed, golden.course.chain, golden.course.reference_N, precision)
+    settings = scenario.adaptation
+    tuned = None if settings is None else adaptive_golden(problem, settings, golden.course, precision)
     losses: tuple[FloatLoss, ...] = ()
     found: Sequence[Mapping[str, FloatArray]] | None = None
     numbers["stream"] = stream
     if precision is Precision.FLOAT:
-        found = _run_in_float(scenario, problem, golden, seen, prefix, numbers)
+        found = _run_in_float(scenario, problem, golden, seen, tuned, prefix, numbers)
         if found is not None:
             expected = golden.course.columns | {OBSERVER.name: seen.output_N}
-            losses = float_losses(replace(golden.course, columns=expected), found[0], problem)
+            of_tuner = {} if tuned is None else {ADAPTIVE.name: tuned.force_N}
+            in_float = {**found[0], **(found[4] if of_tuner else {})}
+            losses = float_losses(replace(golden.course, columns=expected | of_tuner), in_float, problem)
             rows = len(problem.reference.tension_N)
-            answers = {module: answer[-rows:] for module, answer in found[3].items()}
-            profiles |= {m: driven(problem, m, Profile.of_setpoint(answer, drive)) for m, answer in answers.items()}
+            last = {module: answer[-rows:] for module, answer in found[3].items()}
+            profiles |= {m: driven(problem, m, Profile.of_setpoint(answer, drive)) for m, answer in last.items()}
     judged = judge(problem, profiles)
     judged = (*judged, judge_stream(judged, choice, problem))
     modules, faults = chosen(judged, c_modules(scenario, stream is not None), force_export=force_export)
     further: dict[str, object] = {
         **numbers,
         **self_test_context(problem, table, profile_N, golden, precision, found),
-        "seen": seen,
-        "seen_far_tolerance_N": (1e-3 if precision is Precision.FLOAT else 1e-8) * float(seen.input_N.max()),
-        "seen_tolerance_N": tolerance(
-            seen.output_N, float(seen.input_N.max()), precision, None if found is None else found[0][OBSERVER.name]
-        ),
+        **_observer_test(seen, _APART * problem.reference.range_N, precision, found),
         "measured": measured(precision),
         "judged": judged,
         "choice": choice,
         "losses": losses,
     }
     notes: tuple[str, ...] = ()
-    if scenario.adaptation is not None:
-        notes = learnt(problem, tuning_of(problem, scenario.adaptation)).sentences()
-        further["adaptive"] = adaptive_test(problem, scenario.adaptation, golden.course, precision)
+    if settings is not None and tuned is not None:
+        notes = learnt(problem, tuning_of(problem, settings)).sentences()
+        answers = [] if found is None else [answer[ADAPTIVE.name] for answer in found[4:]]
+        if ADAPTIVE in modules:  # not where the inverse that it tunes is left out
+            further["adaptive"] = adaptive_test(problem, settings, golden.course, precision, tuned, answers)
     texts = c_sources(scenario, problem, modules, precision, prefix, further)
     texts |= folder_files(scenario, problem, modules, precision, prefix, further)
     texts["design.json"] = _design_json(
@@ -184,17 +188,37 @@ def export_project(
     return Exported(files=texts, built=built, profile_N=profile_N, judged=judged, warnings=warnings, notes=notes)
 
 
+def _observer_test(
+    seen: ObserverGolden, apart_N: float, precision: Precision, found: Sequence[Mapping[str, FloatArray]] | None
+) -> dict[str, object]:
+    """Values for the self test of the observer; answers of the exported code are None where it was not run."""
+    answered = None
+    if found is not None:
+        seen = seen.as_far_as(found[0][OBSERVER.name], apart_N)
+        answered = found[0][OBSERVER.name][: len(seen.output_N)]
+    scale = float(seen.input_N.max())
+    return {
+        "seen": seen,
+        "seen_far_tolerance_N": (1e-3 if precision is Precision.FLOAT else 1e-8) * scale,
+        "seen_tolerance_N": tolerance(seen.output_N, scale, precision, answered),
+    }
+
+
 def _run_in_float(
     scenario: Scenario,
     problem: Problem,
     golden: Golden,
     seen: ObserverGolden,
+    tuned: AdaptiveGolden | None,
     prefix: str,
     numbers: Mapping[str, object],
 ) -> Sequence[Mapping[str, FloatArray]] | None:
-    """Answers of the modules in single precision to course, jumps, live course, and the reference from rest on."""
+    """Answers of the modules in single precision to course, jumps, live course, and the reference from rest on.
+
+    Behind them those of the tuner, once for each nudge of its measurements.
+    """
     with_stream = numbers["stream"] is not None
-    modules = tuple(m for m in c_modules(scenario, with_stream) if m not in ADAPTIVE_MODULES)
+    modules = tuple(m for m in c_modules(scenario, with_stream) if m is not BOUNDS)
     every = c_sources(scenario, problem, modules, Precision.FLOAT, prefix, numbers)
     tension = problem.reference.tension_N
     course = np.concatenate([tension[:-1], tension[:-1], tension]) if problem.reference.periodic else tension
@@ -205,6 +229,9 @@ def _run_in_float(
     angles = [golden.course.joint_rad, golden.jumps.joint_rad, live[1]]
     if (motion := problem.chain.motion) is not None:
         angles.append(motion.at(np.arange(len(course), dtype=np.float64) * problem.reference.step_s))
+    if tuned is not None:
+        inputs += [{ADAPTIVE.name: tuned.given(golden.course.reference_N, nudge)} for nudge in range(NUDGES)]
+        angles += [tuned.joint_rad] * NUDGES
     return run_on_host(every, prefix, Precision.FLOAT, inputs, angles if scenario.joints else ())
 
 

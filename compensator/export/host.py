@@ -24,7 +24,7 @@ void run_{module}(long n, double start, const {prefix}_real *given, const {prefi
     (void)joint;
     {prefix}_{module}_init(&self, ({prefix}_real)start);
     for (k = 0; k < n; k++) {{
-        answer[k] = {prefix}_{module}_step(&self, given[k]{more});
+        answer[k] = {prefix}_{module}_step(&self, {given}{more});
     }}
 }}
 """
@@ -109,15 +109,21 @@ def run_on_host(
 ) -> list[dict[str, FloatArray]] | None:
     """Answer of each module to each of its inputs, from rest at the first sample; None where there is no C compiler.
 
-    Sources are texts by file name; CodeError if the compiler refuses them. A run has inputs by name of the module, and
-    joint angles of shape (n, joints).
+    Sources are texts by file name; CodeError if the compiler refuses them. A run has inputs by name of the module, of
+    shape (n,), or (n, m) where a step takes m of them, and joint angles of shape (n, joints).
     """
     modules = sorted({module for inputs in runs for module in inputs})
     moved = [joint for joint in joints_rad if joint.size]
     given_joints = f", &joint[{moved[0].shape[1]} * k]" if moved else ""
     driver = "#include <math.h>\n" + "".join(f'#include "{prefix}_{module}.h"\n' for module in modules)
+    columns = {module: values[0].size for inputs in runs for module, values in inputs.items()}
     driver += "".join(
-        _DRIVER.format(module=module, prefix=prefix, more=_MORE.get(module, "").format(prefix) + given_joints)
+        _DRIVER.format(
+            module=module,
+            prefix=prefix,
+            given=", ".join(f"given[({columns[module]} * k) + {j}]" for j in range(columns[module])),
+            more=_MORE.get(module, "").format(prefix) + given_joints,
+        )
         for module in modules
     )
     found = compile_on_host(sources, driver, precision)
@@ -135,6 +141,6 @@ def run_on_host(
     every = joints_rad or [np.empty(0)] * len(runs)
     for inputs, joint in zip(runs, every, strict=True):
         # the plant takes forces or commands, and starts under the tension that the others start from
-        starts = {module: float(inputs.get("inverse", values)[0]) for module, values in inputs.items()}
+        starts = {module: float(inputs.get("inverse", values).flat[0]) for module, values in inputs.items()}
         answers.append({module: answer(module, values, joint, starts[module]) for module, values in inputs.items()})
     return answers

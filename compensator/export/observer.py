@@ -42,6 +42,7 @@ _LEAST_CHANGE = 0.05
 _CORNERS = ((0, 0), (-1, -1), (-1, 1), (1, -1), (1, 1))
 _TUNED = (Tunable.MU_PULL, Tunable.MU_RELEASE, Tunable.TENDON_STIFFNESS, Tunable.LOAD_STIFFNESS)
 _FAR_ROWS = 200  # of the golden vectors with a position
+_FAR_FROM = 10  # rows before a difference that are left out too
 _DELAY_ROWS = 40  # after which that position departs from the chain's own
 
 
@@ -254,7 +255,7 @@ class ObserverGolden:
     low_N: FloatArray
     high_N: FloatArray
     # position_m, far_output_N: shape (rows,); the beginning of it once more while something moves the far end; empty
-    # where a position is not used
+    # where a position is not used, or the course is too short
     position_m: FloatArray
     far_output_N: FloatArray
     most_N: float  # largest input that is accepted [N]
@@ -264,6 +265,18 @@ class ObserverGolden:
     any_high: float
     knows_friction: bool  # a start in motion finds the friction, from `friction_at` on
     friction_at: int
+
+    def as_far_as(self, found_N: FloatArray, apart_N: float) -> "ObserverGolden":
+        """The rows before single precision leaves the model, by the answers of the exported code.
+
+        Static friction above dynamic makes steps that its solver may not finish: it then holds and says so.
+        """
+        beyond = np.flatnonzero(~(np.abs(found_N - self.output_N) <= apart_N))
+        rows = slice(max(int(beyond[0]) - _FAR_FROM, 2) if beyond.size else None)
+        found = {name: getattr(self, name)[rows] for name in ("input_N", "output_N", "low_N", "high_N")}
+        if len(found["input_N"]) < _FAR_ROWS:
+            found |= dict.fromkeys(("position_m", "far_output_N"), np.empty(0))
+        return replace(self, **found)
 
 
 def observer_golden(design: ObserverDesign, chain: Chain, course_N: FloatArray, precision: Precision) -> ObserverGolden:
@@ -278,7 +291,7 @@ def observer_golden(design: ObserverDesign, chain: Chain, course_N: FloatArray, 
     low, high = design.enclosure.history_N(given, float(given[0]), output)
     position, layout = np.empty(0), moved.layout
     far = position
-    if design.follows_far_end:
+    if design.follows_far_end and len(given) >= _FAR_ROWS:  # in fewer the far end hardly departs
         position, far = _with_far_end(design, moved, given[:_FAR_ROWS], precision)
     return ObserverGolden(
         input_N=given,

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonff.models.capstan import CapstanLaw
+from tendonff.models.capstan.spread_bounds import play_exponents
 from tendonff.models.errors import ParameterError, require
 from tendonff.ocp.step.protocol import Array
 
@@ -44,22 +45,26 @@ class CertifiedInterval:
         for name in ("noise_N", "margin"):
             require(name, getattr(self, name), least=0, hint="use 0 for none")
 
-    def _with(self, pull: float, release: float) -> CapstanLaw:
+    def _with(self, side: int) -> CapstanLaw:
+        """The law with one play; of several with spread bounds, whose mean is the output, that which bounds them."""
+        law, far = self.law, side * self.spread
+        pull = -play_exponents(-law.pull_exponent * (1 + far), law.pull_spread)
+        release = play_exponents(law.release_exponent * (1 - far), law.release_spread)
         return CapstanLaw(
-            pull_exponent=self.law.pull_exponent * (1 + pull),
-            release_exponent=self.law.release_exponent * (1 + release),
-            adhesion_N=self.law.adhesion_N,
+            pull_exponent=float(pull.max() if side > 0 else pull.min()),
+            release_exponent=float(release.min() if side > 0 else release.max()),
+            adhesion_N=law.adhesion_N,
         )
 
     @property
     def low_law(self) -> CapstanLaw:
         """Law whose play is never above the output: needs more force to pull, falls sooner on release."""
-        return self._with(self.spread, -self.spread)
+        return self._with(1)
 
     @property
     def high_law(self) -> CapstanLaw:
         """Law whose play is never below the output."""
-        return self._with(-self.spread, self.spread)
+        return self._with(-1)
 
     def history_N(self, force_N: Array, initial_N: float | None = None) -> tuple[Array, Array]:
         """Lower and upper bound of the output tension for a force history from t = 0, each of shape (n,) [N].
@@ -81,7 +86,14 @@ class CertifiedInterval:
         p = self.law.adhesion_N
         bare = replace(self, margin=0.0)
         low, high = bare.history_N(force_N, float(outputs_N[0, 0]))
-        tiny = np.finfo(np.float64).tiny
-        above = np.log(np.maximum(outputs_N + p, tiny) / (high + p)).max()
-        below = np.log((low + p) / np.maximum(outputs_N + p, tiny)).max()
-        return replace(self, margin=max(float(above), float(below), 0.0))
+        above, below = _largest_log(outputs_N + p, high + p), _largest_log(low + p, outputs_N + p)
+        return replace(self, margin=max(above, below, 0.0))
+
+
+def _largest_log(more: Array, less: Array) -> float:
+    """Largest of ln(more/less) where there is more, shape (m, n); infinite where there is nothing less."""
+    more, less = np.broadcast_arrays(more, less)
+    there = more > 0
+    if np.any(less[there] <= 0):
+        return math.inf
+    return float(np.log(more[there] / less[there]).max(initial=-math.inf))

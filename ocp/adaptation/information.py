@@ -75,9 +75,12 @@ def information(
     """
     count = len(tuning.parameters)
     spreads = [tuning.start_deviation] * count + [SPREADS[n] for n in nuisances]
-    each = weight[:, None, None] * slopes[:, :, None] * slopes[:, None, :] / tuning.variance
-    total = np.cumsum(each, axis=0) + np.diag(np.array(spreads) ** -2.0)
-    covariance = np.linalg.inv(total)
+    scaled = slopes * np.array(spreads)
+    each = weight[:, None, None] * scaled[:, :, None] * scaled[:, None, :] / tuning.variance
+    # In units of what is known at the start every eigenvalue of the information is at least 1, rounding apart.
+    value, vector = np.linalg.eigh(np.cumsum(each, axis=0) + np.eye(len(spreads)))
+    unit = (vector / np.maximum(value, 1.0)[:, None, :]) @ np.swapaxes(vector, 1, 2)
+    covariance = unit * np.outer(spreads, spreads)
     deviation = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))[:, :count]
     last = covariance[-1, :count, :count]
     correlation = float(last[0, 1] / np.sqrt(last[0, 0] * last[1, 1])) if len(last) > 1 else 0.0

@@ -136,6 +136,7 @@ def tuner_code(tuned: TunedChain, tuning: Tuning, prefix: str, precision: Precis
         "/* Tensions of the last sample, as changes: states are kept relative to what these alone would cause. */",
         "typedef struct {",
         f"    {precision} reference;",
+        f"    {precision} correction;",
         f"    {precision} change[{chain.count + 1}];",
         f"    {precision} drop[{chain.count}];",
         *([] if contact is None else [on_path]),

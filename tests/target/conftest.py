@@ -230,7 +230,8 @@ def _bench(folder: Path, kinds: tuple[str, ...]) -> list[str | Path]:
 
 def _objects(compiler: tuple[str, ...], source: Path, kinds: tuple[str, ...]) -> list[Path]:
     """Compiled modules: all, or one alone and what it needs."""
-    modules = MODULES if kinds == KINDS else ("parameters", "limits", "path", *kinds)
+    needed = ("parameters", "limits", "path", "inverse") if kinds == ("stream",) else ("parameters", "limits", "path")
+    modules = MODULES if kinds == KINDS else (*needed, *kinds)
     return [compiled(compiler, made) for name in modules if (made := source / f"tff_{name}.c").exists()]
 
 

@@ -105,8 +105,8 @@ def test_the_figures_in_the_readme_are_those_measured(toolbox, exported, finger,
     for board in (toolbox.m4f, toolbox.m7):
         for segments in (6, 40):
             if segments == 6:
-                _, there, _, sizes, stack = finger(board)
-                table = torn(board)[1]
+                folder, there, _, sizes, stack = finger(board)
+                source, table = exported(board.precision), torn(board)[1]
             else:
                 folder = tmp_path / board.machine
                 folder.mkdir()
@@ -118,6 +118,8 @@ def test_the_figures_in_the_readme_are_those_measured(toolbox, exported, finger,
                 table, _ = toolbox.on_board(board, reversing, reversing, kinds=("table",))
             row = {"target": board.name.rsplit(" ", 1)[0], "masses": segments}
             row |= {name: there.counts[name][1] for name in toolbox.kinds} | {"table": table.counts["table"][1]}
+            stream, _ = toolbox.on_board(board, source, folder, kinds=("stream",))
+            row |= {"stream": stream.counts["stream"][1]}
             row |= {"code": sum(sizes.values()), "stack_inverse": stack["inverse"], "stack_plant": stack["plant"]}
             fresh[board.precision]["rows"].append(row)  # type: ignore[attr-defined]
     if target:

@@ -164,7 +164,7 @@ def _naming(scenario: Scenario, level: Level, precision: Precision, prefix: str)
         "exact": within(Precision.DOUBLE),
         "exact_real": exact_real,
         "rows": lambda table: ",\n".join(map(in_lines(within(precision)), table)),
-        "exact_rows": in_lines(lambda v: literal(float(v), Precision.DOUBLE)),
+        "exact_rows": in_lines(lambda v: "(double)NAN" if math.isnan(v) else literal(float(v), Precision.DOUBLE)),
         "any_rows": in_lines(exact_real),
         "integers": in_lines("{}u".format),
         "provenance": "\n".join(f" * {line}" for line in lines),

@@ -1,5 +1,7 @@
 """The certified interval encloses every play whose exponents and input are within what was said."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -46,6 +48,28 @@ def test_the_margin_is_the_least_that_encloses_what_a_richer_model_gives():
     assert interval.margin == pytest.approx(np.log(1.05))
     low, high = interval.history_N(force)
     assert np.all((low - 1e-9 <= outputs) & (outputs <= high + 1e-9))
+
+
+@given(seed=st.integers(0, 10_000), pull=st.floats(-0.2, 0.2), release=st.floats(-0.2, 0.2))
+def test_the_output_of_several_plays_within_the_band_stays_inside(seed, pull, release):
+    """With spread bounds slip sets in before the play of mu theta would slip."""
+    known = np.clip(10 + np.cumsum(np.random.default_rng(seed).normal(size=300)), 0, None)
+    law = replace(LAW, pull_spread=0.7, release_spread=0.5)
+    low, high = CertifiedInterval(law=law, spread=0.2, noise_N=0.0).history_N(known, 10.0)
+    exponents = {"pull_exponent": 0.6 * (1 + pull), "release_exponent": 0.5 * (1 + release)}
+    output = replace(law, **exponents).output_history_N(known, 10.0)
+    assert np.all(low <= output + 1e-9)
+    assert np.all(output <= high + 1e-9)
+
+
+def test_an_output_where_the_law_leaves_nothing_has_no_margin_in_logarithms():
+    bare = CertifiedInterval(law=replace(LAW, adhesion_N=0.0), spread=0.1, noise_N=0.0)
+    force = np.array([10.0, 5.0, 0.0])
+    with pytest.raises(ParameterError, match="margin must be a finite number >= 0, got inf"):
+        bare.with_margin_for(force, np.array([[10.0, 5.0, 0.1]]))
+    noisy = replace(bare, noise_N=0.1).with_margin_for(force, np.array([[10.0, 5.0, 0.1]]))
+    assert noisy.history_N(force)[1][-1] >= 0.1
+    assert bare.with_margin_for(force, np.array([[10.0, 5.0, 0.0]])).margin >= 0
 
 
 @pytest.mark.parametrize("bad", [-0.1, 1.0, np.nan])

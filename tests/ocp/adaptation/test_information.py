@@ -39,3 +39,12 @@ def test_two_parameters_with_one_effect_cannot_be_told_apart():
     found = information(tuning(Tunable.MU, Tunable.LOAD_STIFFNESS), np.arange(500) * 1e-3, slopes, np.ones(500))
     assert found.correlation < -0.98
     assert "cannot be separated" in found.sentences()[-1]
+
+
+def test_what_cannot_be_told_apart_at_all_stays_as_uncertain_as_it_was():
+    """Closed form: of two equal slopes the sum becomes known, the difference stays at the spread of the start."""
+    known = tuning(Tunable.MU, Tunable.LOAD_STIFFNESS)
+    slopes = np.full((60, 2), 1e9)
+    found = information(known, np.arange(60) * 1e-3, slopes, np.ones(60))
+    assert found.deviation == pytest.approx(known.start_deviation / np.sqrt(2), rel=1e-6)
+    assert found.correlation == pytest.approx(-1, abs=1e-6)

@@ -457,8 +457,13 @@ static void test_capstan(void)
     {
         const tff_real from = golden_reference[0];
         const tff_real to = 47.0;
-        const double way = (double)to - (double)from;
+        tff_capstan whole; /* that lost nothing */
+        double way;
         int way_back = 1, n;
+        tff_capstan_init(&whole, from);
+        (void)tff_capstan_step(&whole, from);
+        (void)tff_capstan_step(&whole, to);
+        way = (double)whole.entry.last - (double)from;
         for (n = 0; n < 3; n++) { /* long lost, missed, lost for one sample */
             const int span = (n == 2) ? 2 : 100;
             tff_capstan led;
@@ -534,6 +539,20 @@ static void test_capstan(void)
     expect("capstan: every force within the limits", allowed);
     expect("capstan: limits that bind are flagged", (self.output.seen & 0u) == 0u);
     expect("capstan: what did not happen is not flagged", (self.output.seen & (TFF_INPUT_HELD | TFF_FAILED | TFF_ENDED)) == 0u);
+    {
+        const tff_real forces[3] = { (tff_real)NAN, -1000000000.0, 1000000000.0 };
+        const tff_real force = 100.0;
+        same = 1;
+        for (k = 0; k < 3; k++) {
+            tff_capstan_init_at(&other, golden_reference[0], forces[k]);
+            same = same && is_allowed((double)other.output.force, (double)other.output.force) && (((other.output.status & TFF_INPUT_HELD) != 0u));
+        }
+        expect("capstan: a start in motion with a force that means nothing is flagged", same);
+        tff_capstan_init_at(&other, golden_reference[0], force);
+        same = is_near((double)other.output.force, (double)force) && (other.output.status == TFF_OK);
+        same = same && is_near((double)tff_capstan_step(&other, golden_reference[0]), (double)force) && (other.entry.left > 0.0);
+        expect("capstan: a start in motion goes on from its force", same);
+    }
     {
         tff_parameters given;
         tff_parameters_init(&given);
@@ -614,8 +633,13 @@ static void test_inverse(void)
     {
         const tff_real from = golden_reference[0];
         const tff_real to = 47.0;
-        const double way = (double)to - (double)from;
+        tff_inverse whole; /* that lost nothing */
+        double way;
         int way_back = 1, n;
+        tff_inverse_init(&whole, from);
+        (void)tff_inverse_step(&whole, from);
+        (void)tff_inverse_step(&whole, to);
+        way = (double)whole.entry.last - (double)from;
         for (n = 0; n < 3; n++) { /* long lost, missed, lost for one sample */
             const int span = (n == 2) ? 2 : 100;
             tff_inverse led;
@@ -838,8 +862,13 @@ static void test_table(void)
     {
         const tff_real from = golden_reference[0];
         const tff_real to = 47.0;
-        const double way = (double)to - (double)from;
+        tff_table whole; /* that lost nothing */
+        double way;
         int way_back = 1, n;
+        tff_table_init(&whole, from);
+        (void)tff_table_step(&whole, from);
+        (void)tff_table_step(&whole, to);
+        way = (double)whole.entry.last - (double)from;
         for (n = 0; n < 3; n++) { /* long lost, missed, lost for one sample */
             const int span = (n == 2) ? 2 : 100;
             tff_table led;
@@ -916,6 +945,20 @@ static void test_table(void)
     expect("table: limits that bind are flagged", (self.output.seen & 0u) == 0u);
     expect("table: what did not happen is not flagged", (self.output.seen & (TFF_INPUT_HELD | TFF_FAILED | TFF_ENDED)) == 0u);
     {
+        const tff_real forces[3] = { (tff_real)NAN, -1000000000.0, 1000000000.0 };
+        const tff_real force = 100.0;
+        same = 1;
+        for (k = 0; k < 3; k++) {
+            tff_table_init_at(&other, golden_reference[0], forces[k]);
+            same = same && is_allowed((double)other.output.force, (double)other.output.force) && (((other.output.status & TFF_INPUT_HELD) != 0u));
+        }
+        expect("table: a start in motion with a force that means nothing is flagged", same);
+        tff_table_init_at(&other, golden_reference[0], force);
+        same = is_near((double)other.output.force, (double)force) && (other.output.status == TFF_OK);
+        same = same && is_near((double)tff_table_step(&other, golden_reference[0]), (double)force) && (other.entry.left > 0.0);
+        expect("table: a start in motion goes on from its force", same);
+    }
+    {
         tff_parameters given;
         tff_parameters_init(&given);
         given.force_max = 150.0;
@@ -965,8 +1008,13 @@ static void test_stream(void)
     {
         const tff_real from = golden_reference[0];
         const tff_real to = 47.0;
-        const double way = (double)to - (double)from;
+        tff_stream whole; /* that lost nothing */
+        double way;
         int way_back = 1, n;
+        tff_stream_init(&whole, from);
+        (void)tff_stream_step(&whole, from);
+        (void)tff_stream_step(&whole, to);
+        way = (double)whole.entry.last - (double)from;
         for (n = 0; n < 3; n++) { /* long lost, missed, lost for one sample */
             const int span = (n == 2) ? 2 : 100;
             tff_stream led;
@@ -1181,6 +1229,7 @@ static void test_observer(void)
         }
         (void)tff_observer_step_dt(&self, (tff_real)0.5, from, (tff_real)NAN);
         way_back = way_back && is_near((double)self.entry.last, (double)to);
+        way_back = way_back || ((self.output.seen & TFF_FAILED) != 0u); /* a step without a solution begins it anew */
         expect("observer: what was lost or missed is led back", way_back);
     }
     tff_observer_init(&self, seen_input[0]);

@@ -29,6 +29,22 @@ void tff_capstan_init(tff_capstan *self, tff_real initial_tension)
     self->adhesion = 0.0;
 }
 
+void tff_capstan_init_at(tff_capstan *self, tff_real tension, tff_real force)
+{
+    tff_capstan_init(self, tension);
+    if (tff_is_within(force, TFF_FORCE_MIN_N, TFF_FORCE_MAX_N) == 0) {
+        self->output.status |= TFF_INPUT_HELD;
+        self->output.seen |= TFF_INPUT_HELD;
+    } else {
+        self->entry.last = force;
+        self->wanted = force;
+        self->output.force = force;
+        if (tff_is_within(force, self->last, self->last) == 0) {
+            tff_capstan_missed(self, TFF_RE_ENTRY); /* what is measured is not what is wanted: led there */
+        }
+    }
+}
+
 void tff_capstan_missed(tff_capstan *self, int32_t samples)
 {
     tff_entry_lose(&self->entry, samples);
@@ -55,17 +71,17 @@ tff_real tff_capstan_step(tff_capstan *self, tff_real reference)
         tff_entry_lose(&self->entry, 1);
         force = tff_output_hold(&self->output, TFF_INPUT_HELD);
     } else {
-        const tff_real followed = tff_entry_take(&self->entry, reference);
-        const tff_real lifted = followed + self->adhesion;
-        if (followed > self->last) {
+        const tff_real lifted = reference + self->adhesion;
+        if (reference > self->last) {
             self->wanted = (lifted * self->pull) - self->adhesion;
-        } else if (followed < self->last) {
+        } else if (reference < self->last) {
             self->wanted = (lifted * self->release) - self->adhesion;
         } else {
             /* the reference is at rest: so is the force */
         }
-        self->last = followed;
-        force = tff_output_set(&self->output, self->wanted);
+        self->last = reference;
+        /* The force is led back, not the reference: a way back of the reference may turn round, where the law jumps. */
+        force = tff_output_set(&self->output, tff_entry_take(&self->entry, self->wanted));
     }
     return force;
 }

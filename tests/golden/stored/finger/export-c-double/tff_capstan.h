@@ -22,14 +22,17 @@ typedef struct {
     tff_real pull;     /* e^{mu theta}, pulling */
     tff_real release;  /* e^{-mu theta}, releasing */
     tff_real adhesion; /* p [N] */
-    tff_entry entry;   /* last reference, and the way back to one that was lost */
+    tff_entry entry;   /* last force asked for, and the way back to the law's after the reference was lost */
     tff_real waiting; /* time too short for a step of its own [s] */
 } tff_capstan;
 
 /* At rest under a uniform tension [N]. */
 void tff_capstan_init(tff_capstan *self, tff_real initial_tension);
 
-/* So many calls were missed: the next one leads back to the reference instead of jumping. */
+/* In motion: output tension and force of the actuator as they are now [N]. The force goes on from there. */
+void tff_capstan_init_at(tff_capstan *self, tff_real tension, tff_real force);
+
+/* So many calls were missed: the force is led to that of the law instead of jumping. */
 void tff_capstan_missed(tff_capstan *self, int32_t samples);
 
 /* Other parameters from the next sample on; 0 where they are not good and nothing changes. A change of friction is a jump

@@ -209,6 +209,22 @@ void tff_table_init(tff_table *self, tff_real initial_tension)
     self->ratio = 1.0;
 }
 
+void tff_table_init_at(tff_table *self, tff_real tension, tff_real force)
+{
+    tff_table_init(self, tension);
+    if (tff_is_within(force, TFF_FORCE_MIN_N, TFF_FORCE_MAX_N) == 0) {
+        self->output.status |= TFF_INPUT_HELD;
+        self->output.seen |= TFF_INPUT_HELD;
+    } else {
+        self->ratio = (force + TFF_TABLE_ADHESION_N) / (self->last + TFF_TABLE_ADHESION_N);
+        self->wanted = force;
+        self->output.force = force;
+        if (tff_is_within(force, self->last, self->last) == 0) {
+            tff_table_missed(self, TFF_RE_ENTRY); /* what is measured is not what is wanted: led there */
+        }
+    }
+}
+
 void tff_table_missed(tff_table *self, int32_t samples)
 {
     tff_entry_lose(&self->entry, samples);

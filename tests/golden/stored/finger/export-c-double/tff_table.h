@@ -35,6 +35,9 @@ typedef struct {
 /* At rest under a uniform tension [N]. */
 void tff_table_init(tff_table *self, tff_real initial_tension);
 
+/* In motion: output tension and force of the actuator as they are now [N]. The force goes on from there. */
+void tff_table_init_at(tff_table *self, tff_real tension, tff_real force);
+
 /* So many calls were missed: the next one leads back to the reference instead of jumping. */
 void tff_table_missed(tff_table *self, int32_t samples);
 
