@@ -14,7 +14,7 @@ from tendonff.ocp.codegen.compiler import find_compiler, load_library, run_compi
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import CodeError
 
-_FLAGS = ("-std=c99", "-O1", "-shared", "-fPIC", "-ffp-contract=off", "-fno-math-errno")
+_FLAGS = ("-std=c99", "-O0", "-shared", "-fPIC", "-ffp-contract=off", "-fno-math-errno")
 _INCLUDE = re.compile(r'^#include "([^"]+)"$', re.MULTILINE)
 _DRIVER = """
 void run_{module}(long n, double start, const {prefix}_real *given, const {prefix}_real *joint, {prefix}_real *answer)
@@ -66,7 +66,7 @@ def compile_on_host(
 ) -> HostCode | None:
     """Exported sources, texts by file name, and a driver; None without a C compiler, CodeError if it refuses.
 
-    What is to be kept is compiled once, and fast.
+    What is to be kept is compiled once, and fast; what runs once takes longer to compile than to run.
     """
     compiler = find_compiler()
     if compiler is None:
