@@ -30,7 +30,7 @@ def library() -> ctypes.CDLL:
     """The compiled plant."""
     compiler = find_compiler()
     if compiler is None:
-        raise RuntimeError("the plant needs a C compiler; `pip install ziglang` brings one")
+        raise RuntimeError("the plant needs a C compiler; `pip install 'tendonff[compiler]'` brings one")
     name = hashlib.sha256(SOURCE.read_bytes()).hexdigest()[:16]
     target = Path(tempfile.gettempdir()) / f"tendonff-plant-{name}.so"
     if not target.exists():

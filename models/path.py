@@ -12,6 +12,7 @@ Wrap angles and lengths of the sections are affine in the joint angles, so those
 import math
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -193,7 +194,7 @@ class PathRows:
         return np.column_stack([self.angle_rad, self.ratio, self.gained_m, self.far_m])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class CutPath:
     """A path cut into N pieces and N + 1 links.
 
@@ -222,7 +223,7 @@ class CutPath:
         """N."""
         return len(self.section_of)
 
-    @property
+    @cached_property
     def pieces(self) -> Array:
         """Number of pieces of each mass's section, shape (N,)."""
         return np.bincount(self.section_of, minlength=len(self.sections))[self.section_of].astype(float)
@@ -239,17 +240,24 @@ class CutPath:
         """Theta at joint angle zero [rad]."""
         return math.fsum(section.angle_rad for section in self.sections)
 
+    @cached_property
+    def _by_joint(self) -> Array:
+        """Wrap angle of each section at joint angle zero, its change and that of the length per radian."""
+        numbers = [(s.angle_rad, s.angle_per_rad, s.length_per_rad_m) for s in self.sections]
+        return np.array(numbers, dtype=np.float64).T
+
     def at(self, joints: dict[str, Array] | None = None, far_m: Array | None = None) -> PathRows:
         """The path for joint angles by name, each of shape (rows,) [rad]; default: one row with all of them zero.
 
         `far_m`, shape (rows,), is what a joint does to the far end's position.
         """
         rows = len(next(iter(joints.values()))) if joints else 1
-        angle, gained = np.empty((rows, len(self.sections))), np.zeros((rows, len(self.sections)))
+        turned = np.zeros((rows, len(self.sections)))  # the joint of each section
         for k, section in enumerate(self.sections):
-            q = joints[section.joint] if joints and section.joint is not None else np.zeros(rows)
-            angle[:, k] = section.angle_at(q)
-            gained[:, k] = section.length_per_rad_m * q
+            if joints and section.joint is not None:
+                turned[:, k] = joints[section.joint]
+        still, bending, gaining = self._by_joint
+        angle, gained = np.maximum(still + bending * turned, 0.0), gaining * turned
         lengths = self.lengths if self.length_m is None else self.lengths + gained / self.length_m
         of_links = np.broadcast_to(lengths, gained.shape) @ self.parts.T
         return PathRows(

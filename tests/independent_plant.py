@@ -4,15 +4,13 @@
 element, each lump slides on a Dahl bristle with the equivalent coefficient tanh(mu phi/2). LSODA integrates all states.
 """
 
+from bisect import bisect_right
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.integrate import solve_ivp
+from scipy.integrate import odeint
 
 from tendonff.models.parameters import Transmission
-
-BAND = 9
-"""States of two neighbouring lumps: no further does one state act on another."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,64 +33,56 @@ def respond(
     share[[0, -1]] = 2.0 * n
     k1, k2, c = (share * x for x in (t.stiffness_N_per_m, t.relaxing_stiffness_N_per_m, t.damping_N_s_per_m))
     phi, sigma = rig.path.total_angle_rad / n, f.soft_bristle_stiffness_N_per_m / n
-    mu_pull, mu_back = (np.tanh(0.5 * mu * phi) for mu in (f.mu_dynamic, f.release_dynamic))
+    mu_pull, mu_back = (max(np.tanh(0.5 * mu * phi), 1e-9) for mu in (f.mu_dynamic, f.release_dynamic))
     assert f.mu_static == f.mu_dynamic  # no Stribeck effect here
     rubs = bool(a.coulomb_N)  # a Dahl bristle of its own, with a constant friction of slip
     servo = a.servo_stiffness_N_per_m if position else 0.0
     stretch = tension_N / k1
     q_load = tension_N / load.stiffness_N_per_m
-    q_start = q_load + stretch[::-1].cumsum()[::-1]
-    q0 = np.append(q_start, q_load)  # positions: actuator, lumps, load
-
-    def split(x):
-        q, v, rest = x[: n + 2], x[n + 2 : 2 * n + 4], x[2 * n + 4 :]
-        return q, v, rest[: n + 1], rest[n + 1 : 2 * n + 1]
+    q0 = np.append(q_load + stretch[::-1].cumsum()[::-1], q_load)  # positions: actuator, lumps, load
+    times, given = time_s.tolist(), np.asarray(drive, dtype=float).tolist()
+    slopes = [*(np.diff(drive) / np.diff(time_s)).tolist(), 0.0]
 
     def tensions(q, v, z):
-        e, rate = q[:-1] - q[1:], v[:-1] - v[1:]
-        return np.maximum(k1 * e + k2 * (e - z) + c * rate, 0.0), e
+        e = q[:-1] - q[1:]
+        return np.maximum(k1 * e + k2 * (e - z) + c * (v[:-1] - v[1:]), 0.0), e
 
+    # Side by side of each body: position, speed, bristle (of the drive at the actuator, none at the load), and the
+    # relaxed elongation of the link behind it. So the Jacobian is a band.
     def rate(now, x):
-        q, v, z, bristle = split(x)
+        q, v, bristle, z = x[0::4], x[1::4], x[6::4], x[3::4]
         f_link, e = tensions(q, v, z)
-        given = np.interp(now, time_s, drive)
-        pull = servo * (given + tension_N / servo - (q[0] - q0[0])) if position else given
-        normal = np.maximum(f_link[:-1] + f_link[1:] + 2 * f.adhesion_N, 1e-6)
-        w = v[1:-1]
-        mu = np.where(w > 0, mu_pull, mu_back)
-        dv = np.empty(n + 2)
-        dry = x[-1] if rubs else 0.0
+        row = max(bisect_right(times, now) - 1, 0)
+        wanted = given[row] + slopes[row] * (now - times[row])
+        pull = servo * (wanted + tension_N / servo - (q[0] - q0[0])) if position else wanted
+        w, dry = v[1:-1], x[2]
+        limit = np.maximum(f_link[:-1] + f_link[1:] + 2 * f.adhesion_N, 1e-6) * np.where(w > 0, mu_pull, mu_back)
+        found = np.empty(len(x))
+        found[0::4], found[3::4], dv = v, (e - z) / t.relaxation_time_s, found[1::4]
         dv[0] = (pull - f_link[0] - a.damping_N_s_per_m * v[0] - dry) / a.mass_kg
         dv[1:-1] = (f_link[:-1] - f_link[1:] - bristle - f.viscous_N_s_per_m / n * w) / (t.mass_kg / n)
         dv[-1] = (f_link[-1] - load.stiffness_N_per_m * q[-1] - load.damping_N_s_per_m * v[-1]) / load.mass_kg
-        slip = sigma * (w - bristle * np.abs(w) / (normal * np.maximum(mu, 1e-9)))
-        own = [n * sigma * (v[0] - dry * abs(v[0]) / a.coulomb_N)] if rubs else []
-        return np.concatenate([v, dv, (e - z) / t.relaxation_time_s, slip, own])
+        found[6::4] = sigma * (w - bristle * np.abs(w) / limit)
+        found[2] = n * sigma * (v[0] - dry * abs(v[0]) / a.coulomb_N) if rubs else 0.0
+        return found
 
-    start = np.concatenate([q0, np.zeros(n + 2), stretch, np.zeros(n), np.zeros(int(rubs))])
-    # States that act on one another side by side, from the actuator to the load: the Jacobian is a band.
-    places = [np.arange(n + 2), np.arange(n + 2), np.arange(n + 1) + 0.5, np.arange(1, n + 1), np.zeros(int(rubs))]
-    order = np.argsort(np.concatenate(places), kind="stable")
-    back = np.argsort(order)
-    found = solve_ivp(
-        lambda now, x: rate(now, x[back])[order],
-        (0, time_s[-1]),
-        start[order],
-        method="LSODA",
-        t_eval=time_s,
+    assert time_s[0] == 0.0
+    start = np.zeros(4 * n + 6)
+    start[0::4], start[3::4] = q0, stretch
+    states, report = odeint(
+        rate,
+        start,
+        time_s,
+        tfirst=True,
+        ml=6,
+        mu=4,
         rtol=1e-6,
         atol=1e-9,
-        max_step=5e-3,
-        lband=BAND,
-        uband=BAND,
+        hmax=5e-3,
+        mxstep=100_000,
+        full_output=True,
     )
-    assert found.success, found.message
-    states = found.y[back]
-    rows = [split(x) for x in states.T]
-    ends = np.array([tensions(q, v, z)[0][[0, -1]] for q, v, z, _ in rows])
-    return Response(
-        output_N=ends[:, 1],
-        input_N=ends[:, 0],
-        actuator_m=states[0] - q0[0],
-        load_m=states[n + 1] - q0[-1],
-    )
+    assert report["message"] == "Integration successful.", report["message"]
+    q, v, z = (states.T[first::4] for first in (0, 1, 3))
+    ends = np.array([tensions(*columns)[0][[0, -1]] for columns in zip(q.T, v.T, z.T, strict=True)])
+    return Response(output_N=ends[:, 1], input_N=ends[:, 0], actuator_m=q[0] - q0[0], load_m=q[-1] - q0[-1])

@@ -43,7 +43,7 @@ def test_lengths_moment_arms_and_wrap_angles_are_those_of_mujoco(knuckle: float,
 def test_the_inverse_with_measured_joints_follows_where_plain_force_and_the_design_at_rest_do_not(
     record_property: pytest.FixtureRequest,
 ) -> None:
-    errors = {controller: run(controller, 1.5).error_percent for controller in Controller}
+    errors = {controller: run(controller, 1.0).error_percent for controller in Controller}
     text = ", ".join(f"{name} {error:.2g} %" for name, error in errors.items())
     record_property("figure", f"MuJoCo finger: {text}")  # type: ignore[operator]
     assert errors[Controller.MEASURED] < 0.1
@@ -53,7 +53,8 @@ def test_the_inverse_with_measured_joints_follows_where_plain_force_and_the_desi
 
 @pytest.mark.compiler
 @pytest.mark.slow
-def test_the_exported_plant_as_a_passive_force_gives_no_more_work_than_it_got_in_a_thousand_random_motions() -> None:
+@pytest.mark.parametrize("motions", [250, pytest.param(1000, marks=pytest.mark.nightly)])
+def test_the_exported_plant_as_a_passive_force_gives_no_more_work_than_it_got_in_random_motions(motions: int) -> None:
     """Work at the joints: at most that of the actuator plus what the tendon stored at the start."""
     model = mujoco.MjModel.from_xml_path(str(MODEL))
     rows, start, stiffness = 20, 20.0, 3e4  # the tendon's in `rig.py`
@@ -62,7 +63,7 @@ def test_the_exported_plant_as_a_passive_force_gives_no_more_work_than_it_got_in
     with PassiveTendon(
         model, settled(model), transmission(still, 12), start_N=start, force_N=lambda _: start
     ) as tendon:
-        for _ in range(1000):
+        for _ in range(motions):
             data, top = settled(model), start * random.uniform(0.3, 3.0)
             tendon.restart(data)
             tendon.force_N = lambda t, top=top: float(np.interp(t, [0.0, 0.005], [start, top]))
@@ -78,7 +79,7 @@ def test_the_exported_plant_as_a_passive_force_gives_no_more_work_than_it_got_in
                 given += float((torque + pushes) / 2 @ (data.qpos - q))
                 gained += (force + pulled) / 2 * (tendon.plant.actuator_m - at)
             worst = max(worst, given - gained - start**2 / (2 * stiffness))
-        assert tendon.plant.held < 0.01 * 1000 * rows  # slack at 30 rad/s and more
+        assert tendon.plant.held < 0.01 * motions * rows  # slack at 30 rad/s and more
     assert worst < 0
 
 

@@ -3,7 +3,6 @@
 import re
 import threading
 from contextlib import contextmanager
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -25,7 +24,7 @@ from tendonff.compensator.reporting.page import (
     write_report,
 )
 from tendonff.compensator.reporting.plots import new_figure
-from tendonff.compensator.scenario.scenario import load_scenario, scenario_to_toml
+from tendonff.compensator.scenario.scenario import load_scenario
 
 selenium = pytest.importorskip("selenium", reason="selenium is not installed")
 from selenium.webdriver.support.ui import WebDriverWait  # noqa: E402
@@ -145,38 +144,30 @@ def test_a_report_prints_all_of_itself(browser, page):
     assert not cut
 
 
-@pytest.fixture(scope="module")
-def small(examples, tmp_path_factory):
-    """A scenario file that every command is quick with."""
-    scenario = load_scenario(examples / "finger.toml")
-    scenario = replace(
-        scenario,
-        reference=replace(scenario.reference, duration_s=1.5, fade_in_s=0.2),
-        run=replace(scenario.run, step_s=2e-3),
-        experiment=replace(scenario.experiment, fine_segments=8, hold_s=0.5, pull_time_s=0.5),
-    )
-    path = tmp_path_factory.mktemp("small") / "small.toml"
-    path.write_text(scenario_to_toml(scenario), encoding="utf-8")
-    return path
+@pytest.fixture
+def made(examples, output, tmp_path):
+    """Folder of a command's results on the finger; `identify` gets what `simulate` measured."""
 
+    def folder(command):
+        if command != "identify":
+            return output(command, "finger", *(("--level", "presliding") if command == "table" else ())).folder
+        scenario, force, played, data = (tmp_path / name for name in ("finger.toml", "f.csv", "played.csv", "data.csv"))
+        scenario.write_text((examples / "finger.toml").read_text("utf-8"), encoding="utf-8")
+        force.write_text("time_s,force_N\n0,30\n1,80\n2,15\n3,60\n4,20\n5,30\n", encoding="utf-8")
+        assert run(["simulate", str(scenario), "--force", str(force), "--out", str(played)]) == 0
+        columns = read_csv(played, ("time_s", "tension_1_N", "tension_7_N", "actuator_position_m", "load_position_m"))
+        names = ("time_s", "input_tension_N", "output_tension_N", "input_position_m", "output_position_m")
+        write_csv(data, dict(zip(names, columns.values(), strict=True)))
+        out = tmp_path / "out"
+        assert run([command, str(scenario), "--data", str(data), "--static", "--out", str(out)]) == 0
+        return out
 
-def arguments_of(command, scenario, folder):
-    """The command line that makes a report; `identify` gets what `simulate` measured."""
-    if command != "identify":
-        return [command, str(scenario), "--out", str(folder)]
-    force, played, data = (folder.with_name(name) for name in ("f.csv", "played.csv", "data.csv"))
-    force.write_text("time_s,force_N\n0,30\n1,80\n2,15\n3,60\n4,20\n5,30\n", encoding="utf-8")
-    assert run(["simulate", str(scenario), "--force", str(force), "--out", str(played)]) == 0
-    columns = read_csv(played, ("time_s", "tension_1_N", "tension_7_N", "actuator_position_m", "load_position_m"))
-    names = ("time_s", "input_tension_N", "output_tension_N", "input_position_m", "output_position_m")
-    write_csv(data, dict(zip(names, columns.values(), strict=True)))
-    return [command, str(scenario), "--data", str(data), "--static", "--out", str(folder)]
+    return folder
 
 
 @pytest.mark.parametrize("command", ["design", "compare", "experiment", "table", "identify"])
-def test_the_report_of_every_command_opens_and_is_readable(browser, small, tmp_path, command):
-    folder = tmp_path / "out"
-    assert run(arguments_of(command, small, folder)) == 0
+def test_the_report_of_every_command_opens_and_is_readable(browser, made, command):
+    folder = made(command)
     with phone(browser):
         browser.get((folder / "report.html").as_uri())
         assert complaints(browser) == []
@@ -186,9 +177,9 @@ def test_the_report_of_every_command_opens_and_is_readable(browser, small, tmp_p
         assert drawn
         assert all(drawn)
         text = browser.execute_script("return document.body.innerText")
-    assert f"tendonff {command} small.toml" in text
+    assert f"tendonff {command} finger.toml" in text
     assert not re.search(r"\b(nan|None|inf)\b|<[a-z]+>|\{\{", text)
-    assert str(tmp_path) not in text
+    assert str(folder.parent) not in text
     for link in browser.execute_script("return [...document.links].map(a => a.getAttribute('href'))"):
         assert link.startswith("#") or (folder / link).is_file()
 

@@ -76,6 +76,9 @@ class Tuned:
         Least range that counts, as a share of the widest file's (method: small moves may stay in presliding).
     other_laws : float
         Share of the variance between laws with one more effect that is doubt of the chosen one (rigs: coverage).
+    granted : float
+        What is taken for granted, a gain or a kept value, counts with so many times its half-width: the answer bends
+        (rigs that are off by just that half-width).
     adhesion_floor : float
         Standard error of the method for adhesion and offsets, as a share of the mean output tension (rigs).
     tried_concentration, uneven_from : float
@@ -150,7 +153,8 @@ class Tuned:
     forget_bridge: float = 0.85
     small_piece: float = 0.5
     adhesion_floor: float = 0.0003
-    other_laws: float = 0.16
+    other_laws: float = 0.2
+    granted: float = 1.2
     tried_concentration: float = 0.3
     uneven_from: float = 3.0
     least_files: int = 3

@@ -43,7 +43,8 @@ class RuntimeState:
 
 class Runtime:
     """A compensator of a scenario in a control loop: the exported C, compiled here, so that its numbers are those of
-    the controller. Starts at rest under the scenario's first reference. Needs a C compiler, or the package ziglang.
+    the controller. Starts at rest under the scenario's first reference. Needs a C compiler; `pip install
+    "tendonff[compiler]"` brings one.
 
     Parameters
     ----------
@@ -96,7 +97,7 @@ class Runtime:
             code = tendon_runtime(scenario, wanted)
         host = compile_on_host(code.sources, code.driver, Precision.DOUBLE, keep=True)
         if host is None:
-            raise CodeError(f"a runtime runs compiled C; {why_no_compiler()}")
+            raise CodeError(f"a runtime runs the exported C, compiled here, and nothing else; {why_no_compiler()}")
         self.kind, self.step_s, self.joints = code.kind, code.step_s, code.joints
         self.start = code.start if start is None else start
         self._digest, self._driven = code.digest, code.driven

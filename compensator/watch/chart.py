@@ -14,7 +14,7 @@ import numpy as np
 
 from tendonff.compensator.identification.joint.parameters import JointNumber
 from tendonff.compensator.identification.measured import Array
-from tendonff.compensator.watch.windows import WATCHED, Window
+from tendonff.compensator.watch.windows import WATCHED, WINDOW_S, Window
 
 N = JointNumber
 BASE_S = 300.0
@@ -25,6 +25,9 @@ LEVEL, MOST_EACH = 15.0, 5.0
 
 FLOOR = np.array([0.03, 0.03, 0.08])
 """Standard errors of a window that no scatter within the base shows: temperature, posture."""
+
+SURE, DRAWS, LONGEST_S = 0.95, 400, 8 * 3600.0
+"""A change is shown where so large a share of drawn courses with it raises the alarm; of how many; use at most."""
 
 _LEAST_BASE = 4
 
@@ -115,6 +118,11 @@ class Course:
         Sum of the test over the one that raises the alarm [-].
     alarm : Alarm or None
         The first.
+    judged_s : float
+        Use after the first minutes, that the test has judged [s].
+    sure_s : float
+        Use after the first minutes within which a change of the size that is looked for would almost surely raise the
+        alarm, windows being as certain as these [s]; infinite where none of `LONGEST_S` would.
     """
 
     drift: Drift
@@ -125,6 +133,13 @@ class Course:
     high: Array
     total: Array
     alarm: Alarm | None
+    judged_s: float
+    sure_s: float
+
+    @property
+    def shown(self) -> bool:
+        """Whether these windows would show a change of the size that is looked for."""
+        return self.alarm is not None or self.sure_s <= self.judged_s
 
 
 def courses_of(windows: Sequence[Window], drifts: Sequence[Drift] = DRIFTS) -> tuple[Course, ...]:
@@ -154,10 +169,11 @@ def _course(
     first: int,
 ) -> Course:
     aim, column = drift.direction, WATCHED.index(drift.number)
-    total, begun = np.zeros(len(used)), list(range(len(used)))
+    weight = np.array([np.linalg.solve(c, aim) for c in covariance])
+    gain = ((moved - aim / 2) * weight).sum(axis=1)
+    total = np.concatenate([np.zeros(first), _sums(gain[first:])])
+    begun = list(range(len(used)))
     for k in range(first, len(used)):
-        gain = float(aim @ np.linalg.solve(covariance[k], moved[k] - aim / 2))
-        total[k] = max(total[k - 1] + min(gain, MOST_EACH), 0.0)
         begun[k] = begun[k - 1] if total[k - 1] > 0 else k
     over = np.flatnonzero(total >= LEVEL)
     alarm = None
@@ -182,4 +198,31 @@ def _course(
         high=np.exp(own + reach),
         total=total / LEVEL,
         alarm=alarm,
+        judged_s=float(used[-1] - used[first - 1]),
+        sure_s=_sure_windows(aim, covariance, weight, first) * float(used[-1]) / len(used),
     )
+
+
+def _sums(gain: Array) -> Array:
+    """Sums of the test after each window, shape (windows, ...), from those of the logarithms of its likelihoods."""
+    total = np.zeros_like(gain)
+    before = np.zeros(gain.shape[1:])
+    for k, each in enumerate(np.minimum(gain, MOST_EACH)):
+        before = total[k] = np.maximum(before + each, 0.0)
+    return total
+
+
+def _sure_windows(aim: Array, covariance: Sequence[Array], weight: Array, first: int) -> float:
+    """Windows after those of the base by which a change would almost surely raise the alarm; infinite if none do.
+
+    Drawn: the change, with the errors of windows like these, and with that of the base, a median, which all share.
+    """
+    draw = np.random.default_rng(0)
+    base = np.mean(covariance[:first], axis=0) * math.pi / 2 / first
+    shared = draw.multivariate_normal(np.zeros(len(aim)), base, DRAWS)
+    like = weight[first:] if first < len(weight) else weight
+    many = like[np.arange(round(LONGEST_S / WINDOW_S)) % len(like)]
+    mean = (many @ aim)[:, None] / 2
+    gain = mean + np.sqrt(2 * mean) * draw.standard_normal((len(many), DRAWS)) - many @ shared.T
+    raised = np.maximum.accumulate(_sums(gain) >= LEVEL, axis=0).mean(axis=1) >= SURE
+    return float(np.argmax(raised) + 1) if raised.any() else math.inf

@@ -1,5 +1,6 @@
 """Result of `watch`, and the files that it writes."""
 
+import math
 import os
 from collections import Counter
 from dataclasses import dataclass
@@ -24,7 +25,7 @@ from tendonff.compensator.reporting.page import (
     write_pages,
 )
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure
-from tendonff.compensator.watch.chart import Alarm, Course, clock
+from tendonff.compensator.watch.chart import LONGEST_S, Alarm, Course, clock
 from tendonff.compensator.watch.windows import WATCHED, Window
 
 _CAPTIONS = {
@@ -69,17 +70,32 @@ class Watch:
             return f"No window of these files tells anything: {reasons.most_common(1)[0][0]}."
         if self.alarms:
             return "Alarm: " + "; ".join(alarm.sentence for alarm in self.alarms) + "."
-        last = ", ".join(f"{c.drift.label} {100 * (_late(c) - 1):+.0f} %" for c in self.courses)
-        return f"No drift over {clock(self.windows[-1].used_s)} of use: {last}, against the first minutes."
+        last = ", ".join(f"{c.drift.label} {100 * (_late(c) - 1):+.0f} ±{100 * _band(c):.0f} %" for c in self.courses)
+        over = f"over {clock(self.windows[-1].used_s)} of use"
+        if missing := self._not_shown:
+            return f"No alarm {over}, but {missing} Last windows: {last}, against the first minutes."
+        return f"No drift {over}: {last}, against the first minutes."
+
+    @property
+    def _not_shown(self) -> str:
+        """Changes that these logs cannot show, and what would; empty where they show all."""
+        blind = [c for c in self.courses if not c.shown]
+        if not blind:
+            return ""
+        looked = " or ".join(f"{c.drift.label} {100 * c.drift.change:+.0f} % ({_use(c)})" for c in blind)
+        return (
+            f"these logs cannot show {looked}: slow pushes against a stop in each log (identify --suggest) show most."
+        )
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Messages for the user."""
         silent = [w for w in self.windows if not w.values]
-        if not silent or len(silent) == len(self.windows):
-            return ()
-        why = Counter(w.why for w in silent).most_common(1)[0][0]
-        return (f"{len(silent)} of {len(self.windows)} windows are left out, most because {why}",)
+        found = [self._not_shown] if self.alarms and self._not_shown else []
+        if silent and len(silent) < len(self.windows):
+            why = Counter(w.why for w in silent).most_common(1)[0][0]
+            found.append(f"{len(silent)} of {len(self.windows)} windows are left out, most because {why}")
+        return tuple(found)
 
     def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
         """Write `watch.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
@@ -106,7 +122,14 @@ class Watch:
                 for a in self.alarms
             ],
             "watched": {
-                str(c.drift.number): {"first": c.base, "last_over_first": _late(c), "looked_for": c.drift.change}
+                str(c.drift.number): {
+                    "first": c.base,
+                    "last_over_first": _late(c),
+                    "half_band": _band(c),
+                    "looked_for": c.drift.change,
+                    "shown": c.shown,
+                    "sure_after_s": c.sure_s if math.isfinite(c.sure_s) else None,
+                }
                 for c in self.courses
             },
             "warnings": list(self.warnings),
@@ -116,6 +139,18 @@ class Watch:
 def _late(course: Course) -> float:
     """Value over the base in the last windows."""
     return float(np.median(course.ratio[-5:]))
+
+
+def _use(course: Course) -> str:
+    """Use after the first minutes that would show a change."""
+    if math.isfinite(course.sure_s):
+        return f"{clock(course.sure_s)} of such use would"
+    return f"{clock(LONGEST_S)} of such use would not"
+
+
+def _band(course: Course) -> float:
+    """Half a 95 % band of the last windows, as a share."""
+    return float(np.median(course.high[-5:] / np.maximum(course.ratio[-5:], 1e-300) - 1))
 
 
 def _columns(found: Watch) -> dict[str, np.ndarray]:
@@ -177,6 +212,7 @@ def watch_report(found: Watch, figures: dict[str, Figure]) -> Report:
             "change in the last windows [%]",
             "half a 95 % band [%]",
             "looked for [%]",
+            "sure after [min of use]",
             "alarm",
         ),
         rows=[
@@ -184,8 +220,9 @@ def watch_report(found: Watch, figures: dict[str, Figure]) -> Report:
                 f"{c.drift.label} ({c.drift.number}, {c.drift.number.spec.unit})",
                 c.base,
                 100 * (_late(c) - 1),
-                100 * float(np.median(c.high[-5:] / np.maximum(c.ratio[-5:], 1e-300) - 1)),
+                100 * _band(c),
                 100 * c.drift.change,
+                c.sure_s / 60 if math.isfinite(c.sure_s) else None,
                 None if c.alarm is None else f"after {clock(c.alarm.used_s)}",
             )
             for c in found.courses

@@ -64,7 +64,7 @@ def scenario_of(rig: Transmission, start_N: float, step_s: float) -> Scenario:
         transmission=replace(rig, motion=None),
         joints=dict.fromkeys(rig.joints, swing),
         reference=SineReference(
-            initial_tension_N=start_N, amplitudes_N=(7.0,), frequencies_Hz=(0.6,), duration_s=2.0, fade_in_s=0.5
+            initial_tension_N=start_N, amplitudes_N=(7.0,), frequencies_Hz=(0.6,), duration_s=1.0, fade_in_s=0.5
         ),
         run=replace(base.run, step_s=step_s),
     )

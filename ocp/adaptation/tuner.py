@@ -173,7 +173,7 @@ class SelfTuner:
     Raises
     ------
     CodeError
-        If no C compiler works here: `pip install ziglang` brings one.
+        If no C compiler works here: `pip install "tendonff[compiler]"` brings one.
     """
 
     def __init__(

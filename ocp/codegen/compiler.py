@@ -23,6 +23,9 @@ from pathlib import Path
 from tendonff.ocp.codegen.leftovers import remove_leftovers, temporary_name
 from tendonff.ocp.errors import CodeError
 
+INSTALL = 'pip install "tendonff[compiler]"'
+"""Command that installs the package ziglang."""
+
 _PACKAGED = ("-m", "ziglang", "cc")
 _FLAGS = ("-O3", "-std=c99", "-shared", "-fPIC", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=off")
 
@@ -76,8 +79,10 @@ def why_no_compiler() -> str:
     except OSError as error:
         return f"C cannot be compiled here ({error.strerror}); set TMPDIR or XDG_CACHE_HOME to a folder to write to"
     wanted = os.environ.get("CC", "").strip()
-    where = f"CC is {wanted!r}" if wanted else "looked for cc, gcc, clang and the package ziglang"
-    return f"no C compiler found that works ({where}); `pip install ziglang` brings one"
+    if wanted:
+        return f"no C compiler found that works (CC is {wanted!r}); set CC to one that does, or unset it"
+    looked = "looked for cc, gcc, clang and the package ziglang"
+    return f"no C compiler found that works ({looked}); `{INSTALL}` brings one, as a wheel"
 
 
 @functools.cache
@@ -222,7 +227,7 @@ def cross_compile(target: Target, sources: Sequence[str], folder: Path) -> bytes
         If ziglang is not installed or refuses the sources.
     """
     if not has_cross_compiler():
-        raise CodeError("binaries for other systems need ziglang, which is not installed; pip install ziglang")
+        raise CodeError(f"binaries for other systems need ziglang, which is not installed; {INSTALL}")
     name = f"cross{target.suffix}"
     arguments = [
         *("-target", target.triple, "-std=c99", "-O2", "-g0", "-shared", "-fPIC", "-mcpu=baseline", "-s"),

@@ -66,6 +66,7 @@ class Drive:
     step_s: float
     first_output_N: float  # output at the first sample, as the cell read it
     motion: JointMotion | None = None  # joint angles, from the first sample on; they stand still before it
+    turned_N: float | None = None  # input at its last turn before the first sample; None: it came from rest
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -179,10 +180,12 @@ class ChainModel:
         step = drive.step_s * thin / refine
         rest = (drive.first_output_N - numbers[Reading.OUTPUT]) / numbers[Reading.OUTPUT_GAIN]
         rest = max(rest, LEAST_TENSION_N)
-        lead = max(8, int(LEAD_IN_S / step))
-        ramp = np.clip(np.arange(lead) / (lead / 2), 0, 1)
+        each = max(8, int(LEAD_IN_S / step))
+        ramp = np.clip(np.arange(each) / (each / 2), 0, 1)
         smooth = ramp * ramp * (3 - 2 * ramp)
-        force = np.concatenate([rest + (samples[0] - rest) * smooth, samples])
+        levels = [rest, *(() if drive.turned_N is None else (drive.turned_N,)), samples[0]]
+        lead = each * (len(levels) - 1)
+        force = np.concatenate([*(low + (high - low) * smooth for low, high in pairwise(levels)), samples])
         return RunUp(
             force_N=np.maximum(force, 0.0),
             step_s=step,

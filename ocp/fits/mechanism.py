@@ -20,6 +20,9 @@ from tendonff.ocp.step.protocol import Array
 GEAR_SLIP_RAD = 3e-3
 """Usual way of a motor in which friction of its gear builds up [rad]."""
 
+LEAST_COUNTS = 1e-4
+"""Distance of readings from the smooth angle that counts, as a share of the range."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MotorRun:
@@ -32,11 +35,21 @@ class MotorRun:
     step_s : float
     start_rad : float
         Where the joint stands at the start.
+    read_rad : ndarray, shape (rows,), optional
+        The same angle as it was read, before any smoothing.
     """
 
     motor_rad: Array
     step_s: float
     start_rad: float
+    read_rad: Array | None = None
+
+    @property
+    def in_counts(self) -> bool:
+        """Whether the readings go in steps that are worth a thought."""
+        if self.read_rad is None:
+            return False
+        return float(np.std(self.read_rad - self.motor_rad)) > LEAST_COUNTS * float(np.ptp(self.motor_rad))
 
     @cached_property
     def acceleration_rad_per_s2(self) -> Array:
@@ -84,6 +97,7 @@ def respond(
     slip_rad: float = GEAR_SLIP_RAD,
     backlash_held_N_m: Array | None = None,
     refinement: int = 1,
+    as_read: bool = False,
 ) -> MotorResponse:
     """Simulate a loop under a motor angle.
 
@@ -101,9 +115,11 @@ def respond(
         drum stays behind.
     refinement : int, optional
         Steps of the simulation in one of the run.
+    as_read : bool, optional
+        The drum goes from reading to reading, in straight lines: of a motor that moves in counts.
     """
     drive, rows = mechanism.drive, len(run.motor_rad)
-    drum = run.motor_rad
+    drum = run.motor_rad if run.read_rad is None or not as_read else run.read_rad
     if backlash_held_N_m is not None and drive.backlash_rad > 0:
         scale = max(0.02 * float(np.ptp(backlash_held_N_m)), 1e-9)
         drum = drum - 0.5 * drive.backlash_rad * np.clip(backlash_held_N_m / scale, -1, 1)

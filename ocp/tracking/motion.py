@@ -4,6 +4,7 @@ The actuator's end is moved by a force, so its motion can be limited only throug
 of a drive does, the force is taken back, step by step on the design model, as far as it must be and no further.
 """
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -75,7 +76,7 @@ def limit_motion(
         if not done:
             before, slew = given[row - 1], limits.rate_N_per_s * step_s
             low, high = max(before - slew, limits.minimum_N), min(before + slew, limits.maximum_N)
-            force = governor.step(min(max(force_N[row], low), high), low, high)
+            force = governor.step(min(max(force_N[row], low), high), low, high, 2 * before - given[max(row - 2, 0)])
             if force is None:
                 return given
             given[row], row = force, row + 1
@@ -112,7 +113,7 @@ class _Governor:
             self.position_m, self.speed_m_per_s = float(moved[done - 1]), float(speed[done - 1])
         return done
 
-    def step(self, wanted_N: float, low_N: float, high_N: float) -> float | None:
+    def step(self, wanted_N: float, low_N: float, high_N: float, guess_N: float) -> float | None:
         """Move on by one row with the force closest to the wanted one that the limits admit; None where it fails."""
         start = self.simulator.checkpoint()
 
@@ -134,9 +135,8 @@ class _Governor:
         if max(first) > 0:
             side = int(first[1] > first[0])
             bound_N = high_N if side else low_N
-            if not _root(
-                lambda f: None if (x := beyond(f)) is None else x[side], wanted_N, first[side], bound_N, self._tolerance
-            ):
+            tried = functools.partial(_one_side, beyond, side)
+            if not _root(tried, wanted_N, first[side], bound_N, self._tolerance, guess_N):
                 return None
         force, self.position_m, self.speed_m_per_s = found[-1]
         return force
@@ -163,22 +163,28 @@ class _Governor:
         return found[0], found[1]
 
 
-def _root(beyond: Callable[[float], float | None], wanted_N: float, excess: float, bound_N: float, near: float) -> bool:
-    """Try forces by false position until the excess just vanishes, or stop at the bound where it never does.
+def _one_side(beyond: Callable[[float], tuple[float, float] | None], side: int, force_N: float) -> float | None:
+    found = beyond(force_N)
+    return None if found is None else found[side]
+
+
+def _root(
+    beyond: Callable[[float], float | None], wanted_N: float, excess: float, bound_N: float, near: float, guess_N: float
+) -> bool:
+    """Try forces until the excess just vanishes, or stop at the bound where it never does: secants, or halves.
 
     Returns False where a trial fails; else the last one tried is the answer.
     """
-    outside, at_bound = (wanted_N, excess), beyond(bound_N)
-    if at_bound is None or at_bound >= 0:
-        return at_bound is not None
-    inside = (bound_N, at_bound)
-    for _ in range(_TRIALS):
-        force = outside[0] - outside[1] * (inside[0] - outside[0]) / (inside[1] - outside[1])
+    outside, inside, before = wanted_N, None, (wanted_N, excess)
+    force = guess_N if min(wanted_N, bound_N) < guess_N < max(wanted_N, bound_N) else bound_N
+    for trial in range(_TRIALS):
         found = beyond(force)
-        if found is None or -2 * near <= found <= 0:
+        if found is None or -2 * near <= found <= 0 or (force == bound_N and found > 0):
             return found is not None
-        if found > 0:
-            outside, inside = (force, found), (inside[0], inside[1] / 2)
-        else:
-            inside, outside = (force, found), (outside[0], outside[1] / 2)
+        outside, inside = (force, inside) if found > 0 else (outside, force)
+        rise = (found - before[1]) / (force - before[0]) if force != before[0] else 0.0
+        before, last = (force, found), bound_N if inside is None else inside
+        force -= (found + near) / rise if rise else 0.0  # to the middle of what is accepted
+        if not min(outside, last) < force < max(outside, last) or trial % 4 == 3:
+            force = last if inside is None else 0.5 * (outside + last)
     return True

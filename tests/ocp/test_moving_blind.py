@@ -54,13 +54,13 @@ def test_inverse_and_optimal_profile_follow_where_a_design_for_the_path_at_rest_
 def test_where_the_rate_binds_the_optimal_profile_leaves_less_than_half_of_the_clipped_inverse(
     finger: Transmission, record_property: pytest.FixtureRequest
 ) -> None:
-    """At a sixth of the step: the other plant is of first order, and long slow sliding shows it."""
+    """At half the step: the other plant is of first order, and adds 0.2 % of range to the optimal profile."""
     chain, limits = (
         Chain.of(finger, Level.PRESLIDING),
         ForceLimits(minimum_N=0.0, maximum_N=200.0, rate_N_per_s=250.0),
     )
     inverse, optimal = invert(chain, REFERENCE, STEP), track(chain, REFERENCE, STEP, limits)
-    clipped, best = (error(finger, force, 6) for force in (limits.apply(inverse.force_N, STEP, 30.0), optimal.force_N))
+    clipped, best = (error(finger, force, 2) for force in (limits.apply(inverse.force_N, STEP, 30.0), optimal.force_N))
     record_property("figure", f"moving path, 250 N/s: optimal {best:.2f} %, clipped inverse {clipped:.2f} % of range")  # type: ignore[operator]
     assert clipped > 3
     assert best < 0.5 * clipped

@@ -76,7 +76,7 @@ def identify(
     explain: Annotated[
         Explain | None, option("--explain", None, "Tension to predict from the other; default: chosen from the data.")
     ] = None,
-    static_only: Annotated[bool, typer.Option("--static", help="Stop after the static stage.")] = False,
+    static_only: Annotated[bool, typer.Option("--static", help="Fit the quasi-static laws only.")] = False,
     condition: Annotated[list[str] | None, _several("--condition", "FILE=LABEL", _LABEL)] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Fit very long files without asking.")] = False,
     pdf: PdfOption = False,

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -26,7 +27,7 @@ from tendonff.compensator.identification.fitting.uncertainty import (
     with_taken_for_granted,
 )
 from tendonff.compensator.identification.measured import Array
-from tendonff.compensator.identification.measured.cleaning import Record
+from tendonff.compensator.identification.measured.cleaning import Record, mean_pose
 from tendonff.compensator.identification.measured.gains import EXACT_GAINS, Gains
 from tendonff.compensator.identification.measured.smoothing import low_pass_piece
 from tendonff.compensator.identification.parameters import (
@@ -36,10 +37,13 @@ from tendonff.compensator.identification.parameters import (
     TENDON,
     Parameter,
     ParametricChain,
+    put_into,
 )
 from tendonff.compensator.scenario.measurement import Explain
+from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
+from tendonff.ocp.fits.chain import Drive
 from tendonff.ocp.fits.least_squares import Residuals, Solution
 
 D = Parameter
@@ -56,12 +60,28 @@ class ChainLaw:
     def predicted(self, record: Record) -> list[Prediction]:
         """Prediction of every piece of a record, low-passed as what was measured; SolveError if a simulation fails."""
         found = []
-        for run in fit_pieces([record], self.explain):
-            response = self.model.predict(self.values, run.drive)
-            channels = (run.predicted(response)[0], response.elongation_m)
-            explained, elongation = (low_pass_piece(x, record.step_s, record.cutoff_Hz) for x in channels)
-            found.append(Prediction(explained=explained, elongation_m=elongation if run.with_elongation else None))
+        for number, run in enumerate(fit_pieces([record], self.explain)):
+            after_gap = number > 0 and self.explain is Explain.OUTPUT
+            drives = self._after_gap(run) if after_gap else (run.drive,)
+            found.append(min((self._predicted(run, drive) for drive in drives), key=partial(_left_in, run)))
         return found
+
+    def _predicted(self, run: FitPiece, drive: Drive) -> Prediction:
+        response = self.model.predict(self.values, drive)
+        channels = (run.predicted(response)[0], response.elongation_m)
+        explained, elongation = (low_pass_piece(x, run.record.step_s, run.record.cutoff_Hz) for x in channels)
+        return Prediction(explained=explained, elongation_m=elongation if run.with_elongation else None)
+
+    def _after_gap(self, run: FitPiece) -> tuple[Drive, ...]:
+        """Ways to the first sample of a piece behind a gap: from rest, and from a stroke in which the tendon slid."""
+        law = CapstanLaw.of(put_into(self.model.transmission, self.model, self.values), mean_pose([run.record]))
+        turns = [float(law.input_for_N(run.drive.first_output_N, branch)) for branch in Branch]
+        return run.drive, *(replace(run.drive, turned_N=max(turn, 0.0)) for turn in turns)
+
+
+def _left_in(run: FitPiece, found: Prediction) -> float:
+    """Squared error of a prediction for a piece."""
+    return float(np.sum((found.explained - run.measured)[run.piece.good] ** 2))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

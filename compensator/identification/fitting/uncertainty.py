@@ -133,7 +133,7 @@ def with_taken_for_granted(
     granted += [math.sqrt(size) * slope for size, slope in zip(variances.tolist(), by_gains.T, strict=True) if size > 0]
     own, covariance = found.slopes[:, free], solution.covariance
     for slope in granted:
-        moved = gauss_newton_step(found.values + slope, own) - gauss_newton_step(found.values, own)
+        moved = TUNED.granted * (gauss_newton_step(found.values + slope, own) - gauss_newton_step(found.values, own))
         covariance = covariance + np.outer(moved, moved)
     return replace(solution, covariance=covariance)
 

@@ -148,7 +148,8 @@ def _log(piece: Piece, record: Record, start_rad: float) -> JointLog:
     """Thin a piece to rows of equal distance."""
     step = record.step_s
     every = max(1, round(ROW_S / step))
-    motor = adaptive_low_pass(piece.travel_m(), step)[::every]
+    as_read = piece.travel_m(as_read=True)
+    motor, read = adaptive_low_pass(as_read, step)[::every], as_read[::every]
     torque, at_joint = (
         low_pass_piece(x, step, 0.4 / (step * every))[::every] if np.isfinite(x).all() else None
         for x in (piece.input_N, piece.output_N)
@@ -157,7 +158,7 @@ def _log(piece: Piece, record: Record, start_rad: float) -> JointLog:
         raise InputError(f"{record.name}: the motor's torque is no number in some rows; repair the column")
     joint = None if piece.output_m is None else piece.output_m[::every]
     start = start_rad if joint is None else float(np.median(joint[:3]))
-    run = MotorRun(motor_rad=motor - motor[0], step_s=step * every, start_rad=start)
+    run = MotorRun(motor_rad=motor - motor[0], step_s=step * every, start_rad=start, read_rad=read - read[0])
     return JointLog(
         name=record.name,
         run=run,

@@ -23,6 +23,9 @@ TORQUE_SHARE, JOINT_RAD = 0.008, 2e-3
 STEP = 5e-3
 """Difference that slopes are taken over, in usual steps of a search."""
 
+READ_STEPS = 5
+"""Steps for each one else that resolve how a joint rings while its motor goes from count to count."""
+
 STOP_MARGIN = 2e-3
 """Share of the motor's range by which a stop that was touched stands inside of it at the start of a search."""
 
@@ -50,6 +53,8 @@ class MechanismLaw:
         Numbers that are held at a value.
     segments, refinement : int
         Masses of each tendon, and steps in one row.
+    as_read : bool
+        The motor moves in counts, as it was read; else smoothly.
     """
 
     mechanism: Mechanism
@@ -57,6 +62,7 @@ class MechanismLaw:
     fixed: Mapping[JointNumber, float]
     segments: int = COARSE_MASSES
     refinement: int = 1
+    as_read: bool = False
 
     def at(self, values: Mapping[JointNumber, float]) -> Mechanism:
         """The mechanism at given values."""
@@ -77,7 +83,8 @@ class MechanismLaw:
             mechanism,
             log.run,
             segments=self.segments,
-            refinement=self.refinement,
+            refinement=self.refinement * (READ_STEPS if self.as_read else 1),
+            as_read=self.as_read,
             slip_rad=slip,
             backlash_held_N_m=held,
         )

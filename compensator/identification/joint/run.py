@@ -48,6 +48,12 @@ STOP_STIFFNESS_N_M_PER_RAD = 100.0
 _BY_REVERSALS = (N.MU, N.TENSION, N.STIFFNESS, N.BRISTLE, N.COULOMB, N.GEAR_SLIP)
 """Numbers that only the slope of the torque at reversals separates, if neither a stop nor an encoder does."""
 
+STEEP_EXPONENT = 1.1
+"""mu theta of a second search where the first one found no slack."""
+
+HOPELESS = 2.0
+"""A law whose error is larger by this factor after its first steps is given up."""
+
 MOST_EXTRAS = 3
 FIRST_STEPS, STEPS, FINE_STEPS = 5, 15, 4
 """Evaluations of a start, of the best one, and on the finer mechanism."""
@@ -169,12 +175,16 @@ def _fitted(
     say("whole mechanism")
     if all(log.joint_rad is not None for log in logs) and (poor := _loaded(law, free, looks)) is not None:
         return poor
-    solution = _from_starts(law, free, looks)
+    some = (N.OFFSET,) if untold else EXTRAS
+    law, solution, tried = _searched(law, free, looks, some, say)
+    if touched and not _slack(law, solution):  # or the search went astray: other laws bend a push as well
+        steep = [replace(found, exponent=STEEP_EXPONENT) for found in looks]
+        again = _searched(replace(law, as_read=False), free, steep, some, say)
+        law, solution, tried = min((law, solution, tried), again, key=lambda search: search[1].cost)
     if touched and not _slack(law, solution):
         note = "the pushes end before a tendon is slack"
-        law = replace(law, fixed={N.MU: N.MU.of(mechanism)})
-        solution = _from_starts(law, free, looks)
-    solution, tried = _with_extras(law, solution, (N.OFFSET,) if untold else EXTRAS, say)
+        law = replace(law, fixed={N.MU: N.MU.of(mechanism)}, as_read=False)
+        law, solution, tried = _searched(law, free, looks, some, say)
     say("finer mechanism")
     fine = replace(law, segments=FINE_MASSES, refinement=2)
     solution = fine.fit(_values(solution), most=FINE_STEPS)
@@ -186,6 +196,39 @@ def _fitted(
         kept_because=note,
         untold=untold,
     )
+
+
+_Search = tuple[MechanismLaw, Solution, tuple[tuple[N, float, bool], ...]]
+
+
+def _searched(
+    law: MechanismLaw,
+    free: Sequence[JointNumber],
+    looks: Sequence[FirstLook],
+    some: Sequence[JointNumber],
+    say: Callable[[str], None],
+) -> _Search:
+    """The law of a smooth motor or of one that moves in counts, with the effects that the data support."""
+    law, solution = in_counts(law, _from_starts(law, free, looks))
+    solution, tried = _with_extras(law, solution, some, say)
+    return law, solution, tried
+
+
+def in_counts(law: MechanismLaw, solution: Solution) -> tuple[MechanismLaw, Solution]:
+    """The same, or the law of a motor that goes from count to count, where that explains the logs better.
+
+    Such a motor shakes a light joint, and its tendons give friction away wherever it is slow.
+    """
+    if not any(log.run.in_counts for log in law.logs):
+        return law, solution
+    counted = replace(law, as_read=True)
+    try:
+        tried = counted.fit(_values(solution), most=FIRST_STEPS)
+        if tried.cost < HOPELESS * solution.cost:
+            tried = counted.fit(_values(tried), most=STEPS)
+    except SolveError:
+        return law, solution
+    return (counted, tried) if tried.cost < solution.cost else (law, solution)
 
 
 def _loaded(law: MechanismLaw, free: Sequence[JointNumber], looks: Sequence[FirstLook]) -> Found | None:
@@ -277,6 +320,7 @@ def _answer(
             *(() if torque is None else torque.estimates),
         )  # those of a mechanism that explains nothing say nothing
     taken = [n.spec.effect for n, _, taken in found.tried if taken]
+    taken += ["motor that moves in counts"] if law.as_read else []
     name = ", ".join(("loop with presliding", *taken)) if sensor is None else "virtual sensor of a loop"
     encoder = any(log.joint_rad is not None for log in law.logs)
     warnings = list(_warnings(found, described=described, joint=encoder, observed=sensor is not None))

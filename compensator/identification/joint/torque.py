@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import chi2
 
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.joint.log import JointLog
@@ -65,7 +66,7 @@ class TorqueFit:
     estimates : tuple of Estimate
     files : tuple of TorqueFile
     band_N_m : float or None
-        Half-width that holds 95 % of the rows of a file that was left out of the fit; None of a single file.
+        Half-width that holds 95 % of the rows of another file, with a confidence of 95 %; None of a single file.
     """
 
     law: LoopTorque
@@ -107,8 +108,9 @@ def fit_torque(logs: Sequence[JointLog], judges: Sequence[JointLog]) -> TorqueFi
         left: list[Array] = []
         for k, file in enumerate(seen):
             others = _solved([f for j, f in enumerate(seen) if j != k], solution.values, slid_rad)
-            left.append(_errors(_law(others.values, slid_rad), file))
-        band = float(np.quantile(np.abs(np.concatenate(left)), 0.95))
+            _, drum, torque, joint, _ = file
+            left.append(_law(others.values, slid_rad).torque(drum, torque) - joint)
+        band = half_width(left)
     law = _law(solution.values, slid_rad)
     rows = [("fit", log.name, f) for log, f in zip(logs, seen, strict=True)]
     rows += [("validate", log.name, _thinned(log)) for log in judges]
@@ -121,6 +123,16 @@ def fit_torque(logs: Sequence[JointLog], judges: Sequence[JointLog]) -> TorqueFi
         ),
         band_N_m=band,
     )
+
+
+def half_width(left: Sequence[Array]) -> float:
+    """Half-width that holds 95 % of the rows of another file, from errors in files that were left out of the fit.
+
+    Rows of a file err together, most of all under a load that no other file has: the scatter is known no better than
+    from as many values as there are files, so it is taken at its upper 95 % limit (a tolerance interval).
+    """
+    scatter = len(left) / float(chi2.ppf(0.05, len(left)))
+    return float(np.quantile(np.abs(np.concatenate(left)), 0.95) * np.sqrt(scatter))
 
 
 def _thinned(log: JointLog) -> _File:

@@ -57,13 +57,17 @@ class Piece:
     output_m: Array | None
     good: Mask  # shape (n,); False where a value was bridged or a spike replaced
     read_N: Array  # shape (n,); the input as it was read; smoothed harder where nothing happens, it drives the models
+    # read_m, read_output_m: the positions as they were read
+    read_m: Array | None
+    read_output_m: Array | None
     motion: JointMotion | None = None  # joint angles after the low-pass, where the path has joints
 
-    def travel_m(self) -> Array:
+    def travel_m(self, *, as_read: bool = False) -> Array:
         """Measured position of the input end, shape (n,) [m]."""
-        if self.input_m is None:
+        travel = self.read_m if as_read else self.input_m
+        if travel is None:
             raise InputError("the position of the input end was not measured; name it with --input-position-column")
-        return self.input_m
+        return travel
 
     def elongation_m(self) -> Array:
         """Measured elongation with an unknown zero, shape (n,) [m]."""
@@ -228,6 +232,8 @@ def _smoothed(grid: dict[str, Array], good: Mask, motion: JointMotion | None, st
         output_m=smooth.get("output_m"),
         good=good,
         read_N=grid["input_N"],
+        read_m=grid.get("input_m"),
+        read_output_m=grid.get("output_m"),
         motion=motion,
     )
 

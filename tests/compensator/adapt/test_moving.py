@@ -166,6 +166,7 @@ def test_without_a_compiler_it_is_said_what_brings_one(moving, monkeypatch):
     from tendonff.ocp.adaptation import code
 
     assert find_compiler is code.find_compiler
+    monkeypatch.delenv("CC", raising=False)
     monkeypatch.setattr(code, "find_compiler", lambda: None)
     with pytest.raises(CodeError, match=r"self-tuning runs as compiled C only.*ziglang"):
         adapt(moving)

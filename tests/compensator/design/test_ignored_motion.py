@@ -39,6 +39,7 @@ def test_ignoring_the_motion_costs_far_more_than_the_inverse_leaves(result: Desi
     assert f"on the moving path: {found.ignored.percent} % of range" in found.text
 
 
+@pytest.mark.usefixtures("unpainted")
 def test_page_and_files_say_it_and_show_the_joints(result: Design, tmp_path: Path) -> None:
     assert result.ignored is not None
     result.write(tmp_path / "out")

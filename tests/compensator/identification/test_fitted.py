@@ -7,8 +7,11 @@ import pytest
 from synthetic import Faults, write_synthetic
 
 from tendonff.compensator.identification import outcome
+from tendonff.compensator.identification.fitting.dynamic import ChainLaw
 from tendonff.compensator.identification.fitting.errors import FileError
 from tendonff.compensator.identification.fitting.static import respond
+from tendonff.compensator.identification.measured.cleaning import clean
+from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.measured.smoothing import low_pass_piece
 from tendonff.compensator.identification.messages import moved_inside
 from tendonff.compensator.identification.parameters import Parameter, ParametricChain
@@ -52,7 +55,7 @@ def rms(x):
     return float(np.sqrt(np.mean(x**2)))
 
 
-def strokes(seed, seconds=13.0):
+def strokes(seed, seconds=9.0):
     rng = np.random.default_rng(seed)
     time = np.arange(0, seconds + 1e-9, STEP)
     turns = np.arange(0, seconds + 1.1, 1.1)
@@ -126,6 +129,7 @@ def test_what_is_printed_is_what_is_written(found):
     assert found.estimate("mu_static").value == pytest.approx(t.friction.mu_static)
 
 
+@pytest.mark.usefixtures("unpainted")
 def test_simulating_the_fitted_scenario_again_gives_the_error_that_is_printed(found, tmp_path, logs):
     found.write(tmp_path / "out")
     fitted = load_scenario(tmp_path / "out" / "fitted.toml")
@@ -190,7 +194,7 @@ def test_a_path_that_is_not_even_widens_the_stiffness_and_is_named(nominal, trut
         Section(name="far", angle_rad=0.25 * theta, length_m=0.5),
     )
     uneven = replace(truth, path=replace(truth.path, sections=halves), friction=replace(truth.friction, adhesion_N=0.0))
-    write_synthetic(tmp_path / "a.csv", uneven, *strokes(5), Faults(noise=0.003), step_s=STEP)
+    write_synthetic(tmp_path / "a.csv", uneven, *strokes(5, seconds=13.0), Faults(noise=0.003), step_s=STEP)
     found = identify(nominal, [tmp_path / "a.csv"])
     [message] = [w for w in found.warnings if "the elongation fits better" in w]
     near_rad = float(message.partition("actuator has ")[2].split()[0])
@@ -220,6 +224,21 @@ def test_a_delay_of_one_sample_is_seen_in_the_elongation_and_taken_out(nominal, 
     assert any("ms later than the input" in w for w in found.warnings), found.warnings
     low, high = found.estimate("relaxing_stiffness_N_per_m").interval
     assert low <= truth.tendon.relaxing_stiffness_N_per_m <= high
+
+
+def test_a_piece_behind_a_gap_starts_as_a_stroke_left_it(nominal, truth, tmp_path):
+    """Not from rest: the tendon slid before. The values are the true ones, so that all that is left is the start."""
+    write_synthetic(tmp_path / "a.csv", truth, *strokes(5), Faults(noise=0.0, gaps_s=(1.3,)), step_s=STEP)
+    record = clean(read_measurement(tmp_path / "a.csv", nominal.measurement), nominal.measurement)
+    first, second = record.pieces
+    model = ParametricChain(transmission=truth, level=Level.PRESLIDING, count=20)
+    law = ChainLaw(model=model, values=model.values(), explain=Explain.OUTPUT)
+    left = [
+        rms(found.explained - piece.output_N)
+        for found, piece in zip(law.predicted(record), (first, second), strict=True)
+    ]
+    from_rest = law.predicted(replace(record, pieces=(second,)))[0].explained
+    assert left[1] < 0.5 * rms(from_rest - second.output_N)
 
 
 @pytest.mark.parametrize("noise", [pytest.param(0.001, marks=pytest.mark.nightly), 0.005])

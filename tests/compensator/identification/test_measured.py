@@ -70,6 +70,7 @@ def test_its_friction_is_that_of_a_pre_tensioned_loop_alike_in_both_directions(g
     assert not grasper.estimate("viscous_N_s_per_m").identifiable
 
 
+@pytest.mark.usefixtures("unpainted")
 def test_the_file_holds_the_law_that_is_reported(grasper, tmp_path):
     """A guide and a second bristle, which no chain has, stand beside the offsets; read again it is the same law."""
     assert grasper.replay_percent == pytest.approx(grasper.fit_percent, rel=1e-9)

@@ -80,6 +80,7 @@ def test_friction_is_told_by_section(nominal, log, record_property):
     assert whole == pytest.approx(found.estimate("mu_theta").value, rel=0.05)
 
 
+@pytest.mark.usefixtures("unpainted")
 def test_the_command_takes_any_number_of_cells(nominal, log, tmp_path, examples, capsys):
     scenario = tmp_path / "rig.toml"
     text = (examples / "finger.toml").read_text()

@@ -52,6 +52,7 @@ def strokes(tmp_path):
     return tmp_path / "a.csv"
 
 
+@pytest.mark.usefixtures("unpainted")
 def test_the_report_repeats_the_options_that_read_the_files(examples, strokes, tmp_path):
     other = replace(
         Measurement(), input_scale=2.0, output_scale=2.0, skip_s=0.5, explain=Explain.OUTPUT, time_column="time_s"

@@ -10,7 +10,7 @@ import tendonff as tf
 from tendonff.compensator.identification.joint.fitted import observer_text
 from tendonff.compensator.identification.joint.log import read_logs
 from tendonff.compensator.identification.joint.sensor import fit_sensor
-from tendonff.compensator.identification.joint.torque import fit_torque
+from tendonff.compensator.identification.joint.torque import fit_torque, half_width
 from tendonff.compensator.joint.observer_table import ObserverTable
 from tendonff.compensator.joint.scenario import parse_joint_scenario
 from tendonff.compensator.scenario.measurement import Measurement
@@ -71,6 +71,17 @@ def test_a_table_names_what_it_lacks():
         table(torque_pull_exponent=0.3)
 
 
+def test_a_band_from_few_files_holds_95_percent_of_another_one_almost_surely():
+    """Rows of a file err together: files differ in scatter, and their offsets are all that is known of the next one."""
+    draw, held = np.random.default_rng(0), []
+    for _ in range(200):
+        *left, unseen = (draw.standard_normal() + 0.2 * draw.standard_normal(200) for _ in range(7))
+        held.append(np.mean(np.abs(unseen) <= half_width(left)) >= 0.95)
+    assert np.mean(held) >= 0.93
+    many = [draw.standard_normal(100) for _ in range(1000)]
+    assert half_width(many) == pytest.approx(1.96, rel=0.06)
+
+
 @pytest.fixture(scope="module")
 def tool(measured_data: Path):
     """Scenario with the observer that the fitted files give, and the fits."""
@@ -100,6 +111,7 @@ def test_the_jaw_torque_of_whole_strokes_follows_from_the_motor(tool, part, most
         "figure", f"jaw torque, {part}: {rms:.2f} mNm, {100 * np.mean(np.concatenate(inside)):.0f} % inside"
     )
     assert rms <= most_mNm
+    assert all(np.mean(rows) >= 0.93 for rows in inside)  # the band was found on the fitted files alone
 
 
 @pytest.mark.slow

@@ -11,6 +11,7 @@ from tendonff.compensator.files.writing import write_csv, write_text
 from tendonff.compensator.identification.joint.fitted import fitted_text
 from tendonff.compensator.identification.joint.parameters import JointNumber
 from tendonff.compensator.watch.chart import DRIFTS, courses_of
+from tendonff.compensator.watch.output import Watch
 from tendonff.compensator.watch.windows import WATCHED, Window
 from tests.hand_in_use import HandInUse, known
 from tests.hidden_loop import hidden, scenario
@@ -22,8 +23,12 @@ WEAK = np.array([[1.0, -0.96, 0.0], [-0.96, 1.0, 0.0], [0.0, 0.0, 0.2]]) * 0.15*
 SURE = np.diag([0.02, 0.02, 0.05]) ** 2
 
 
-def course(hours: float, moved, covariance, seed: int = 0) -> tuple[float | None, ...]:
-    """Windows of 30 s with errors of a covariance about a drift; first alarm of each number [s]."""
+WIDE = np.diag([0.1, 0.1, 0.3]) ** 2
+"""With the scatter of the base, each number to +-31 % or worse, and no product that is known better."""
+
+
+def drawn(hours: float, moved, covariance, seed: int = 0) -> list[Window]:
+    """Windows of 30 s with errors of a covariance about a drift."""
     draw = np.random.default_rng(seed)
     root, windows = np.linalg.cholesky(covariance), []
     for k in range(round(hours * 120)):
@@ -31,7 +36,13 @@ def course(hours: float, moved, covariance, seed: int = 0) -> tuple[float | None
         logs = np.log([0.2, 15.0, 0.02]) + moved(used) + root @ draw.standard_normal(3)
         values = dict(zip(WATCHED, np.exp(logs).tolist(), strict=True))
         windows.append(Window(name="day", used_s=used, values=values, covariance=covariance))
-    return tuple(None if c.alarm is None else c.alarm.used_s for c in courses_of(windows))
+    return windows
+
+
+def course(hours: float, moved, covariance, seed: int = 0) -> tuple[float | None, ...]:
+    """First alarm of each number in such windows [s]."""
+    courses = courses_of(drawn(hours, moved, covariance, seed))
+    return tuple(None if c.alarm is None else c.alarm.used_s for c in courses)
 
 
 @pytest.mark.parametrize("covariance", [WEAK, SURE], ids=["strokes alone", "with pushes"])
@@ -54,6 +65,36 @@ def test_no_alarm_in_three_days_without_drift(covariance):
 def test_one_window_that_is_far_off_raises_none():
     alarms = course(1, lambda t: DRIFTS[0].direction * 3 * (t == 1200), SURE)
     assert alarms == (None, None, None)
+
+
+@pytest.mark.parametrize(("covariance", "hours"), [(WIDE, 1 / 6), (SURE, 1 / 15)], ids=["wide bands", "base alone"])
+def test_logs_that_cannot_show_a_change_are_not_said_to_show_no_drift(covariance, hours):
+    windows = tuple(drawn(hours, lambda _: np.zeros(3), covariance))
+    found = Watch(scenario=scenario(), windows=windows, courses=courses_of(windows), inputs=())
+    assert not found.alarms
+    assert "No drift" not in found.headline
+    for change in ("friction of the tendons +30 %", "pre-tension -20 %"):
+        assert change in found.headline.partition("cannot show")[2].partition(":")[0]
+    assert "of such use would)" in found.headline
+    assert "push" in found.headline
+
+
+def test_logs_that_show_every_change_say_no_drift():
+    windows = tuple(drawn(1 / 3, lambda _: np.zeros(3), SURE))
+    found = Watch(scenario=scenario(), windows=windows, courses=courses_of(windows), inputs=())
+    assert found.headline.startswith("No drift over 20 min of use: friction of the tendons ")
+
+
+@pytest.mark.parametrize("covariance", [WIDE, WEAK], ids=["wide bands", "strokes alone"])
+def test_a_change_is_found_within_the_use_that_is_stated(covariance):
+    """In 19 of 20 courses, and not in half of that time: the statement is worth something."""
+    aim = DRIFTS[0].direction
+    base = courses_of(drawn(0.5, lambda _: np.zeros(3), covariance, 99))[0]
+    hours = (300 + base.sure_s) / 3600
+    alarms = [course(hours, lambda t: aim * (t > 300), covariance, seed)[0] for seed in range(20)]
+    assert sum(a is not None for a in alarms) >= 16
+    if covariance is WIDE:
+        assert sum(a is not None and a <= 300 + base.sure_s / 3 for a in alarms) < 10
 
 
 @pytest.mark.compiler

@@ -46,6 +46,7 @@ def unsure() -> Scenario:
     )
 
 
+@pytest.mark.usefixtures("unpainted")
 def test_a_sweep_that_was_killed_goes_on_and_equals_one_that_ran_through(
     unsure: Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -213,6 +214,7 @@ with executor_of("{address}") as executor:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("unpainted")
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="this system has no SIGKILL")
 def test_a_sweep_on_a_cluster_of_processes_that_was_killed_equals_one_that_ran_through(tmp_path: Path) -> None:
     """The one that ran through needed no cluster."""

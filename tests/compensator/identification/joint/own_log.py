@@ -10,7 +10,7 @@ from tendonff.compensator.identification.joint.routine import suggest_routine
 from tendonff.compensator.joint.scenario import JointScenario
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.ocp.fits.mechanism import MotorRun, respond
-from tests.hidden_loop import hidden, scenario
+from tests.hidden_loop import COUNT_RAD, hidden, scenario
 
 
 def other(**drive: float) -> Mechanism:
@@ -20,18 +20,28 @@ def other(**drive: float) -> Mechanism:
 
 
 def write(
-    folder: Path, true: Mechanism, asked: JointScenario | None = None, *, encoder: bool = False, dip_rad: float = 0.0
+    folder: Path,
+    true: Mechanism,
+    asked: JointScenario | None = None,
+    *,
+    encoder: bool = False,
+    dip_rad: float = 0.0,
+    moves_in_counts: bool | None = None,
 ) -> Path:
-    """Log of the suggested routine, with the noise of a current; a dip goes below its start at the end."""
+    """Log of the suggested routine, with the noise of a current; a dip goes below its start at the end.
+
+    A motor that moves in counts goes straight from one to the next; one that does not is read in counts.
+    """
     routine = suggest_routine(asked or scenario())
     dip = -dip_rad * np.sin(np.pi * np.arange(1, 201) / 200) ** 2 if dip_rad else np.empty(0)
     motor = np.concatenate([routine.motor_rad, routine.motor_rad[-1] + dip])
-    run = MotorRun(motor_rad=motor, step_s=0.01, start_rad=0.0)
-    answer = respond(true, run, segments=16, refinement=4)
+    counts = np.round(motor / COUNT_RAD) * COUNT_RAD
+    run = MotorRun(motor_rad=motor, step_s=0.01, start_rad=0.0, read_rad=counts)
+    answer = respond(true, run, segments=16, refinement=10 if moves_in_counts else 4, as_read=bool(moves_in_counts))
     noise = 1e-3 * np.random.default_rng(1).standard_normal(len(motor))
     columns = {
         "time_s": 0.01 * np.arange(len(motor)),
-        "motor_rad": motor,
+        "motor_rad": motor if moves_in_counts is None else counts,
         "motor_torque_N_m": answer.torque_N_m + noise,
         "joint_rad": answer.angle_rad,
     }
