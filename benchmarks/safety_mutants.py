@@ -48,8 +48,8 @@ SWAPS = (  # file, what, old, new
     (
         "capstan.c",
         "capstan: limits bypassed",
-        "force = tff_output_set(&self->output, self->wanted)",
-        "force = self->wanted",
+        "force = tff_output_set(&self->output, ",
+        "force = (",
     ),
     (
         "table.c",
@@ -162,6 +162,7 @@ RESTS = (
             ("a start in motion is at rest", "self->output.force = force;", ""),
         )
     ),
+    ("capstan.c", "capstan: the force is not led back", "tff_entry_take(&self->entry, self->wanted)", "self->wanted"),
     ("table.c", "the branch survives init", "self->branch = 0;\n    self->ratio", "self->ratio"),
     (
         "plant.c",
