@@ -232,8 +232,8 @@ def summary(rows: Sequence[dict[str, Any]]) -> Iterable[str]:
             f"  {name:32s} in {len(values):3d}  median error {scale * np.median(off):6.3f} {unit}  largest "
             f"{scale * max(off):6.2f} {unit}  truth in the interval {100 * np.mean(inside):5.1f} %"
         )
-    told = [abs(r["values"]["mu_dynamic"]["estimate"] / r["values"]["mu_dynamic"]["truth"] - 1) for r in rows]
-    yield f"  mu_dynamic within 3 %: {sum(x <= 0.03 for x in told)} of {len(told)}"
+    errors = [abs(r["values"]["mu_dynamic"]["estimate"] / r["values"]["mu_dynamic"]["truth"] - 1) for r in rows]
+    yield f"  mu_dynamic within 3 %: {sum(x <= 0.03 for x in errors)} of {len(errors)}"
     unknown = {name: sum(not row["values"][name]["identifiable"] for row in rows) for name in NAMES}
     yield "  not identifiable: " + (
         ", ".join(f"{name} in {count}" for name, count in unknown.items() if count) or "none"

@@ -21,10 +21,10 @@ MASSES, STEP_S, KNOT_S, WINDOW_S, BEFORE_S = 8, 5e-3, 0.04, 20.0, 5.0
 
 def bounds(truth: Transmission, noise: float, logs: Sequence[Array], sample_s: float) -> dict[str, float]:
     """Least standard errors by name, from logs without noise of the plant's four channels."""
-    told = sum(_information(truth, noise, log, sample_s) for log in logs)
-    scale = np.sqrt(np.diag(told))
+    information = sum(_information(truth, noise, log, sample_s) for log in logs)
+    scale = np.sqrt(np.diag(information))
     return dict(
-        zip(map(str, NAMES), np.sqrt(np.diag(np.linalg.inv(told / np.outer(scale, scale)))) / scale, strict=True)
+        zip(map(str, NAMES), np.sqrt(np.diag(np.linalg.inv(information / np.outer(scale, scale)))) / scale, strict=True)
     )
 
 
@@ -37,7 +37,7 @@ def _information(truth: Transmission, noise: float, log: Array, sample_s: float)
     drive = Drive(input_N=log[::thin, 0], step_s=STEP_S, first_output_N=float(log[0, 1]))
     response = model.predict(values, drive, NAMES)
     moved = response.elongation_slopes - response.elongation_slopes.mean(axis=0)
-    told = np.zeros((len(NAMES), len(NAMES)))
+    information = np.zeros((len(NAMES), len(NAMES)))
     for window in input_windows(
         model, model.numbers_of(values), drive, knot_s=KNOT_S, window_s=WINDOW_S, before_s=BEFORE_S
     ):
@@ -55,5 +55,5 @@ def _information(truth: Transmission, noise: float, log: Array, sample_s: float)
         inner = knots.T @ knots
         inner[np.diag_indices(len(inner))] += 1e-9 * inner.diagonal().max()
         cross = knots.T @ own
-        told += own.T @ own - cross.T @ np.linalg.solve(inner, cross)
-    return told
+        information += own.T @ own - cross.T @ np.linalg.solve(inner, cross)
+    return information

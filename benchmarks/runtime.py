@@ -31,7 +31,7 @@ def jitter_deg(scenario: tf.JointScenario, least_s: float, most_s: float) -> flo
     """Largest difference between commands at random times and those at every sample [deg]."""
     sampled = sample_joint(scenario)
     every = tf.Runtime(scenario)
-    told = np.array([np.atleast_1d(every.step(float(angle))) for angle in sampled.angle_rad])
+    commands = np.array([np.atleast_1d(every.step(float(angle))) for angle in sampled.angle_rad])
     runtime, chance, now, worst = tf.Runtime(scenario), np.random.default_rng(1), 0.0, 0.0
     runtime.step(float(sampled.angle_rad[0]))
     while True:
@@ -40,7 +40,7 @@ def jitter_deg(scenario: tf.JointScenario, least_s: float, most_s: float) -> flo
         if now > sampled.time_s[-1]:
             return math.degrees(worst)
         command = runtime.step(float(np.interp(now, sampled.time_s, sampled.angle_rad)), dt=dt)
-        expected = np.array([np.interp(now, sampled.time_s, column) for column in told.T])
+        expected = np.array([np.interp(now, sampled.time_s, column) for column in commands.T])
         worst = max(worst, float(np.abs(command - expected).max()))
 
 

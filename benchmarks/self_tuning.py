@@ -98,7 +98,7 @@ def _loosened(rig: Any, t: float) -> None:
 
 
 CASES: dict[str, World] = {
-    "as told": World(),
+    "as stated": World(),
     "start tension +5 %": World(start=1.05),
     "start tension -5 %": World(start=0.95),
     "friction +20 %, start tension +5 %": World({"mu": 1.2}, start=1.05),

@@ -53,8 +53,8 @@ def said(windows: list[Window]) -> str:
     spread = ", ".join(f"{c.drift.number} {100 * float(np.std(np.log(c.ratio))):.1f} %" for c in courses)
     peak = max(float(c.total.max()) for c in courses)
     silent = sum(not w.values for w in windows)
-    told = "; ".join(a.sentence for a in alarms) or "no alarm"
-    return f"{told} [largest sum {peak:.2f}, scatter {spread}, {silent} of {len(windows)} windows left out]"
+    sentences = "; ".join(a.sentence for a in alarms) or "no alarm"
+    return f"{sentences} [largest sum {peak:.2f}, scatter {spread}, {silent} of {len(windows)} windows left out]"
 
 
 def main() -> None:

@@ -30,9 +30,9 @@ def test_every_public_name_exists_and_is_listed(name: str) -> None:
 
 def test_type_checkers_are_told_the_same_names_from_the_same_places() -> None:
     [block] = [node for node in FACE.body if isinstance(node, ast.If) and "_HOMES" not in ast.dump(node)][:1]
-    told = {public: (module, defined) for module, defined, public in imported(block)}
-    assert told == tf._HOME_OF
-    assert sorted([*told, "__version__"]) == sorted(tf.__all__)
+    homes = {public: (module, defined) for module, defined, public in imported(block)}
+    assert homes == tf._HOME_OF
+    assert sorted([*homes, "__version__"]) == sorted(tf.__all__)
 
 
 def test_the_import_alone_loads_nothing_heavy() -> None:

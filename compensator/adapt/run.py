@@ -278,7 +278,7 @@ def _headline(cases: list[Case], known: Information, advice: tuple[str, float] |
 
 
 def _warnings(cases: list[Case], known: Information, certificate: FeedbackCertificate | None) -> tuple[str, ...]:
-    notes = [text for text in known.sentences() if "does not identify" in text or "told apart" in text]
+    notes = list(known.doubts())
     if certificate is not None and not certificate.holds:
         notes.append(certificate.sentence())
     for case in cases:

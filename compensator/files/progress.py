@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-Progress = Callable[[int, int], None]  # told parts done and parts in all
+Progress = Callable[[int, int], None]  # called with parts done and parts in all
 
 DOUBT = "doubt: "
 """Beginning of a line that asks about the data, among those that report progress."""

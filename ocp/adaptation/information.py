@@ -42,27 +42,32 @@ class Information:
 
     def sentences(self) -> tuple[str, ...]:
         """Messages, one for each parameter and one on parameters that are not separately identifiable."""
-        sensor = self.tuning.sensor.words
-        texts = []
-        for k, parameter in enumerate(self.tuning.parameters):
-            after = self.known_after_s(k)
-            if after is None:
-                texts.append(
-                    f"this reference does not identify {parameter} from {sensor}: standard deviation "
-                    f"{100 * self.deviation[-1, k]:.2g} % at its end; let it slide further in both directions"
-                )
-            else:
-                texts.append(
-                    f"this reference identifies {parameter} within {100 * TARGET:.0f} % "
-                    f"after {after:.2g} s from {sensor}"
-                )
-        if abs(self.correlation) > COUPLED:
-            names = " and ".join(self.tuning.parameters)
-            texts.append(
-                f"{names} cannot be separated by {sensor}: correlation {self.correlation:.3f}; tune one of them, "
-                "or measure more"
+        return (*map(self._sentence, range(len(self.tuning.parameters))), *self._together())
+
+    def doubts(self) -> tuple[str, ...]:
+        """Those of them on what is not identifiable, or not separately; empty where all is."""
+        unknown = [k for k in range(len(self.tuning.parameters)) if self.known_after_s(k) is None]
+        return (*map(self._sentence, unknown), *self._together())
+
+    def _sentence(self, index: int) -> str:
+        """Whether and when the factor with that index is known."""
+        parameter, sensor, after = self.tuning.parameters[index], self.tuning.sensor.words, self.known_after_s(index)
+        if after is None:
+            return (
+                f"this reference does not identify {parameter} from {sensor}: standard deviation "
+                f"{100 * self.deviation[-1, index]:.2g} % at its end; let it slide further in both directions"
             )
-        return tuple(texts)
+        return f"this reference identifies {parameter} within {100 * TARGET:.0f} % after {after:.2g} s from {sensor}"
+
+    def _together(self) -> tuple[str, ...]:
+        """Whether two factors have one effect."""
+        if abs(self.correlation) <= COUPLED:
+            return ()
+        names = " and ".join(self.tuning.parameters)
+        return (
+            f"{names} cannot be separated by {self.tuning.sensor.words}: correlation {self.correlation:.3f}; tune one "
+            "of them, or measure more",
+        )
 
 
 def information(

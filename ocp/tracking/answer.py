@@ -56,10 +56,10 @@ def answer(
     clipped_rms = float(np.sqrt(work.at_clipped.squares[: problem.chains].max()))
     iterations = sum(result.iterations for result in work.results)
     gain = max((result.gain for result in work.results), default=0.0)
-    told: tuple[str, ...] = ()
+    causes: tuple[str, ...] = ()
     if status is not TrackStatus.EXACT:
         bounds = options.minimum_tension_N, options.maximum_tension_N
-        told = reasons(law_of(nominal), reference, inversion.force_N, h, limits, *bounds)
+        causes = reasons(law_of(nominal), reference, inversion.force_N, h, limits, *bounds)
     left = f"RMS error {rms:.3g} N ({100 * rms / span:.2g} % of range)"
     if problem.chains > 1:
         worst_rms = float(np.sqrt(squares[: problem.chains].max()))
@@ -91,7 +91,7 @@ def answer(
     return Tracking(
         status=status,
         message=message + work.note,
-        reasons=told,
+        reasons=causes,
         departures=departures(output, reference, h),
         time_s=inversion.time_s,
         force_N=force,

@@ -52,7 +52,7 @@ class Found:
         Effects beside the core: gain of log-likelihood, and whether it was taken up.
     kept_because : str
         Why mu theta is the scenario's; empty where it was free.
-    untold : tuple of JointNumber
+    not_identifiable : tuple of JointNumber
         Numbers that were free, so that the others are right, but of which the moves tell nothing: they stay the
         scenario's.
     """
@@ -62,7 +62,7 @@ class Found:
     covariance: Array
     tried: tuple[tuple[JointNumber, float, bool], ...]
     kept_because: str
-    untold: tuple[JointNumber, ...] = ()
+    not_identifiable: tuple[JointNumber, ...] = ()
 
     @property
     def pushed(self) -> bool:
@@ -70,10 +70,10 @@ class Found:
         return N.STOP_LOW in self.names or N.STOP_HIGH in self.names
 
     @property
-    def told(self) -> dict[JointNumber, float]:
+    def identified(self) -> dict[JointNumber, float]:
         """Values that `fitted.toml` takes up."""
         values = {N(name): value for name, value in self.solution.values.items()}
-        return {k: v for k, v in {**self.law.fixed, **values}.items() if k not in self.untold}
+        return {k: v for k, v in {**self.law.fixed, **values}.items() if k not in self.not_identifiable}
 
     @property
     def names(self) -> tuple[JointNumber, ...]:
@@ -106,7 +106,7 @@ def estimates_of(
     deviation = np.sqrt(np.diag(found.covariance))
     rows = []
     for number in NUMBERS:
-        if number in found.untold:
+        if number in found.not_identifiable:
             rows.append(_kept(scenario, number, f"{found.kept_because}; {_advice(number)}"))
         elif number in values:
             error = float(deviation[found.names.index(number)])
@@ -184,7 +184,7 @@ def _derived(found: Found, values: Mapping[JointNumber, float], *, described: bo
     bounded = any(n in found.solution.at_bound for n in _BY_A_STOP)
     for k, name in enumerate(DERIVED):
         error = float(np.sqrt(covariance[k, k]))
-        if found.untold and name != "motor_friction_N_m":
+        if found.not_identifiable and name != "motor_friction_N_m":
             why = f"{found.kept_because}; {ANGLE_OR_PUSH}"
             rows.append(Estimate(name=name, value=float(before[k]), why=why, scenario=float(before[k])))
             continue

@@ -168,14 +168,17 @@ def _fitted(
     kept, note = {}, ""
     if not touched:
         kept, note = {N.MU: N.MU.of(mechanism)}, "no push against a stop in these files"
-    untold: tuple[JointNumber, ...] = ()
+    not_identifiable: tuple[JointNumber, ...] = ()
     if not touched and all(log.joint_rad is None for log in logs):
-        untold, note = _BY_REVERSALS, "neither a push against a stop nor the angle of the joint in these files"
+        not_identifiable, note = (
+            _BY_REVERSALS,
+            "neither a push against a stop nor the angle of the joint in these files",
+        )
     law = MechanismLaw(mechanism=mechanism, logs=logs, fixed=kept)
     say("whole mechanism")
     if all(log.joint_rad is not None for log in logs) and (poor := _loaded(law, free, looks)) is not None:
         return poor
-    some = (N.OFFSET,) if untold else EXTRAS
+    some = (N.OFFSET,) if not_identifiable else EXTRAS
     law, solution, tried = _searched(law, free, looks, some, say)
     if touched and not _slack(law, solution):  # or the search went astray: other laws bend a push as well
         steep = [replace(found, exponent=STEEP_EXPONENT) for found in looks]
@@ -194,7 +197,7 @@ def _fitted(
         covariance=covariance_of(fine, solution),
         tried=tried,
         kept_because=note,
-        untold=untold,
+        not_identifiable=not_identifiable,
     )
 
 
@@ -324,7 +327,7 @@ def _answer(
     name = ", ".join(("loop with presliding", *taken)) if sensor is None else "virtual sensor of a loop"
     encoder = any(log.joint_rad is not None for log in law.logs)
     warnings = list(_warnings(found, described=described, joint=encoder, observed=sensor is not None))
-    mechanism = put_into(scenario.mechanism, found.told)
+    mechanism = put_into(scenario.mechanism, found.identified)
     text = fitted_text(scenario, mechanism, estimates) if described else scenario.text
     if sensor is not None:
         bands = sensor.band_rad or 0.0, 0.0 if torque is None else torque.band_N_m or 0.0
@@ -377,7 +380,7 @@ def _warnings(found: Found, *, described: bool, joint: bool, observed: bool) -> 
             + (", with the virtual sensor as [observer]" if observed else "")
         )
         return
-    if found.untold:
+    if found.not_identifiable:
         yield (
             f"{found.kept_because}: the friction of the gear hides what reversals tell of the lost motion, so only "
             "friction at the motor and gravity are identified, and fitted.toml keeps the scenario's lost motion, "
@@ -389,7 +392,7 @@ def _warnings(found: Found, *, described: bool, joint: bool, observed: bool) -> 
             f"{found.kept_because}: only (T/k) tanh(mu theta/2) and {known} identified; "
             "mu_dynamic is the scenario's, and pretension_N and stiffness_N_per_m belong to it"
         )
-    if bound := [n for n in found.solution.at_bound if n not in found.untold]:
+    if bound := [n for n in found.solution.at_bound if n not in found.not_identifiable]:
         yield f"{', '.join(bound)} ended at a bound of the search; check the scenario's value"
     if not joint:
         yield ("no encoder at the joint: its angles count from where the reference of the scenario starts")

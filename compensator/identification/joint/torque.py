@@ -216,15 +216,17 @@ def _estimates(solution: Solution) -> tuple[Estimate, ...]:
     rows = []
     for name, value in solution.values.items():
         error = solution.standard_error(name)
-        told = bool(error < TUNED.identifiable_share * max(abs(value), 1e-12))
+        identifiable = bool(error < TUNED.identifiable_share * max(abs(value), 1e-12))
         rows.append(
             Estimate(
                 name=f"torque_{name}",
                 value=value,
                 standard_error=error if np.isfinite(error) else None,
                 interval=solution.interval(name) if np.isfinite(error) else None,
-                identifiable=told,
-                why="fit of the torque at the joint" if told else f"its standard error is {error:.2g} {UNITS[name]}",
+                identifiable=identifiable,
+                why="fit of the torque at the joint"
+                if identifiable
+                else f"its standard error is {error:.2g} {UNITS[name]}",
                 fitted=True,
             )
         )

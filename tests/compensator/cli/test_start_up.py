@@ -96,9 +96,9 @@ def test_an_infeasible_reference_is_refused_before_heavy_packages_are_loaded(
     (tmp_path / "bad.toml").write_text(changed, encoding="utf-8")
     names = ("design", "compare", "table", "export-c", "export-fmu")
     commands = [(name, "bad.toml", "--out", "o") for name in names]
-    for command, (status, told, modules) in zip(commands, start(tmp_path, *commands), strict=True):
+    for command, (status, printed, modules) in zip(commands, start(tmp_path, *commands), strict=True):
         assert status == 2, command
-        assert message in told, command
+        assert message in printed, command
         assert not HEAVY & modules, command
     assert not (tmp_path / "o").exists()
 

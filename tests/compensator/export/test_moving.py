@@ -172,7 +172,7 @@ def servo(scenario):
 @pytest.mark.each_value
 @pytest.mark.parametrize("precision", Precision)
 @pytest.mark.parametrize("variant", [None, far_driven, at_rest])
-def test_a_servo_is_told_where_to_go_while_joints_move_the_path(moving, variant, precision, record_property):
+def test_a_servo_is_commanded_where_to_go_while_joints_move_the_path(moving, variant, precision, record_property):
     """x_c1 = q_a + (F - T0)/k; after a tenth of a second without angles it is where it would have been."""
     scenario = servo(moving if variant is None else variant(moving))
     problem = Problem.of(scenario)

@@ -243,7 +243,7 @@ def test_golden_vectors_of_a_cycle_know_the_joints_beyond_its_period(examples):
     assert course.chain.motion.at(time) == pytest.approx(course.joint_rad, abs=1e-12)
 
 
-def test_bits_of_a_position_drive_are_told_by_forces_not_by_commands(finger):
+def test_bits_of_a_position_drive_follow_forces_not_by_commands(finger):
     """Jumps of a finger behind a stiff servo with a wide rate limit never meet it."""
     bounds = {"force_max_N": 1e6, "force_rate_max_N_per_s": 1e9}
     actuator = replace(finger.transmission.actuator, drive=Drive.POSITION, servo_stiffness_N_per_m=2e5, **bounds)

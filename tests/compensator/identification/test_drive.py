@@ -1,4 +1,4 @@
-"""The drive's own friction, told by its force, the tension at its end and its position."""
+"""The drive's own friction, identified from its force, the tension at its end and its position."""
 
 from dataclasses import replace
 

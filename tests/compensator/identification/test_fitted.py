@@ -77,16 +77,16 @@ def logs(truth, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def told():
+def arguments():
     """What the comparison of laws was given, and its answer."""
     return []
 
 
 @pytest.fixture(scope="module")
-def found(nominal, logs, told):
+def found(nominal, logs, arguments):
     def compared(*given):
-        told.append((given, outcome.compared(*given)))
-        return told[-1][1]
+        arguments.append((given, outcome.compared(*given)))
+        return arguments[-1][1]
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("tendonff.compensator.identification.run.compared", compared)
@@ -94,8 +94,8 @@ def found(nominal, logs, told):
 
 
 @pytest.fixture(scope="module")
-def laws_compared(found, told):
-    [one] = told
+def laws_compared(found, arguments):
+    [one] = arguments
     return one
 
 
@@ -121,10 +121,10 @@ def test_the_fitted_scenario_has_every_value_of_the_fit(found, nominal):
 def test_what_is_printed_is_what_is_written(found):
     """Also where a value was not fitted: static friction follows the dynamic one, and that is said."""
     t = found.scenario.transmission
-    told = [e for e in found.estimates if hasattr(t.friction, e.name) or hasattr(t.tendon, e.name)]
-    for each in told:
+    estimates = [e for e in found.estimates if hasattr(t.friction, e.name) or hasattr(t.tendon, e.name)]
+    for each in estimates:
         assert each.value == pytest.approx(getattr(t.friction, each.name, getattr(t.tendon, each.name, None))), each
-    assert {"mu_static", "mu_dynamic_release"} <= {each.name for each in told}
+    assert {"mu_static", "mu_dynamic_release"} <= {each.name for each in estimates}
     assert found.estimate("mu_static").value == pytest.approx(MU, rel=0.02)
     assert found.estimate("mu_static").value == pytest.approx(t.friction.mu_static)
 

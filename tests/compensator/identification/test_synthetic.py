@@ -224,8 +224,8 @@ def test_the_suggested_excitation_goes_as_deep_as_the_reference_and_tells_a_desi
     assert found.force_N.min() == pytest.approx(float(law.input_for_N(reference.min(), Branch.RELEASE)), rel=1e-6)
     before = draw_plan(scenario, PLANS[0], 0.08 * 0.9 * scenario.transmission.actuator.force_max_N)
     assert found.time_s[-1] <= before.time_s[-1]
-    told = Information(scenario, reference, scenario.run.step_s)
-    assert found.expected_percent < 0.5 * told.expected_percent(before.force_N)
+    information = Information(scenario, reference, scenario.run.step_s)
+    assert found.expected_percent < 0.5 * information.expected_percent(before.force_N)
     assert f"{found.expected_percent:.2g} % in a design" in found.gain
     assert "0.1.0" not in found.gain  # an earlier version is no matter of the user
 

@@ -144,7 +144,7 @@ def test_a_cycle_is_designed_in_its_steady_state(tmp_path: Path, examples: Path)
     assert np.abs(ends[0] - ends[1]).max() < 1e-6
 
 
-def test_limits_of_the_motor_are_told(tmp_path: Path, examples: Path) -> None:
+def test_limits_of_the_motor_are_reported(tmp_path: Path, examples: Path) -> None:
     path = variant(
         examples,
         tmp_path,
@@ -160,7 +160,7 @@ def test_limits_of_the_motor_are_told(tmp_path: Path, examples: Path) -> None:
     assert speed <= 2.0 * (1 + 1e-9)
 
 
-def test_commands_that_shake_a_joint_without_damping_are_told(tmp_path: Path, examples: Path) -> None:
+def test_commands_that_shake_a_joint_without_damping_are_reported(tmp_path: Path, examples: Path) -> None:
     calm = design_joint(load_joint_scenario(variant(examples, tmp_path, COARSE)))
     light = ("damping_N_m_s_per_rad = 2.0e-3", "damping_N_m_s_per_rad = 2.0e-4")
     shaken = design_joint(load_joint_scenario(variant(examples, tmp_path, COARSE, light)))

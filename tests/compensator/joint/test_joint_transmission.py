@@ -42,7 +42,7 @@ def hand(examples, tmp_path_factory):
 
 @pytest.mark.parametrize(("precision", "most_rad"), [(Precision.DOUBLE, 1e-8), (Precision.FLOAT, 3e-4)])
 def test_the_observer_says_where_the_forward_simulation_has_the_joint(hand, precision, most_rad):
-    """The motor goes by the ratio alone, which leaves the joint 0.8 deg behind. A motor out of reach is told."""
+    """The motor goes by the ratio alone, which leaves the joint 0.8 deg behind. A motor out of reach is reported."""
     sampled = sample_joint(hand)
     motor = linear_motor_rad(hand, sampled)
     code = compile_on_host(joint_sources((hand,), precision=precision), DRIVER, precision)

@@ -24,12 +24,12 @@ HELD = (tf.RuntimeStatus.INPUT_HELD,)
 
 @pytest.fixture(scope="module", params=["hand_joint", "instrument_pair"])
 def joint(request, examples):
-    """A joint, its samples, and what the model says that the motors are told at each, shape (rows, motors)."""
+    """A joint, its samples, and what the model commands the motors at each, shape (rows, motors)."""
     scenario = tf.load_joint_scenario(examples / f"{request.param}.toml")
     sampled = sample_joint(scenario)
     found, _ = inverse_of(scenario, sampled, problem_of(scenario, sampled))
-    told = commanded(scenario.mechanism.drive, found.motor_rad, scenario.run.step_s, live=True)
-    return scenario, sampled, told
+    motor_rad = commanded(scenario.mechanism.drive, found.motor_rad, scenario.run.step_s, live=True)
+    return scenario, sampled, motor_rad
 
 
 @pytest.fixture(scope="module")
@@ -42,10 +42,10 @@ def commands(runtime, references, dt=None):
 
 
 def test_a_joint_is_commanded_as_its_design_says(joint):
-    scenario, sampled, told = joint
+    scenario, sampled, motor_rad = joint
     runtime = tf.Runtime(scenario)
     assert runtime.kind is tf.RuntimeKind.JOINT
-    assert commands(runtime, sampled.angle_rad) == pytest.approx(told, abs=1e-9)
+    assert commands(runtime, sampled.angle_rad) == pytest.approx(motor_rad, abs=1e-9)
     assert runtime.status == ()
 
 
@@ -63,14 +63,14 @@ def test_seventeen_joints_take_less_than_a_millisecond_a_cycle(joint):
 
 def test_calls_after_5_to_15_ms_follow_the_course_of_those_after_1_ms(joint):
     """The motors stay within 0.2 deg of the inverse at the scenario's own rate."""
-    scenario, sampled, told = joint
+    scenario, sampled, motor_rad = joint
     runtime = tf.Runtime(scenario)
     times = np.cumsum(np.random.default_rng(3).uniform(5e-3, 15e-3, 200))
     runtime.step(float(sampled.angle_rad[0]))
     errors = []
     for before, now in itertools.pairwise([0.0, *times[times < sampled.time_s[-1]]]):
         wanted = np.interp(now, sampled.time_s, sampled.angle_rad)
-        expected = [np.interp(now, sampled.time_s, column) for column in told.T]
+        expected = [np.interp(now, sampled.time_s, column) for column in motor_rad.T]
         errors.append(np.abs(runtime.step(float(wanted), dt=now - before) - np.array(expected)).max())
         assert runtime.status == ()
     assert math.degrees(max(errors)) < 0.2
@@ -80,9 +80,9 @@ def test_calls_after_5_to_15_ms_follow_the_course_of_those_after_1_ms(joint):
 @pytest.mark.parametrize("at", [0.45, 0.63])
 def test_after_a_pause_of_half_a_second_no_motor_jumps(joint, lost, at):
     """From the last command the motors set out smoothly to where the reference has gone, and reach it."""
-    scenario, sampled, told = joint
+    scenario, sampled, motor_rad = joint
     runtime, gap = tf.Runtime(scenario), round(0.5 / scenario.run.step_s)
-    at = round(at * (len(told) - gap))
+    at = round(at * (len(motor_rad) - gap))
     before = commands(runtime, sampled.angle_rad[:at])[-1]
     if lost == "nothing arrived":
         assert all(np.all(runtime.step(None) == before) and HELD[0] in runtime.status for _ in range(gap))
@@ -90,7 +90,7 @@ def test_after_a_pause_of_half_a_second_no_motor_jumps(joint, lost, at):
     after = np.vstack([[before], [np.atleast_1d(first)], commands(runtime, sampled.angle_rad[at + gap + 1 :])])
     steps = np.degrees(np.abs(np.diff(after, axis=0)))
     assert steps[:5].max() < 0.2
-    assert after[-1] == pytest.approx(told[-1], abs=1e-3)
+    assert after[-1] == pytest.approx(motor_rad[-1], abs=1e-3)
 
 
 def test_one_tendon_is_commanded_as_its_exact_inverse_says(examples):

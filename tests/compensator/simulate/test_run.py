@@ -171,7 +171,7 @@ def test_a_profile_is_played_by_its_optimal_column_unless_another_is_named(
     assert (said in capsys.readouterr().err) is not bool(options)
 
 
-def test_a_file_whose_force_cannot_be_told_is_asked_about(examples: Path, tmp_path: Path, capsys: Capture) -> None:
+def test_a_file_whose_force_is_ambiguous_is_asked_about(examples: Path, tmp_path: Path, capsys: Capture) -> None:
     write_text(tmp_path / "p.csv", "time_s,force_none_N,force_capstan_N\n0,30,30\n0.1,31,31\n")
     assert play(examples, tmp_path / "p.csv", tmp_path / "O.csv") == 2
     assert 'choose with --force-column "force_none_N"' in capsys.readouterr().err

@@ -109,7 +109,7 @@ def test_angles_and_rates_become_further_columns(finger):
     assert ratios[2] == pytest.approx(np.exp(0.2 * 3.0), abs=0.03)
 
 
-def test_every_branch_has_five_references_and_two_tables_are_told_apart(finger, tmp_path):
+def test_every_branch_has_five_references_and_two_tables_have_names_of_their_own(finger, tmp_path):
     """Two scenarios in one file of C: other guards, and with other prefixes no name twice."""
     stiffer = replace(finger.transmission.load, stiffness_N_per_m=2000.0)
     other = replace(finger, transmission=replace(finger.transmission, load=stiffer))

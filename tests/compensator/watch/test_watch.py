@@ -111,10 +111,10 @@ def test_a_pre_tension_that_falls_between_two_days_is_named_and_written(tmp_path
         write_csv(tmp_path / f"day{day}.csv", hand.log(day, seconds, changed))
         arguments += ["--data", str(tmp_path / f"day{day}.csv")]
     assert run(arguments) == 0
-    told = json.loads((tmp_path / "out" / "summary.json").read_text("utf-8"))
-    assert [alarm["key"] for alarm in told["alarms"]] == ["pretension_N"]
-    assert told["alarms"][0]["change"] == pytest.approx(-0.2, abs=0.06)
-    assert told["alarms"][0]["file"] == "day1.csv"
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text("utf-8"))
+    assert [alarm["key"] for alarm in summary["alarms"]] == ["pretension_N"]
+    assert summary["alarms"][0]["change"] == pytest.approx(-0.2, abs=0.06)
+    assert summary["alarms"][0]["file"] == "day1.csv"
     assert "pre-tension down by" in capsys.readouterr().err
     page = (tmp_path / "out" / "report.html").read_text("utf-8")
     assert "tension the loop again" in page

@@ -53,7 +53,7 @@ class Bench:
         return SelfTuner(tuned, STEP_S, tuning, limits or self.limits, START_N)
 
     def blind(self, tuner: SelfTuner, tuning: Tuning, reference, *, change: Callable | None = None, **hidden):
-        """Output tension and status bits; hidden: what the rig has and the tuner is not told."""
+        """Output tension and status bits; hidden: what the rig has and the tuner does not know."""
         rig = self.rigs.Rig(self.transmission, START_N, step_s=2e-5, **hidden)
         position = tuning.sensor is Sensor.ACTUATOR_POSITION
         noise = NOISE[tuning.sensor] * np.random.default_rng(0).normal(size=len(reference))

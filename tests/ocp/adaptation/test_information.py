@@ -29,19 +29,20 @@ def test_a_closed_gate_teaches_nothing_and_that_is_said():
     found = information(tuning(Tunable.MU), np.arange(50) * 1e-3, np.full((50, 1), 12.0), np.zeros(50))
     assert found.deviation == pytest.approx(0.3)
     assert found.known_after_s(0) is None
-    assert "does not identify mu" in found.sentences()[0]
+    assert "does not identify mu" in found.doubts()[0]
 
 
-def test_two_parameters_with_one_effect_cannot_be_told_apart():
+def test_two_parameters_with_one_effect_cannot_be_separated():
     rng = np.random.default_rng(0)
     effect = rng.normal(size=500)
     slopes = np.column_stack([effect, 0.5 * effect + 1e-3 * rng.normal(size=500)]) * 30
     found = information(tuning(Tunable.MU, Tunable.LOAD_STIFFNESS), np.arange(500) * 1e-3, slopes, np.ones(500))
     assert found.correlation < -0.98
-    assert "cannot be separated" in found.sentences()[-1]
+    assert "cannot be separated" in found.doubts()[-1]
+    assert found.doubts()[-1] == found.sentences()[-1]
 
 
-def test_what_cannot_be_told_apart_at_all_stays_as_uncertain_as_it_was():
+def test_what_cannot_be_separated_at_all_stays_as_uncertain_as_it_was():
     """Closed form: of two equal slopes the sum becomes known, the difference stays at the spread of the start."""
     known = tuning(Tunable.MU, Tunable.LOAD_STIFFNESS)
     slopes = np.full((60, 2), 1e9)

@@ -219,7 +219,7 @@ def test_integral_action_takes_out_what_is_left(bench, reference):
 
 
 def test_integral_action_leaves_noise_alone(bench, reference, percent):
-    """On a rig as told there is nothing to take out: all that the integral moves would be noise."""
+    """On a rig as stated there is nothing to take out: all that the integral moves would be noise."""
     tuning = bench.tuning(TENSION, gain=30.0)
     noise = tuning.noise * np.random.default_rng(0).normal(size=len(reference) - 1)
     run = bench.tuner(tuning).run(own_rig(bench, mu=1.0), reference[1:], noise)

@@ -38,12 +38,12 @@ def test_the_answer_follows_a_small_change_of_the_input_as_its_slopes_say(model,
             for s in (-1, 1)
         ]
         rows = np.searchsorted(time, window.time_s[window.time_s >= 0] - STEP / 2)
-        told = {
+        exact = {
             "output_N": window.output_slopes,
             "near_m": window.near_slopes,
             "elongation_m": window.elongation_slopes,
         }
-        for name, slopes in told.items():
+        for name, slopes in exact.items():
             seen = (getattr(moved[1], name) - getattr(moved[0], name))[rows] / 2e-3
             own = slopes[window.time_s >= 0, knot]
             assert np.abs(seen).max() > 0

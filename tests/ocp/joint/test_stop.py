@@ -21,14 +21,14 @@ def test_stops_hold_the_joint_beyond_them_alone():
 
 
 @pytest.mark.parametrize(
-    ("keys", "told"),
+    ("keys", "message"),
     [
         ({"stop_high_rad": 1.0}, "stop_stiffness_N_m_per_rad > 0"),
         ({"stop_high_rad": -1.0, "stop_low_rad": 1.0, "stop_stiffness_N_m_per_rad": 9.0}, "below stop_high_rad"),
     ],
 )
-def test_stops_that_cannot_be_are_refused(keys, told):
-    with pytest.raises(ParameterError, match=told):
+def test_stops_that_cannot_be_are_refused(keys, message):
+    with pytest.raises(ParameterError, match=message):
         DrivenJoint(name="q", inertia_kg_m2=1e-5, **keys)
 
 

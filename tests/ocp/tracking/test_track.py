@@ -172,10 +172,10 @@ def test_pieces_give_the_profile_of_the_whole(generic: Transmission, monkeypatch
 
 
 def test_progress_ends_at_its_total(generic: Transmission) -> None:
-    told: list[tuple[int, int]] = []
+    reported: list[tuple[int, int]] = []
     chain = Chain.of(generic, Level.PRESLIDING)
-    track(chain, reference(0.5), STEP, limits(100.0), progress=lambda done, total: told.append((done, total)))
-    assert told[-1][0] == told[-1][1]
+    track(chain, reference(0.5), STEP, limits(100.0), progress=lambda done, total: reported.append((done, total)))
+    assert reported[-1][0] == reported[-1][1]
 
 
 def test_the_same_problem_gives_the_same_profile(generic: Transmission) -> None:

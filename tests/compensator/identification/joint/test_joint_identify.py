@@ -34,8 +34,8 @@ def test_without_a_stop_and_an_encoder_lost_motion_stays_the_scenarios(tmp_path)
     true = own_log.other(coulomb_N_m=0.0)  # a search that starts with friction of the gear may end at its bound
     found = identify_joint(asked, [own_log.write(tmp_path, true, asked)])
     assert derived(asked.mechanism, 0.0)[2] != pytest.approx(derived(true, 0.0)[2], rel=0.1)  # else nothing is claimed
-    told = found.estimate("motor_friction_N_m")
-    assert told.interval[0] <= derived(true, 0.0)[4] <= told.interval[1]
+    friction = found.estimate("motor_friction_N_m")
+    assert friction.interval[0] <= derived(true, 0.0)[4] <= friction.interval[1]
     _is_kept(found, asked)
     assert "next: log the angle of the joint (joint_rad), or push slowly" in summary_lines(found)[-1]
     assert not any("bound" in text for text in found.warnings)
@@ -207,11 +207,11 @@ def test_an_efficiency_of_the_gear_is_taken_up_where_it_acts_and_written(tmp_pat
     true = own_log.other(gear_efficiency=0.88)
     log = own_log.write(tmp_path, true)
     assert run(["identify", str(_file(tmp_path)), "--data", str(log), "--out", str(tmp_path / "fit")]) == 0
-    told = json.loads((tmp_path / "fit" / "fit.json").read_text("utf-8"))
-    assert "efficiency" in told["law"]
-    assert told["estimates"]["gear_efficiency"]["estimate"] == pytest.approx(0.88, abs=0.02)
+    answer = json.loads((tmp_path / "fit" / "fit.json").read_text("utf-8"))
+    assert "efficiency" in answer["law"]
+    assert answer["estimates"]["gear_efficiency"]["estimate"] == pytest.approx(0.88, abs=0.02)
     fitted = tf.load_joint_scenario(tmp_path / "fit" / "fitted.toml").mechanism
-    assert fitted.drive.gear_efficiency == told["estimates"]["gear_efficiency"]["estimate"]
+    assert fitted.drive.gear_efficiency == answer["estimates"]["gear_efficiency"]["estimate"]
 
 
 def _file(folder):
@@ -234,7 +234,7 @@ def test_the_routine_stays_within_the_drive_and_makes_a_tendon_slack(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("columns", "told"),
+    ("columns", "message"),
     [
         ("time_s,motor_rad,motor_current_A", "torque constant"),
         ("time_s,motor_torque_N_m", "motor_rad"),
@@ -243,12 +243,12 @@ def test_the_routine_stays_within_the_drive_and_makes_a_tendon_slack(tmp_path):
         ("motor_rad,motor_torque_N_m", r'^(?!.*torque constant).*"time_s" is missing'),
     ],
 )
-def test_a_column_that_is_missing_is_named(tmp_path, columns, told):
+def test_a_column_that_is_missing_is_named(tmp_path, columns, message):
     time = np.arange(200) * 0.01
     table = np.column_stack([time, *(np.sin(time) for _ in columns.split(",")[1:])])
     np.savetxt(tmp_path / "log.csv", table, delimiter=",", header=columns, comments="")
     asked = tf.load_joint_scenario(EXAMPLES / "hand_joint.toml")
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=message):
         identify_joint(asked, [tmp_path / "log.csv"])
 
 
