@@ -64,10 +64,9 @@ class Information:
         if abs(self.correlation) <= COUPLED:
             return ()
         names = " and ".join(self.tuning.parameters)
-        return (
-            f"{names} cannot be separated by {self.tuning.sensor.words}: correlation {self.correlation:.3f}; tune one "
-            "of them, or measure more",
-        )
+        sensor = self.tuning.sensor.words
+        why = f"correlation {self.correlation:.3f}; tune one of them, or measure more"
+        return (f"{names} cannot be separated by {sensor}: {why}",)
 
 
 def information(

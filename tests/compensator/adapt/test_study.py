@@ -101,7 +101,8 @@ def test_every_plant_on_which_self_tuning_is_worse_is_named_with_both_figures():
         plant("friction +20 %, load +20 %", 4.39, 5.66),
         plant(f"friction +20 %, load {minus}20 %", 5.6, 5.5),
     ]
-    known = SimpleNamespace(sentences=lambda: ["it is known"], tuning=SimpleNamespace(sensor=Sensor.ACTUATOR_POSITION))
+    sensor = SimpleNamespace(sensor=Sensor.ACTUATOR_POSITION)
+    known = SimpleNamespace(sentences=lambda: ["it is known"], doubts=lambda: [], tuning=sensor)
     [warning] = _warnings(cases, known, None)
     assert warning.startswith("do not use it where friction +20 %, load +20 %: RMS error 5.66 %")
     assert warning.endswith("plain feedforward 4.39 %")
