@@ -102,7 +102,7 @@ def test_every_plant_on_which_self_tuning_is_worse_is_named_with_both_figures():
         plant(f"friction +20 %, load {minus}20 %", 5.6, 5.5),
     ]
     sensor = SimpleNamespace(sensor=Sensor.ACTUATOR_POSITION)
-    known = SimpleNamespace(sentences=lambda: ["it is known"], doubts=lambda: [], tuning=sensor)
+    known = SimpleNamespace(sentences=lambda: ["it is known"], doubts=list, tuning=sensor)
     [warning] = _warnings(cases, known, None)
     assert warning.startswith("do not use it where friction +20 %, load +20 %: RMS error 5.66 %")
     assert warning.endswith("plain feedforward 4.39 %")
