@@ -3,8 +3,8 @@
 Run: python benchmarks/self_tests.py [--count 60] [--seed 1] [--self-tuning]
 
 Also counts those in which a module was worse than none and was left out, and prints the largest tolerance of each
-module's golden vectors over the range of the reference. With --self-tuning half of the scenarios have it: how many rows
-of the tuner's golden vectors are compared in single precision is printed then.
+module's golden vectors over the range of the reference, and the share of rows that are compared in single precision.
+With --self-tuning half of the scenarios have it.
 """
 
 import argparse
@@ -30,7 +30,7 @@ from tendonff.ocp.adaptation.tuning import Sensor, Tunable
 from tendonff.ocp.errors import SolveError
 
 FLAGS = ("-std=c99", "-O2", "-w", "-fno-math-errno")  # contraction as the compiler likes it
-MOST = 1e-3  # of the range: tolerances above are counted
+MOST = 1e-3 * 1.005  # of the range: tolerances above are counted, which the self test prints in three digits
 BASE = Path(__file__).resolve().parents[1] / "examples" / "finger.toml"
 
 
@@ -128,7 +128,7 @@ def _self_tuning(chance: np.random.Generator, tension_N: float, travel_m: float)
 
 
 GOLDEN = re.compile(
-    r"(?P<what>\w+: golden vectors(?: of jumps)?)(?:, (?P<rows>\d+) of (?P<all>\d+) rows)?, .* at most (?P<N>\S+) N"
+    r"(?P<what>\w+: golden (?:vectors|bounds)[a-z ]*)(?:, (?P<rows>\d+) of (?P<all>\d+) rows)?, .* at most (?P<N>\S+) N"
 )
 
 
@@ -155,7 +155,7 @@ def main() -> int:
     chance = np.random.default_rng(options.seed)
     bad, tried, tuned, refused, harmful = [], 0, 0, collections.Counter(), collections.Counter()
     widest: dict[tuple[str, str], list[float]] = collections.defaultdict(list)
-    compared = []
+    compared: dict[str, list[float]] = collections.defaultdict(list)
     while tried < options.count:
         try:
             scenario = a_scenario(chance, options.self_tuning)
@@ -175,11 +175,13 @@ def main() -> int:
             for found in GOLDEN.finditer(said):
                 widest[found["what"], precision].append(float(found["N"]) / scale_of(profile))
                 if found["rows"]:
-                    compared.append(int(found["rows"]) / int(found["all"]))
-    print(f"of these {tuned} with self-tuning; rows compared where not all are: {np.round(sorted(compared), 2)}")
+                    compared[found["what"]].append(int(found["rows"]) / int(found["all"]))
+    print(f"of these {tuned} with self-tuning; share of rows compared where not all are:")
+    for what, shares in sorted(compared.items()):
+        print(f"  {what}: {np.round(sorted(shares), 2)}")
     for (what, precision), shares in sorted(widest.items()):
         above = sum(share > MOST for share in shares)
-        print(f"{what}, {precision}: tolerance at most {max(shares):.2g} of range, above {MOST:g} in {above}")
+        print(f"{what}, {precision}: tolerance at most {max(shares):.2g} of range, above {MOST:.2g} in {above}")
     print(
         f"{options.count} legal scenarios: {len(bad)} self tests of {2 * options.count} fail; refused {dict(refused)}"
     )

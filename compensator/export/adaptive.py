@@ -5,14 +5,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d
 
 from tendonff.compensator.adapt.setup import Certified, certified, tuned_chain, tuning_of
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.compensators.score import scale_of
 from tendonff.compensator.export.golden import Course
+from tendonff.compensator.export.repeat import FLOAT_SHARE, Compared, repeated_rows
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.scenario.settings import Adaptation
 from tendonff.ocp.adaptation.code import TunedChain
@@ -23,12 +22,12 @@ from tendonff.ocp.codegen.precision import Precision
 
 _RIG = 1.1  # factor on friction of the rig behind the golden vectors
 
-_FLOAT_SHARE, _DOUBLE_SHARE = 1e-3, 1e-9  # of the range, and of the largest force: differences from the model that pass
+_DOUBLE_SHARE = 1e-9  # of the largest force: difference from the model that passes in double precision
+
+_BOUNDS_ROUNDING = 5e-6  # of the largest bound: a few roundings in single precision, which never add up from row to row
 
 NUDGES = 4
 """Runs in single precision whose measurements round differently."""
-
-_NEIGHBOURS = 11  # rows over which a difference counts, half of them before and behind
 
 _COAST_S = 0.05  # time in which joints whose angles are missing come to rest [s]
 
@@ -111,20 +110,15 @@ def other_mu(problem: Problem, settings: Adaptation) -> float | None:
 def adaptive_tolerance_N(course: Course, precision: Precision) -> float:
     """Largest difference of the tuner's force from the model that passes [N]."""
     if precision is Precision.FLOAT:
-        return _FLOAT_SHARE * scale_of(course.reference_N)
+        return FLOAT_SHARE * scale_of(course.reference_N)
     return _DOUBLE_SHARE * max(course.scale_N, 1.0)
 
 
-def repeated_rows(expected: FloatArray, found: Sequence[FloatArray], tolerance: float) -> NDArray[np.bool_]:
-    """Rows in which every answer and its neighbours are within half the tolerance, shape (rows,).
-
-    In single precision the others depend on how a compiler rounds: where the force falls steeply at a reversal, or
-    where a threshold of the recursion is passed a sample sooner or later.
-    """
-    if not found:
-        return np.ones(len(expected), dtype=np.bool_)
-    apart = np.max([np.abs(answer - expected) for answer in found], axis=0)
-    return np.asarray(maximum_filter1d(np.nan_to_num(apart, nan=math.inf), _NEIGHBOURS) <= 0.5 * tolerance)
+def _bounds_tolerance_N(golden: AdaptiveGolden, course: Course, precision: Precision) -> float:
+    """Largest difference of a bound from the model that passes [N]."""
+    if precision is Precision.DOUBLE:
+        return _DOUBLE_SHARE * course.scale_N
+    return min(_BOUNDS_ROUNDING * float(golden.high_N.max(initial=1.0)), FLOAT_SHARE * scale_of(course.reference_N))
 
 
 def _bounds(bounds: Certified) -> dict[str, object]:
@@ -178,16 +172,14 @@ def adaptive_test(
 ) -> dict[str, object]:
     """Values for the self test of tuner and interval; answers of the exported code are none where it was not run."""
     tuning, tolerance = tuning_of(problem, settings), adaptive_tolerance_N(course, precision)
-    repeated = repeated_rows(golden.force_N, found, tolerance)
+    repeated = repeated_rows(golden.force_N, found, 0.5 * tolerance)
     return {
         "golden": golden,
-        "expected": np.where(repeated, golden.force_N, np.nan),
-        "compared": int(repeated.sum()),
+        "compared": Compared(tolerance=tolerance, expected=np.where(repeated, golden.force_N, np.nan)),
         "tuning": tuning,
         "far": 1e3 * tuning.span,  # no factor explains that
         "mu_index": settings.parameters.index(_main(settings)),
         "mu_dynamic": main_mu(problem, settings),
         "mu_release": other_mu(problem, settings),
-        "tolerance_N": tolerance,
-        "bounds_tolerance_N": 0.02 if precision is Precision.FLOAT else 1e-9 * course.scale_N,
+        "bounds_tolerance_N": _bounds_tolerance_N(golden, course, precision),
     }

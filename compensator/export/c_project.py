@@ -13,6 +13,7 @@ from tendonff.compensator.adapt.setup import check_tuning, learnt, tuning_of
 from tendonff.compensator.compensators.base import CModule, Problem, with_motion
 from tendonff.compensator.compensators.profile import FloatArray, Profile
 from tendonff.compensator.compensators.registry import compensator
+from tendonff.compensator.compensators.score import scale_of
 from tendonff.compensator.compensators.stream import StreamChoice, choose_stream
 from tendonff.compensator.compensators.table import BuiltTable, table_of
 from tendonff.compensator.export.adaptive import NUDGES, AdaptiveGolden, adaptive_golden, adaptive_test
@@ -21,7 +22,8 @@ from tendonff.compensator.export.host import run_on_host
 from tendonff.compensator.export.judgement import Judged, chosen, driven, judge, judge_stream, profiles_of
 from tendonff.compensator.export.modules import ADAPTIVE, BOUNDS, OBSERVER, c_modules, check_prefix
 from tendonff.compensator.export.observer import ObserverDesign, ObserverGolden, observer_golden
-from tendonff.compensator.export.self_test import FloatLoss, float_losses, loss_warnings, self_test_context, tolerance
+from tendonff.compensator.export.repeat import FLOAT_SHARE, InFloat, compared
+from tendonff.compensator.export.self_test import FloatLoss, float_losses, loss_warnings, self_test_context
 from tendonff.compensator.export.text.c_text import (
     c_sources,
     folder_files,
@@ -36,8 +38,6 @@ from tendonff.models.capstan import CapstanLaw
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.step.joints import Joints
-
-_APART = 1e-3  # of the range: difference of the observer in single precision from which on it is not compared
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,17 +140,17 @@ def export_project(
     settings = scenario.adaptation
     tuned = None if settings is None else adaptive_golden(problem, settings, golden.course, precision)
     losses: tuple[FloatLoss, ...] = ()
-    found: Sequence[Mapping[str, FloatArray]] | None = None
+    found: InFloat | None = None
     numbers["stream"] = stream
     if precision is Precision.FLOAT:
         found = _run_in_float(scenario, problem, golden, seen, tuned, prefix, numbers)
         if found is not None:
             expected = golden.course.columns | {OBSERVER.name: seen.output_N}
             of_tuner = {} if tuned is None else {ADAPTIVE.name: tuned.force_N}
-            in_float = {**found[0], **(found[4] if of_tuner else {})}
+            in_float = {**found.course, **dict(zip(of_tuner, found.tuner, strict=False))}
             losses = float_losses(replace(golden.course, columns=expected | of_tuner), in_float, problem)
             rows = len(problem.reference.tension_N)
-            last = {module: answer[-rows:] for module, answer in found[3].items()}
+            last = {module: answer[-rows:] for module, answer in found.reference.items()}
             profiles |= {m: driven(problem, m, Profile.of_setpoint(answer, drive)) for m, answer in last.items()}
     judged = judge(problem, profiles)
     judged = (*judged, judge_stream(judged, choice, problem))
@@ -158,7 +158,7 @@ def export_project(
     further: dict[str, object] = {
         **numbers,
         **self_test_context(problem, table, profile_N, golden, precision, found),
-        **_observer_test(seen, _APART * problem.reference.range_N, precision, found),
+        **_observer_test(seen, FLOAT_SHARE * scale_of(golden.course.reference_N), precision, found),
         "measured": measured(precision),
         "judged": judged,
         "choice": choice,
@@ -167,7 +167,7 @@ def export_project(
     notes: tuple[str, ...] = ()
     if settings is not None and tuned is not None:
         notes = learnt(problem, tuning_of(problem, settings)).sentences()
-        answers = [] if found is None else [answer[ADAPTIVE.name] for answer in found[4:]]
+        answers = () if found is None else found.tuner
         if ADAPTIVE in modules:  # not where the inverse that it tunes is left out
             further["adaptive"] = adaptive_test(problem, settings, golden.course, precision, tuned, answers)
     texts = c_sources(scenario, problem, modules, precision, prefix, further)
@@ -189,18 +189,22 @@ def export_project(
 
 
 def _observer_test(
-    seen: ObserverGolden, apart_N: float, precision: Precision, found: Sequence[Mapping[str, FloatArray]] | None
+    seen: ObserverGolden, most_N: float, precision: Precision, found: InFloat | None
 ) -> dict[str, object]:
     """Values for the self test of the observer; answers of the exported code are None where it was not run."""
-    answered = None
+    answered = far = None
     if found is not None:
-        seen = seen.as_far_as(found[0][OBSERVER.name], apart_N)
-        answered = found[0][OBSERVER.name][: len(seen.output_N)]
+        seen = seen.as_far_as(found.course[OBSERVER.name], most_N)
+        answered = found.course[OBSERVER.name][: len(seen.output_N)]
+        far = found.far.get(OBSERVER.name, np.empty(0))[: len(seen.far_output_N)]
     scale = float(seen.input_N.max())
+    rows = compared(seen.output_N, scale, most_N, precision, answered)
+    of_bounds = 3 * rows.tolerance
     return {
         "seen": seen,
-        "seen_far_tolerance_N": (1e-3 if precision is Precision.FLOAT else 1e-8) * scale,
-        "seen_tolerance_N": tolerance(seen.output_N, scale, precision, answered),
+        "seen_far_compared": compared(seen.far_output_N, 10 * scale, most_N, precision, far),
+        "seen_compared": rows,
+        "seen_bounds_tolerance_N": of_bounds if answered is None else min(of_bounds, most_N),
     }
 
 
@@ -212,27 +216,39 @@ def _run_in_float(
     tuned: AdaptiveGolden | None,
     prefix: str,
     numbers: Mapping[str, object],
-) -> Sequence[Mapping[str, FloatArray]] | None:
-    """Answers of the modules in single precision to course, jumps, live course, and the reference from rest on.
-
-    Behind them those of the tuner, once for each nudge of its measurements.
-    """
+) -> InFloat | None:
+    """Answers of the modules in single precision; None where there is no C compiler."""
     with_stream = numbers["stream"] is not None
     modules = tuple(m for m in c_modules(scenario, with_stream) if m is not BOUNDS)
     every = c_sources(scenario, problem, modules, Precision.FLOAT, prefix, numbers)
     tension = problem.reference.tension_N
     course = np.concatenate([tension[:-1], tension[:-1], tension]) if problem.reference.periodic else tension
     followed = dict.fromkeys(golden.jumps.columns, course)
+    other = golden.other
     live = ({}, np.empty(0)) if golden.live is None else (golden.live.inputs_N, golden.live.joint_rad)
-    first = golden.course.inputs_N | {OBSERVER.name: seen.input_N}
-    inputs = [first, golden.jumps.inputs_N, live[0], followed]
-    angles = [golden.course.joint_rad, golden.jumps.joint_rad, live[1]]
+    first = golden.course.inputs_N | {OBSERVER.name: seen.given(without_position=True)}
+    far = {OBSERVER.name: seen.given()} if len(seen.position_m) else {}
+    inputs = [first, golden.jumps.inputs_N, live[0], {} if other is None else other.course.inputs_N, far, followed]
+    angles = [golden.course.joint_rad, golden.jumps.joint_rad, live[1], np.empty(0), golden.course.joint_rad]
+    friction = {} if other is None else {3: (other.mu_release, other.adhesion_N)}
     if (motion := problem.chain.motion) is not None:
         angles.append(motion.at(np.arange(len(course), dtype=np.float64) * problem.reference.step_s))
     if tuned is not None:
         inputs += [{ADAPTIVE.name: tuned.given(golden.course.reference_N, nudge)} for nudge in range(NUDGES)]
         angles += [tuned.joint_rad] * NUDGES
-    return run_on_host(every, prefix, Precision.FLOAT, inputs, angles if scenario.joints else ())
+    found = run_on_host(every, prefix, Precision.FLOAT, inputs, angles if scenario.joints else (), friction)
+    if found is None:
+        return None
+    course_found, jumps, live_found, other_found, far_found, reference, *tuner = found
+    return InFloat(
+        course=course_found,
+        jumps=jumps,
+        live=live_found,
+        other=other_found,
+        far=far_found,
+        reference=reference,
+        tuner=[answer[ADAPTIVE.name] for answer in tuner],
+    )
 
 
 def _design_json(

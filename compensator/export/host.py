@@ -5,6 +5,7 @@ import re
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -17,16 +18,27 @@ from tendonff.ocp.errors import CodeError
 _FLAGS = ("-std=c99", "-O0", "-shared", "-fPIC", "-ffp-contract=off", "-fno-math-errno")
 _INCLUDE = re.compile(r'^#include "([^"]+)"$', re.MULTILINE)
 _DRIVER = """
-void run_{module}(long n, double start, const {prefix}_real *given, const {prefix}_real *joint, {prefix}_real *answer)
+void run_{module}(long n, double start, const {prefix}_real *given, const {prefix}_real *joint, {prefix}_real *answer,
+                  const {prefix}_real *friction)
 {{
     {prefix}_{module} self;
     long k;
     (void)joint;
+    (void)friction;
     {prefix}_{module}_init(&self, ({prefix}_real)start);
-    for (k = 0; k < n; k++) {{
+{use}    for (k = 0; k < n; k++) {{
         answer[k] = {prefix}_{module}_step(&self, {given}{more});
     }}
 }}
+"""
+
+_USE = """    if (friction[0] > 0) {{
+        {prefix}_parameters given;
+        {prefix}_parameters_init(&given);
+        given.mu_release = friction[0];
+        given.adhesion = friction[1];
+        (void){prefix}_{module}_use(&self, &given);
+    }}
 """
 
 _MORE = {"observer": ", ({0}_real)NAN"}  # further arguments of a step: no position was measured
@@ -106,23 +118,27 @@ def run_on_host(
     precision: Precision,
     runs: Sequence[Mapping[str, FloatArray]],
     joints_rad: Sequence[FloatArray] = (),
+    friction: Mapping[int, tuple[float, float]] = MappingProxyType({}),
 ) -> list[dict[str, FloatArray]] | None:
     """Answer of each module to each of its inputs, from rest at the first sample; None where there is no C compiler.
 
     Sources are texts by file name; CodeError if the compiler refuses them. A run has inputs by name of the module, of
     shape (n,), or (n, m) where a step takes m of them, and joint angles of shape (n, joints).
+    `friction` has the release coefficient and the adhesion [N] of runs, by number, in which the scenario's is replaced.
     """
     modules = sorted({module for inputs in runs for module in inputs})
     moved = [joint for joint in joints_rad if joint.size]
     given_joints = f", &joint[{moved[0].shape[1]} * k]" if moved else ""
     driver = "#include <math.h>\n" + "".join(f'#include "{prefix}_{module}.h"\n' for module in modules)
+    set_in = {module for run in friction for module in runs[run]}
     columns = {module: values[0].size for inputs in runs for module, values in inputs.items()}
     driver += "".join(
         _DRIVER.format(
             module=module,
             prefix=prefix,
+            use=_USE.format(module=module, prefix=prefix) if module in set_in else "",
             given=", ".join(f"given[({columns[module]} * k) + {j}]" for j in range(columns[module])),
-            more=_MORE.get(module, "").format(prefix) + given_joints,
+            more=(_MORE.get(module, "").format(prefix) if columns[module] == 1 else "") + given_joints,
         )
         for module in modules
     )
@@ -131,16 +147,21 @@ def run_on_host(
         return None
     code = found
 
-    def answer(module: str, values: FloatArray, joint_rad: FloatArray, start: float) -> FloatArray:
-        call = code.function(f"run_{module}", ctypes.c_long, ctypes.c_double, *(code.reals,) * 3)
+    def answer(
+        module: str, values: FloatArray, joint_rad: FloatArray, start: float, set_to: tuple[float, float]
+    ) -> FloatArray:
+        call = code.function(f"run_{module}", ctypes.c_long, ctypes.c_double, *(code.reals,) * 4)
         answered = np.empty(len(values), dtype=code.real)
-        call(len(values), start, code.array(values), code.array(joint_rad), answered)
+        call(len(values), start, code.array(values), code.array(joint_rad), answered, code.array(np.array(set_to)))
         return answered.astype(np.float64)
 
     answers = []
     every = joints_rad or [np.empty(0)] * len(runs)
-    for inputs, joint in zip(runs, every, strict=True):
+    for number, (inputs, joint) in enumerate(zip(runs, every, strict=True)):
+        set_to = friction.get(number, (0.0, 0.0))
         # the plant takes forces or commands, and starts under the tension that the others start from
         starts = {module: float(inputs.get("inverse", values).flat[0]) for module, values in inputs.items()}
-        answers.append({module: answer(module, values, joint, starts[module]) for module, values in inputs.items()})
+        answers.append(
+            {module: answer(module, values, joint, starts[module], set_to) for module, values in inputs.items()}
+        )
     return answers

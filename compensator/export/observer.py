@@ -266,6 +266,11 @@ class ObserverGolden:
     knows_friction: bool  # a start in motion finds the friction, from `friction_at` on
     friction_at: int
 
+    def given(self, *, without_position: bool = False) -> FloatArray:
+        """Inputs of the steps, shape (rows, 2): input [N], and position [m], NaN where it is not measured."""
+        position = np.full(len(self.input_N), np.nan) if without_position else self.position_m
+        return np.stack([self.input_N[: len(position)], position], axis=1)
+
     def as_far_as(self, found_N: FloatArray, apart_N: float) -> "ObserverGolden":
         """The rows before single precision leaves the model, by the answers of the exported code.
 

@@ -16,6 +16,7 @@ from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.compensators.score import scale_of
 from tendonff.compensator.compensators.table import accepted_range
 from tendonff.compensator.export.golden import Course, Golden, respond, servo_of
+from tendonff.compensator.export.repeat import InFloat, compared_modules
 from tendonff.compensator.export.text.parameters import settable_numbers
 from tendonff.compensator.export.text.table_index import share_index
 from tendonff.models.capstan import Branch, CapstanLaw
@@ -125,10 +126,6 @@ def seen(force_N: FloatArray, limited_N: FloatArray, low_N: float, high_N: float
     return found
 
 
-_DOUBLE = 1e-9
-_UNMEASURED_FLOAT = 1e-3
-_FLOAT_ROUNDING = 2e-6
-_MARGIN = 3.0  # compilers that contract products and sums round otherwise
 _SLACK_ROWS = 200
 
 
@@ -185,14 +182,14 @@ def self_test_context(
     profile_N: FloatArray,
     golden: Golden,
     precision: Precision,
-    found_N: Sequence[Mapping[str, FloatArray]] | None,
+    found: InFloat | None,
 ) -> dict[str, object]:
     """Values for the template of the self test.
 
-    Answers of the exported code to course, jumps and live course are None where they were not measured.
+    Answers of the exported code are None where it was not run.
     """
     actuator, step = problem.transmission.actuator, problem.reference.step_s
-    course, jumps, live = golden.course, golden.jumps, golden.live
+    course, jumps, live, other = golden.course, golden.jumps, golden.live, golden.other
     start = float(course.reference_N[0])
     force = course.plant_force_N[: len(course.columns["plant"])]
     ends = respond(problem, force, start, course.chain).require()
@@ -202,8 +199,14 @@ def self_test_context(
     pushed = respond(problem, np.append(rest, np.full(_SLACK_ROWS, lowest)), start, still)
     slack = len(pushed.tension_N) > _SLACK_ROWS and float(pushed.output_tension_N[-1]) <= 0
     stiffness = min(problem.transmission.load.stiffness_N_per_m, problem.transmission.tendon.stiffness_N_per_m)
-    found = dict(zip(("course", "jumps", "live"), found_N or (None, None, None), strict=False))
-    tolerances = _tolerances(course, precision, found["course"], unit)
+    compared = {
+        "course": compared_modules(course, precision, None if found is None else found.course, unit),
+        "jumps": compared_modules(jumps, precision, None if found is None else found.jumps, unit, neighbours=1),
+        "live": {} if live is None else compared_modules(live, precision, None if found is None else found.live, unit),
+        "other": {}
+        if other is None
+        else compared_modules(other.course, precision, None if found is None else found.other, unit),
+    }
     least, most = actuator.force_min_N, actuator.force_max_N
     exact = invert(jumps.chain, jumps.reference_N, step, initial_tension_N=float(jumps.reference_N[0]))
     limited_N = problem.limits.apply(exact.force_N, step, float(jumps.reference_N[0]))  # columns may be commands [m]
@@ -215,6 +218,7 @@ def self_test_context(
     far = float(course.reference_N[np.argmax(np.abs(course.reference_N - start))])
     return {
         "golden": golden,
+        "compared": compared,
         "led_to": far if abs(far - start) > 1e-3 * start else None,
         "start_force_N": _start_force_N(problem, start),
         "live_ramps": ramps and servo_of(problem) is None,
@@ -224,11 +228,7 @@ def self_test_context(
             **({} if table is None else _table_checksums(table, precision)),
         },
         "tolerances": {
-            "course": tolerances,
-            "jumps": _tolerances(jumps, precision, found["jumps"], unit),
-            "other": _other_tolerances(golden, precision, tolerances, unit),
-            "live": {} if live is None else _tolerances(live, precision, found["live"], unit),
-            "position": tolerances["plant"] / stiffness + _summed_m(ends, precision),
+            "position": compared["course"]["plant"].tolerance / stiffness + _summed_m(ends, precision),
         },
         "jump_bits": {
             name: int(seen(exact.force_N, limited_N, least, most)) if name == "inverse" else 0 for name in jumps.columns
@@ -251,17 +251,6 @@ def _summed_m(run: Simulation, precision: Precision) -> float:
         return 0.0
     largest = max(float(np.abs(end).max()) for end in (run.near_position_m, run.far_position_m))
     return len(run.time_s) * float(np.finfo(np.float32).eps) / 2 * largest
-
-
-def _other_tolerances(
-    golden: Golden, precision: Precision, course: Mapping[str, float], per_newton: float
-) -> dict[str, float]:
-    """Those of other friction; in float a few times those of the course, whose numbers round in the same places."""
-    if golden.other is None:
-        return {}
-    if precision is Precision.FLOAT:
-        return {name: 4 * course[name] for name in golden.other.course.columns}
-    return _tolerances(golden.other.course, precision, None, per_newton)
 
 
 def _start_force_N(problem: Problem, start_N: float) -> tuple[float, float] | None:
@@ -288,28 +277,3 @@ def _table_checksums(table: LookupTable, precision: Precision) -> dict[str, int]
     numbers = {b.value: checksum([*table.branch(b).share, *table.ratio(b).ravel()], precision) for b in Branch}
     cells = {f"{b}_cell": integer_checksum(share_index(table.branch(b).share, precision).cell) for b in Branch}
     return numbers | cells
-
-
-def _tolerances(
-    course: Course, precision: Precision, found_N: Mapping[str, FloatArray] | None, per_newton: float
-) -> dict[str, float]:
-    """Largest difference from the model that passes, by module [N]; of commands [m]."""
-    tolerances = {}
-    for name, expected in course.columns.items():
-        unit = 1.0 if name == "plant" else per_newton
-        scale = max(float(np.abs(expected).max()), unit)
-        if name in ("inverse", "plant", "stream"):  # where the force before the limits rounds
-            scale = max(scale, course.scale_N * unit)
-        tolerances[name] = tolerance(expected, scale, precision, None if found_N is None else found_N[name])
-    return tolerances
-
-
-def tolerance(expected: FloatArray, scale: float, precision: Precision, found: FloatArray | None) -> float:
-    """Largest difference from what is expected that passes: of rounding, or of what the exported code gave."""
-    if precision is Precision.DOUBLE:
-        allowed = _DOUBLE * scale
-    elif found is None:
-        allowed = _UNMEASURED_FLOAT * scale
-    else:
-        allowed = _MARGIN * float(np.abs(found - expected).max()) + _FLOAT_ROUNDING * scale
-    return float(f"{allowed:.2g}")
