@@ -1,6 +1,7 @@
 """Exported code run on this machine: what single precision really loses is measured, not estimated."""
 
 import ctypes
+import math
 import re
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
@@ -32,7 +33,7 @@ void run_{module}(long n, double start, const {prefix}_real *given, const {prefi
 }}
 """
 
-_USE = """    if (friction[0] > 0) {{
+_USE = """    if (friction[0] >= 0) {{
         {prefix}_parameters given;
         {prefix}_parameters_init(&given);
         given.mu_release = friction[0];
@@ -158,7 +159,7 @@ def run_on_host(
     answers = []
     every = joints_rad or [np.empty(0)] * len(runs)
     for number, (inputs, joint) in enumerate(zip(runs, every, strict=True)):
-        set_to = friction.get(number, (0.0, 0.0))
+        set_to = friction.get(number, (math.nan, math.nan))
         # the plant takes forces or commands, and starts under the tension that the others start from
         starts = {module: float(inputs.get("inverse", values).flat[0]) for module, values in inputs.items()}
         answers.append(
