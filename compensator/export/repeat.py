@@ -82,7 +82,7 @@ def compared(
     *,
     neighbours: int = _NEIGHBOURS,
 ) -> Compared:
-    """What of a module's answers is compared, from what the exported code gave in single precision, where it was run.
+    """Choose the rows of a module to compare by what the exported code gave in single precision, where it was run.
 
     Parameters
     ----------
