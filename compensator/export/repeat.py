@@ -14,7 +14,9 @@ from tendonff.compensator.export.golden import Course
 from tendonff.ocp.codegen.precision import Precision
 
 FLOAT_SHARE = 1e-3
-"""Of the range: in single precision no difference from the model passes that is larger."""
+"""Of the range: rows that need a larger tolerance in single precision are not compared."""
+
+_FEWEST = 0.25  # share of rows below which all are compared all the same: leaving out nearly all would test nothing
 
 _DOUBLE = 1e-9
 _UNMEASURED_FLOAT = 1e-3
@@ -89,7 +91,7 @@ def compared(
     scale : float
         Size of the numbers that round [N] or [m].
     most : float
-        Largest tolerance in single precision [N] or [m]; rows that need more are not compared.
+        Largest tolerance in single precision [N] or [m]; rows that need more are not compared, unless few remain.
     neighbours : int, optional
         Rows over which a difference counts.
     """
@@ -98,6 +100,8 @@ def compared(
         return Compared(tolerance=_two_digits(share * scale), expected=expected)
     rounding = min(_FLOAT_ROUNDING * scale, 0.5 * most)
     kept = repeated_rows(expected, [found], (most - rounding) / _MARGIN, neighbours=neighbours)
+    if kept.mean() < _FEWEST:
+        kept, most = np.ones_like(kept), math.inf
     error = float(np.abs(found - expected)[kept].max(initial=0.0))
     return Compared(
         tolerance=min(_two_digits(_MARGIN * error + rounding), most), expected=np.where(kept, expected, np.nan)

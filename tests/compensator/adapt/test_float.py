@@ -65,3 +65,9 @@ def test_no_tolerance_in_float_is_above_the_bound_and_three_times_every_differen
 def test_all_rows_are_compared_in_double_and_where_the_code_was_not_run():
     for precision, found in ((Precision.DOUBLE, np.ones(5)), (Precision.FLOAT, None)):
         assert compared(np.zeros(5), 1.0, 1e-3, precision, found).every
+
+
+def test_where_nearly_every_row_needs_more_all_are_compared_with_what_they_need():
+    rows = compared(np.zeros(60), 1.0, 1e-3, Precision.FLOAT, np.full(60, 0.01))
+    assert rows.every
+    assert rows.tolerance == pytest.approx(0.03, rel=0.05)
