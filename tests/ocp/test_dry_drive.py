@@ -23,7 +23,7 @@ END = RubbingEnd(
     mass_kg=0.1, damping_N_s_per_m=2.0, stiffness_N_per_m=0.0, coulomb_N=COULOMB, bristle_stiffness_N_per_m=SIGMA
 )
 TIME = np.arange(900) * H
-WISH = 30 + 12 * np.sin(2 * np.pi * 2.5 * TIME) * np.minimum(TIME / 0.1, 1)
+REFERENCE_N = 30 + 12 * np.sin(2 * np.pi * 2.5 * TIME) * np.minimum(TIME / 0.1, 1)
 
 
 @pytest.fixture(scope="module")
@@ -54,12 +54,12 @@ def test_the_implicit_bristle_approaches_dahls_law_over_the_travel() -> None:
 @pytest.mark.compiler
 def test_inverse_then_chain_gives_the_reference_back(dry: Transmission, level: Level, engine: Engine) -> None:
     chain = Chain.of(replace(dry, friction=replace(dry.friction, mu_static=dry.friction.mu_dynamic)), level)
-    found = invert(chain, WISH, H, engine=engine, record=True)
+    found = invert(chain, REFERENCE_N, H, engine=engine, record=True)
     run = simulate(chain, found.force_N, H, engine=engine, record=True)
-    assert run.output_tension_N == pytest.approx(WISH, abs=1e-6)
+    assert run.output_tension_N == pytest.approx(REFERENCE_N, abs=1e-6)
     assert run.states == pytest.approx(found.states, abs=1e-6)
     other = Engine.CASADI if engine is Engine.COMPILED else Engine.COMPILED
-    assert found.force_N == pytest.approx(invert(chain, WISH, H, engine=other).force_N, abs=1e-9)
+    assert found.force_N == pytest.approx(invert(chain, REFERENCE_N, H, engine=other).force_N, abs=1e-9)
 
 
 def test_the_drive_adds_dahls_friction_of_its_own_travel_to_the_inverse(
@@ -67,7 +67,7 @@ def test_the_drive_adds_dahls_friction_of_its_own_travel_to_the_inverse(
 ) -> None:
     """The actuator's motion follows from the reference alone, so forces differ by f_d(q_a)."""
     plain, rubbing = (Chain.of(rig, Level.PRESLIDING) for rig in (generic, dry))
-    fine = np.interp(np.arange(4 * len(WISH) - 3) / 4, np.arange(len(WISH)), WISH)
+    fine = np.interp(np.arange(4 * len(REFERENCE_N) - 3) / 4, np.arange(len(REFERENCE_N)), REFERENCE_N)
     bare, found = (invert(chain, fine, H / 4, record=True) for chain in (plain, rubbing))
     assert found.states[:, -2] == pytest.approx(bare.states[:, -2], abs=1e-12)
     sigma = dry.friction.soft_bristle_stiffness_N_per_m

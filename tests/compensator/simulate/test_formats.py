@@ -152,10 +152,10 @@ def expected(examples, tmp_path_factory):
 def test_every_form_is_read_as_force_reference_and_measurement(examples, tmp_path, expected, form):
     force = written(tmp_path, form, READ[form])
     assert simulated(examples, force, tmp_path / "o.csv") == 0
-    found = np.genfromtxt(tmp_path / "o.csv", delimiter=",", skip_header=1)
-    assert found == pytest.approx(expected, rel=1e-9, abs=1e-12)
-    wish = reference(examples, written(tmp_path, form, READ[form], USES["reference"]))
-    assert wish.tension_N[::10] == pytest.approx(VALUE, rel=1e-9)
+    output = np.genfromtxt(tmp_path / "o.csv", delimiter=",", skip_header=1)
+    assert output == pytest.approx(expected, rel=1e-9, abs=1e-12)
+    found = reference(examples, written(tmp_path, form, READ[form], USES["reference"]))
+    assert found.tension_N[::10] == pytest.approx(VALUE, rel=1e-9)
     seen = read_measurement(written(tmp_path, form, READ[form], USES["measurement"]), Measurement())
     assert seen.time_s - seen.time_s[0] == pytest.approx(TIME, abs=1e-9)
     assert seen.output_N == pytest.approx(VALUE, rel=1e-9)

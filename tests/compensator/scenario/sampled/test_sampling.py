@@ -359,14 +359,14 @@ def test_a_cycle_that_does_not_close_is_refused(finger: Scenario) -> None:
 
 def test_a_wanted_position_asks_for_the_tension_of_the_loads_balance(finger: Scenario) -> None:
     """At rest in the new place T = T0 + k_l q."""
-    wish = WaypointReference(
+    wanted = WaypointReference(
         times_s=(0.0, 0.5, 1.0),
         positions_m=(0.0, 0.004, 0.004),
         shape=Shape.SMOOTH,
         quantity=Quantity.POSITION,
         initial_tension_N=30.0,
     )
-    reference = sampled(finger, wish)
+    reference = sampled(finger, wanted)
     assert reference.position_m is not None
     assert reference.position_m[-1] == 0.004
     assert reference.tension_N[-1] == pytest.approx(30.0 + 0.004 * finger.transmission.load.stiffness_N_per_m)
