@@ -123,7 +123,6 @@ class StepCode:
     # for an inverse that keeps states relative to what the tension alone would cause: by state, [m/N]; those of links
     # for inner ones and for those at the ends
     compliances: Compliances | None = None
-    given_change: bool = False  # the caller of such an inverse gives the change of the reference
     on_joints: OnJoints | None = None  # for a controller, where the path moves or has sections
     held: bool = False  # a servo's stiffness holds the near end, whose rounding counts too
     joint_numbers: tuple[str, ...] = ()  # of a driven joint between two chains
@@ -278,7 +277,6 @@ class StepCode:
             most_ratio=number(MOST_RATIO),
             shifted=self.compliances is not None,
             compliances=self.compliances,
-            given_change=self.given_change,
             zero=number(0.0),
             half=number(0.5),
             one=number(1.0),

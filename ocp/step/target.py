@@ -203,7 +203,6 @@ def step_code(
         limits=limits or Limits(),
         compliances=compliances,
         free=free,
-        given_change=tuned and compliances is not None,
         moving=contact is not None,
         on_joints=on_joints,
         held=precision is Precision.FLOAT and chain.near.stiffness_N_per_m > 0,

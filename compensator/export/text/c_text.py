@@ -231,7 +231,7 @@ def _context(
     followers = [m for m in modules if not m.plays_back and m not in others]  # of a reference, without delay
     output = max(size, 4) + 8 + 3 * size
     entry = _padded(4 * size + 4, size)
-    past = 2 * count + 2 if precision is Precision.FLOAT else 0
+    past = 2 * count + 4 if precision is Precision.FLOAT else 0
     joints = Joints.of(chain) if chain.moving else None  # else all masses are alike and nothing moves
     moving = joints is not None and bool(joints.names)
     path = {
