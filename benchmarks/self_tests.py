@@ -128,7 +128,8 @@ def _self_tuning(chance: np.random.Generator, tension_N: float, travel_m: float)
 
 
 GOLDEN = re.compile(
-    r"(?P<what>\w+: golden (?:vectors|bounds)[a-z ]*)(?:, (?P<rows>\d+) of (?P<all>\d+) rows)?, .* at most (?P<N>\S+) N"
+    r"(?P<what>\w+: golden (?:vectors|bounds)[a-z ]*)(?P<means>, means of \d+)?"
+    r"(?:, (?P<rows>\d+) of (?P<all>\d+) rows)?, .* at most (?P<N>\S+) N"
 )
 
 
@@ -156,6 +157,7 @@ def main() -> int:
     bad, tried, tuned, refused, harmful = [], 0, 0, collections.Counter(), collections.Counter()
     widest: dict[tuple[str, str], list[float]] = collections.defaultdict(list)
     compared: dict[str, list[float]] = collections.defaultdict(list)
+    means: collections.Counter[str] = collections.Counter()
     while tried < options.count:
         try:
             scenario = a_scenario(chance, options.self_tuning)
@@ -173,12 +175,14 @@ def main() -> int:
                 bad.append(f"{tried} {precision}: {failed}")
                 print(bad[-1], flush=True)
             for found in GOLDEN.finditer(said):
+                means[found["what"]] += found["means"] is not None
                 widest[found["what"], precision].append(float(found["N"]) / scale_of(profile))
                 if found["rows"]:
                     compared[found["what"]].append(int(found["rows"]) / int(found["all"]))
     print(f"of these {tuned} with self-tuning; share of rows compared where not all are:")
     for what, shares in sorted(compared.items()):
         print(f"  {what}: {np.round(sorted(shares), 2)}")
+    print(f"compared as means over a few rows: {dict(+means)}")
     for (what, precision), shares in sorted(widest.items()):
         above = sum(share > MOST for share in shares)
         print(f"{what}, {precision}: tolerance at most {max(shares):.2g} of range, above {MOST:.2g} in {above}")

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from tendonff._version import __version__
-from tendonff.compensator.adapt.setup import check_tuning, learnt, tuning_of
+from tendonff.compensator.adapt.setup import certified, check_tuning, learnt, tuning_of
 from tendonff.compensator.compensators.base import CModule, Problem, with_motion
 from tendonff.compensator.compensators.profile import FloatArray, Profile
 from tendonff.compensator.compensators.registry import compensator
@@ -115,7 +115,7 @@ def export_project(
     check_tuning(scenario)
     problem = Problem.of(scenario, level=level)
     drive = scenario.transmission.actuator.drive
-    warnings = problem.reference.warnings
+    warnings, tension = problem.reference.warnings, problem.reference.tension_N
     if profile_N is None:
         optimal = with_motion(problem, "optimal", compensator("optimal").profile(problem).require())
         profile_N, warnings = optimal.setpoint(drive), (*warnings, *optimal.warnings)
@@ -135,22 +135,22 @@ def export_project(
     stream = None if choice is None else choice.picked.design
     golden = golden_vectors(problem, table, precision, stream=stream)
     observed = ObserverDesign(problem=problem)
-    numbers["observed"] = observed
     seen = observer_golden(observed, golden.course.chain, golden.course.reference_N, precision)
     settings = scenario.adaptation
-    tuned = None if settings is None else adaptive_golden(problem, settings, golden.course, precision)
+    bounds = None if settings is None or problem.chain.motion is not None else certified(problem)
+    tuned = None if settings is None else adaptive_golden(problem, settings, golden.course, precision, bounds)
+    numbers |= {"stream": stream, "bounds": bounds, "observed": observed}
     losses: tuple[FloatLoss, ...] = ()
-    found: InFloat | None = None
-    numbers["stream"] = stream
+    found: tuple[InFloat, ...] = ()
     if precision is Precision.FLOAT:
         found = _run_in_float(scenario, problem, golden, seen, tuned, prefix, numbers)
-        if found is not None:
+        if found:
             expected = golden.course.columns | {OBSERVER.name: seen.output_N}
             of_tuner = {} if tuned is None else {ADAPTIVE.name: tuned.force_N}
-            in_float = {**found.course, **dict(zip(of_tuner, found.tuner, strict=False))}
+            in_float = {**found[0].course, **dict(zip(of_tuner, found[0].tuner, strict=False))}
             losses = float_losses(replace(golden.course, columns=expected | of_tuner), in_float, problem)
-            rows = len(problem.reference.tension_N)
-            last = {module: answer[-rows:] for module, answer in found.reference.items()}
+            rows = len(tension)
+            last = {module: answer[-rows:] for module, answer in found[0].reference.items()}
             profiles |= {m: driven(problem, m, Profile.of_setpoint(answer, drive)) for m, answer in last.items()}
     judged = judge(problem, profiles)
     judged = (*judged, judge_stream(judged, choice, problem))
@@ -158,7 +158,7 @@ def export_project(
     further: dict[str, object] = {
         **numbers,
         **self_test_context(problem, table, profile_N, golden, precision, found),
-        **_observer_test(seen, FLOAT_SHARE * scale_of(golden.course.reference_N), precision, found),
+        **_observer_test(seen, FLOAT_SHARE * scale_of(tension), precision, found),
         "measured": measured(precision),
         "judged": judged,
         "choice": choice,
@@ -167,7 +167,7 @@ def export_project(
     notes: tuple[str, ...] = ()
     if settings is not None and tuned is not None:
         notes = learnt(problem, tuning_of(problem, settings)).sentences()
-        answers = () if found is None else found.tuner
+        answers = [answer for run in found for answer in run.tuner]
         if ADAPTIVE in modules:  # not where the inverse that it tunes is left out
             further["adaptive"] = adaptive_test(problem, settings, golden.course, precision, tuned, answers)
     texts = c_sources(scenario, problem, modules, precision, prefix, further)
@@ -189,14 +189,13 @@ def export_project(
 
 
 def _observer_test(
-    seen: ObserverGolden, most_N: float, precision: Precision, found: InFloat | None
+    seen: ObserverGolden, most_N: float, precision: Precision, found: Sequence[InFloat]
 ) -> dict[str, object]:
-    """Values for the self test of the observer; answers of the exported code are None where it was not run."""
-    answered = far = None
-    if found is not None:
-        seen = seen.as_far_as(found.course[OBSERVER.name], most_N)
-        answered = found.course[OBSERVER.name][: len(seen.output_N)]
-        far = found.far.get(OBSERVER.name, np.empty(0))[: len(seen.far_output_N)]
+    """Values for the self test of the observer; there are no answers of the exported code where it was not run."""
+    for run in found:
+        seen = seen.as_far_as(run.course[OBSERVER.name][: len(seen.output_N)], most_N)
+    answered = [run.course[OBSERVER.name][: len(seen.output_N)] for run in found]
+    far = [run.far.get(OBSERVER.name, np.empty(0))[: len(seen.far_output_N)] for run in found]
     scale = float(seen.input_N.max())
     rows = compared(seen.output_N, scale, most_N, precision, answered)
     of_bounds = 3 * rows.tolerance
@@ -204,7 +203,7 @@ def _observer_test(
         "seen": seen,
         "seen_far_compared": compared(seen.far_output_N, 10 * scale, most_N, precision, far),
         "seen_compared": rows,
-        "seen_bounds_tolerance_N": of_bounds if answered is None else min(of_bounds, most_N),
+        "seen_bounds_tolerance_N": min(of_bounds, most_N) if answered else of_bounds,
     }
 
 
@@ -216,8 +215,8 @@ def _run_in_float(
     tuned: AdaptiveGolden | None,
     prefix: str,
     numbers: Mapping[str, object],
-) -> InFloat | None:
-    """Answers of the modules in single precision; None where there is no C compiler."""
+) -> tuple[InFloat, ...]:
+    """Answers of the modules in single precision, without and with contracted products; none without a C compiler."""
     with_stream = numbers["stream"] is not None
     modules = tuple(m for m in c_modules(scenario, with_stream) if m is not BOUNDS)
     every = c_sources(scenario, problem, modules, Precision.FLOAT, prefix, numbers)
@@ -236,16 +235,30 @@ def _run_in_float(
     if tuned is not None:
         inputs += [{ADAPTIVE.name: tuned.given(golden.course.reference_N, nudge)} for nudge in range(NUDGES)]
         angles += [tuned.joint_rad] * NUDGES
-    found = run_on_host(every, prefix, Precision.FLOAT, inputs, angles if scenario.joints else (), friction)
-    if found is None:
-        return None
-    course_found, jumps, live_found, other_found, far_found, reference, *tuner = found
+    joints = angles if scenario.joints else ()
+    runs = (
+        run_on_host(every, prefix, Precision.FLOAT, inputs, joints, friction, contracted=contracted)
+        for contracted in (False, True)
+    )
+    return tuple(_in_float(*run) for run in runs if run is not None)
+
+
+def _in_float(
+    course: Mapping[str, FloatArray],
+    jumps: Mapping[str, FloatArray],
+    live: Mapping[str, FloatArray],
+    other: Mapping[str, FloatArray],
+    far: Mapping[str, FloatArray],
+    reference: Mapping[str, FloatArray],
+    *tuner: Mapping[str, FloatArray],
+) -> InFloat:
+    """The runs in the order of their inputs."""
     return InFloat(
-        course=course_found,
+        course=course,
         jumps=jumps,
-        live=live_found,
-        other=other_found,
-        far=far_found,
+        live=live,
+        other=other,
+        far=far,
         reference=reference,
         tuner=[answer[ADAPTIVE.name] for answer in tuner],
     )

@@ -17,6 +17,10 @@ from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import CodeError
 
 _FLAGS = ("-std=c99", "-O0", "-shared", "-fPIC", "-ffp-contract=off", "-fno-math-errno")
+_CONTRACTED = ("-std=c99", "-O2", "-shared", "-fPIC", "-ffp-contract=fast", "-fno-math-errno")  # where it optimises
+_ANY_OF_THIS = (
+    "-march=native",
+)  # products and sums in one, where this processor can; not every compiler knows the word
 _INCLUDE = re.compile(r'^#include "([^"]+)"$', re.MULTILINE)
 _DRIVER = """
 void run_{module}(long n, double start, const {prefix}_real *given, const {prefix}_real *joint, {prefix}_real *answer,
@@ -75,11 +79,12 @@ class HostCode:
 
 
 def compile_on_host(
-    sources: Mapping[str, str], driver: str, precision: Precision, *, keep: bool = False
+    sources: Mapping[str, str], driver: str, precision: Precision, *, keep: bool = False, contracted: bool = False
 ) -> HostCode | None:
     """Exported sources, texts by file name, and a driver; None without a C compiler, CodeError if it refuses.
 
-    What is to be kept is compiled once, and fast; what runs once takes longer to compile than to run.
+    What is to be kept is compiled once, and fast; what runs once takes longer to compile than to run. Contracted, it
+    rounds products and sums in one where this processor can.
     """
     compiler = find_compiler()
     if compiler is None:
@@ -91,7 +96,14 @@ def compile_on_host(
         for name, text in {**sources, "driver.c": driver}.items():
             (folder / name).write_text(text, encoding="utf-8")
         compiled = ["driver.c", *(name for name in sources if name.endswith(".c"))]
-        if complaint := run_compiler(compiler, [*_FLAGS, "-o", "code.so", *compiled, "-lm"], folder):
+        files = ["-o", "code.so", *compiled, "-lm"]
+        tries = ([*_CONTRACTED, *_ANY_OF_THIS], _CONTRACTED) if contracted else (_FLAGS,)
+        complaint: str | None = None
+        for flags in tries:
+            complaint = run_compiler(compiler, [*flags, *files], folder)
+            if complaint is None:
+                break
+        if complaint:
             raise CodeError(f"the exported sources: {complaint}")
         return HostCode(ctypes.CDLL(str(folder / "code.so")), precision)
 
@@ -120,12 +132,15 @@ def run_on_host(
     runs: Sequence[Mapping[str, FloatArray]],
     joints_rad: Sequence[FloatArray] = (),
     friction: Mapping[int, tuple[float, float]] = MappingProxyType({}),
+    *,
+    contracted: bool = False,
 ) -> list[dict[str, FloatArray]] | None:
     """Answer of each module to each of its inputs, from rest at the first sample; None where there is no C compiler.
 
     Sources are texts by file name; CodeError if the compiler refuses them. A run has inputs by name of the module, of
     shape (n,), or (n, m) where a step takes m of them, and joint angles of shape (n, joints).
     `friction` has the release coefficient and the adhesion [N] of runs, by number, in which the scenario's is replaced.
+    Contracted, products and sums are rounded in one where this processor can.
     """
     modules = sorted({module for inputs in runs for module in inputs})
     moved = [joint for joint in joints_rad if joint.size]
@@ -143,7 +158,7 @@ def run_on_host(
         )
         for module in modules
     )
-    found = compile_on_host(sources, driver, precision)
+    found = compile_on_host(sources, driver, precision, contracted=contracted)
     if found is None:
         return None
     code = found

@@ -9,14 +9,17 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
 from tendonff.compensator.compensators.profile import FloatArray
-from tendonff.compensator.compensators.score import scale_of
 from tendonff.compensator.export.golden import Course
 from tendonff.ocp.codegen.precision import Precision
 
 FLOAT_SHARE = 1e-3
 """Of the range: rows that need a larger tolerance in single precision are not compared."""
 
-_FEWEST = 0.25  # share of rows below which all are compared all the same: leaving out nearly all would test nothing
+_FEW = (
+    0.5  # share of rows below which means are compared instead: of steps so short that rounding makes noise of forces
+)
+_FEWEST = 0.25  # below which all rows are compared all the same: leaving out nearly all would test nothing
+_MEAN_OF = 8  # rows; what rounding makes of a reference is differentiated twice, and so is next to nothing in a mean
 
 _DOUBLE = 1e-9
 _UNMEASURED_FLOAT = 1e-3
@@ -44,6 +47,7 @@ class Compared:
 
     tolerance: float  # largest difference from the model that passes [N]; of commands [m]
     expected: FloatArray  # shape (rows,); the model's answers, NaN in rows that are not compared
+    mean_of: int = 1  # rows whose mean difference is compared
 
     @property
     def rows(self) -> int:
@@ -57,8 +61,9 @@ class Compared:
 
     @property
     def words(self) -> str:
-        """Addition to the name of the comparison: nothing where all rows are compared."""
-        return "" if self.every else f", {self.rows} of {len(self.expected)} rows"
+        """Addition to the name of the comparison: nothing where each row is compared."""
+        means = "" if self.mean_of == 1 else f", means of {self.mean_of}"
+        return means + ("" if self.every else f", {self.rows} of {len(self.expected)} rows")
 
 
 def repeated_rows(
@@ -71,8 +76,24 @@ def repeated_rows(
     """
     if not found:
         return np.ones(len(expected), dtype=np.bool_)
-    apart = np.max([np.abs(answer - expected) for answer in found], axis=0)
-    return np.asarray(maximum_filter1d(np.nan_to_num(apart, nan=math.inf), neighbours) <= most)
+    return _quiet([np.abs(answer - expected) for answer in found], most, neighbours)
+
+
+def largest_error(expected: FloatArray, found: Sequence[FloatArray]) -> float:
+    """Of all rows, with the margin that rows are compared with."""
+    return _MARGIN * max((float(np.abs(answer - expected).max(initial=0.0)) for answer in found), default=0.0)
+
+
+def _quiet(apart: Sequence[FloatArray], most: float, neighbours: int) -> NDArray[np.bool_]:
+    """Rows in which every difference and its neighbours are at most so large."""
+    return np.asarray(maximum_filter1d(np.nan_to_num(np.max(apart, axis=0), nan=math.inf), neighbours) <= most)
+
+
+def _means(apart: FloatArray) -> FloatArray:
+    """Size of the mean difference of each row and those before it; 0 in rows with fewer before them."""
+    means = np.abs(np.convolve(apart, np.full(_MEAN_OF, 1 / _MEAN_OF), mode="full")[: len(apart)])
+    means[: _MEAN_OF - 1] = 0.0
+    return means
 
 
 def compared(
@@ -80,9 +101,10 @@ def compared(
     scale: float,
     most: float,
     precision: Precision,
-    found: FloatArray | None,
+    found: Sequence[FloatArray],
     *,
     neighbours: int = _NEIGHBOURS,
+    by_means: bool = False,
 ) -> Compared:
     """Choose the rows of a module to compare by what the exported code gave in single precision, where it was run.
 
@@ -90,44 +112,62 @@ def compared(
     ----------
     scale : float
         Size of the numbers that round [N] or [m].
+    found : sequence of ndarray
+        Answers of the exported code, one for each way of rounding that it was compiled with.
     most : float
         Largest tolerance in single precision [N] or [m]; rows that need more are not compared, unless few remain.
     neighbours : int, optional
         Rows over which a difference counts.
+    by_means : bool, optional
+        Compare means over some rows where few would remain.
     """
-    if precision is Precision.DOUBLE or found is None or not len(expected):
+    if precision is Precision.DOUBLE or not len(found) or not len(expected):
         share = _DOUBLE if precision is Precision.DOUBLE else _UNMEASURED_FLOAT
         return Compared(tolerance=_two_digits(share * scale), expected=expected)
     rounding = min(_FLOAT_ROUNDING * scale, 0.5 * most)
-    kept = repeated_rows(expected, [found], (most - rounding) / _MARGIN, neighbours=neighbours)
+    within, mean_of = (most - rounding) / _MARGIN, 1
+    apart = [np.abs(answer - expected) for answer in found]
+    kept = _quiet(apart, within, neighbours)
+    if by_means and kept.mean() < _FEW:
+        means = [_means(answer - expected) for answer in found]
+        in_means = _quiet(means, within, neighbours)
+        if in_means.mean() > kept.mean():
+            apart, kept, mean_of = means, in_means, _MEAN_OF
     if kept.mean() < _FEWEST:
-        kept, most = np.ones_like(kept), math.inf
-    error = float(np.abs(found - expected)[kept].max(initial=0.0))
+        apart = [np.abs(answer - expected) for answer in found]
+        kept, most, mean_of = np.ones_like(kept), math.inf, 1
+    error = max(float(each[kept].max(initial=0.0)) for each in apart)
     return Compared(
-        tolerance=min(_two_digits(_MARGIN * error + rounding), most), expected=np.where(kept, expected, np.nan)
+        tolerance=min(_two_digits(_MARGIN * error + rounding), most),
+        expected=np.where(kept, expected, np.nan),
+        mean_of=mean_of,
     )
 
 
 def compared_modules(
     course: Course,
     precision: Precision,
-    found_N: Mapping[str, FloatArray] | None,
+    found_N: Sequence[Mapping[str, FloatArray]],
     per_newton: float,
+    range_N: float,
     *,
     neighbours: int = _NEIGHBOURS,
 ) -> dict[str, Compared]:
-    """Rows of each module of a course; `per_newton` is what a newton is in the unit of its answers."""
+    """Rows of each module of a course.
+
+    `per_newton` is what a newton is in the unit of its answers, `range_N` the range of the scenario's reference.
+    """
     modules = {}
     for name, expected in course.columns.items():
         unit = 1.0 if name == "plant" else per_newton
         scale = max(float(np.abs(expected).max()), unit)
         if name in ("inverse", "plant", "stream"):  # where the force before the limits rounds
             scale = max(scale, course.scale_N * unit)
-        most = FLOAT_SHARE * scale_of(course.reference_N[np.isfinite(course.reference_N)]) * unit
-        if name == "plant":  # its rows end where small differences grow
-            most = math.inf
-        found = None if found_N is None else found_N[name]
-        modules[name] = compared(expected, scale, most, precision, found, neighbours=neighbours)
+        most = FLOAT_SHARE * range_N * unit
+        found = [answers[name] for answers in found_N]
+        modules[name] = compared(
+            expected, scale, most, precision, found, neighbours=neighbours, by_means=neighbours > 1
+        )
     return modules
 
 

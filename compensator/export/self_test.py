@@ -16,7 +16,7 @@ from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.compensators.score import scale_of
 from tendonff.compensator.compensators.table import accepted_range
 from tendonff.compensator.export.golden import Course, Golden, respond, servo_of
-from tendonff.compensator.export.repeat import InFloat, compared_modules
+from tendonff.compensator.export.repeat import InFloat, compared_modules, largest_error
 from tendonff.compensator.export.text.parameters import settable_numbers
 from tendonff.compensator.export.text.table_index import share_index
 from tendonff.models.capstan import Branch, CapstanLaw
@@ -182,11 +182,11 @@ def self_test_context(
     profile_N: FloatArray,
     golden: Golden,
     precision: Precision,
-    found: InFloat | None,
+    found: Sequence[InFloat],
 ) -> dict[str, object]:
     """Values for the template of the self test.
 
-    Answers of the exported code are None where it was not run.
+    There are no answers of the exported code where it was not run.
     """
     actuator, step = problem.transmission.actuator, problem.reference.step_s
     course, jumps, live, other = golden.course, golden.jumps, golden.live, golden.other
@@ -199,14 +199,16 @@ def self_test_context(
     pushed = respond(problem, np.append(rest, np.full(_SLACK_ROWS, lowest)), start, still)
     slack = len(pushed.tension_N) > _SLACK_ROWS and float(pushed.output_tension_N[-1]) <= 0
     stiffness = min(problem.transmission.load.stiffness_N_per_m, problem.transmission.tendon.stiffness_N_per_m)
+    span = scale_of(problem.reference.tension_N)
     compared = {
-        "course": compared_modules(course, precision, None if found is None else found.course, unit),
-        "jumps": compared_modules(jumps, precision, None if found is None else found.jumps, unit, neighbours=1),
-        "live": {} if live is None else compared_modules(live, precision, None if found is None else found.live, unit),
+        "course": compared_modules(course, precision, [run.course for run in found], unit, span),
+        "jumps": compared_modules(jumps, precision, [run.jumps for run in found], unit, span, neighbours=1),
+        "live": {} if live is None else compared_modules(live, precision, [run.live for run in found], unit, span),
         "other": {}
         if other is None
-        else compared_modules(other.course, precision, None if found is None else found.other, unit),
+        else compared_modules(other.course, precision, [run.other for run in found], unit, span),
     }
+    of_plant_N = largest_error(course.columns["plant"], [run.course["plant"] for run in found])
     least, most = actuator.force_min_N, actuator.force_max_N
     exact = invert(jumps.chain, jumps.reference_N, step, initial_tension_N=float(jumps.reference_N[0]))
     limited_N = problem.limits.apply(exact.force_N, step, float(jumps.reference_N[0]))  # columns may be commands [m]
@@ -228,7 +230,7 @@ def self_test_context(
             **({} if table is None else _table_checksums(table, precision)),
         },
         "tolerances": {
-            "position": compared["course"]["plant"].tolerance / stiffness + _summed_m(ends, precision),
+            "position": max(compared["course"]["plant"].tolerance, of_plant_N) / stiffness + _summed_m(ends, precision),
         },
         "jump_bits": {
             name: int(seen(exact.force_N, limited_N, least, most)) if name == "inverse" else 0 for name in jumps.columns

@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 
 from tendonff._version import __version__
+from tendonff.compensator.adapt.setup import Certified, certified
 from tendonff.compensator.compensators.base import CModule, Problem
 from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.stream import RE_ENTRY_S, RE_ENTRY_SHARE, SLACK, StreamDesign
 from tendonff.compensator.compensators.table import BuiltTable, accepted_range
 from tendonff.compensator.export.adaptive import adaptive_code
-from tendonff.compensator.export.modules import ADAPTIVE_MODULES, OBSERVER, PLANT, STREAM, accepted_steps
+from tendonff.compensator.export.modules import ADAPTIVE_MODULES, BOUNDS, OBSERVER, PLANT, STREAM, accepted_steps
 from tendonff.compensator.export.observer import ObserverDesign, observer_code
 from tendonff.compensator.export.text.parameters import parameter_context, settable_inverse
 from tendonff.compensator.export.text.table_index import share_index
@@ -73,9 +74,13 @@ def c_sources(
     context = _context(scenario, problem, modules, precision, prefix, further)
     names = [module.name for module in modules]
     code: dict[str, dict[str, object]] = {}
+    bounds: Certified | None = further.get("bounds")
+    if bounds is None and BOUNDS in modules:
+        bounds = certified(problem)
     if scenario.adaptation is not None and {m.name for m in ADAPTIVE_MODULES} & set(names):
         code |= dict.fromkeys(
-            (m.name for m in ADAPTIVE_MODULES), adaptive_code(problem, scenario.adaptation, precision, prefix)
+            (m.name for m in ADAPTIVE_MODULES),
+            adaptive_code(problem, scenario.adaptation, precision, prefix, bounds),
         )
     if "inverse" in names:
         code["inverse"] = settable_inverse(problem, precision, prefix)
