@@ -42,7 +42,7 @@ _LEAST_CHANGE = 0.05
 _CORNERS = ((0, 0), (-1, -1), (-1, 1), (1, -1), (1, 1))
 _TUNED = (Tunable.MU_PULL, Tunable.MU_RELEASE, Tunable.TENDON_STIFFNESS, Tunable.LOAD_STIFFNESS)
 _FAR_ROWS = 200  # of the golden vectors with a position
-_FAR_FROM = 10  # rows before a difference that are left out too
+_FAR_FROM = 10  # rows before a difference, or a step that is hard, that are left out too
 _DELAY_ROWS = 40  # after which that position departs from the chain's own
 
 
@@ -315,7 +315,7 @@ def observer_golden(design: ObserverDesign, chain: Chain, course_N: FloatArray, 
 
 
 def _repeatable(design: ObserverDesign, chain: Chain, input_N: FloatArray, output_N: FloatArray) -> int:
-    """Rows over which small differences stay small, and whose steps are easy."""
+    """Rows over which small differences stay small, and whose steps are easy; some rows before the first that is not."""
     step, start = design.problem.reference.step_s, float(input_N[0])
     scale = max(float(np.abs(input_N).max()), start)
     nudged = input_N + NUDGE * scale * np.where(np.arange(len(input_N)) % 2, 1, -1)
@@ -323,7 +323,8 @@ def _repeatable(design: ObserverDesign, chain: Chain, input_N: FloatArray, outpu
     other = run.output_tension_N
     apart = np.abs(other - output_N[: len(other)]) > GROWTH * NUDGE * scale
     same = int(np.argmax(apart)) if apart.any() else len(other)
-    return max(min(same, easy_rows(chain, input_N, step, start)), 2)
+    rows = min(same, easy_rows(chain, input_N, step, start))
+    return rows if rows == len(input_N) else max(rows - _FAR_FROM, 2)
 
 
 def _with_far_end(
