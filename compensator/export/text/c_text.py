@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from tendonff._version import __version__
-from tendonff.compensator.adapt.setup import Certified, certified
 from tendonff.compensator.compensators.base import CModule, Problem
 from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.stream import RE_ENTRY_S, RE_ENTRY_SHARE, SLACK, StreamDesign
@@ -23,12 +22,13 @@ from tendonff.compensator.export.observer import ObserverDesign, observer_code
 from tendonff.compensator.export.text.parameters import parameter_context, settable_inverse
 from tendonff.compensator.export.text.table_index import share_index
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
+from tendonff.compensator.studies.adapt.setup import Certified, certified
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.capstan.spread_bounds import PLAYS, play_exponents
-from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
-from tendonff.models.friction import equivalent_exponent
 from tendonff.models.parameters import Transmission
+from tendonff.models.tendon.chain import Chain
+from tendonff.models.tendon.friction import equivalent_exponent
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal
 from tendonff.ocp.codegen.templates import environment
