@@ -315,7 +315,7 @@ def observer_golden(design: ObserverDesign, chain: Chain, course_N: FloatArray, 
 
 
 def _repeatable(design: ObserverDesign, chain: Chain, input_N: FloatArray, output_N: FloatArray) -> int:
-    """Rows over which small differences stay small, and whose steps are easy; some rows before the first that is not."""
+    """Rows over which small differences stay small, and whose steps are easy, with some rows less at their end."""
     step, start = design.problem.reference.step_s, float(input_N[0])
     scale = max(float(np.abs(input_N).max()), start)
     nudged = input_N + NUDGE * scale * np.where(np.arange(len(input_N)) % 2, 1, -1)

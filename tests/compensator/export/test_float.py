@@ -17,7 +17,7 @@ from tendonff.compensator.export.text.c_text import c_sources
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.inverse import invert
+from tendonff.ocp.tendon.inverse import invert
 
 STEP_S = 2e-4  # so short that the motor's inertia makes newtons of what rounding leaves of a reference
 

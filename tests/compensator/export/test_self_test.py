@@ -250,5 +250,5 @@ def test_bits_of_a_position_drive_follow_forces_not_by_commands(finger):
     servo = replace(finger, transmission=replace(finger.transmission, actuator=actuator))
     problem = Problem.of(servo)
     golden = golden_vectors(problem, None, Precision.DOUBLE)
-    said = self_test_context(problem, None, np.full(3, 0.0), golden, Precision.DOUBLE, None)
+    said = self_test_context(problem, None, np.full(3, 0.0), golden, Precision.DOUBLE, ())
     assert not Status(said["jump_bits"]["inverse"]) & Status.RATE_LIMITED
