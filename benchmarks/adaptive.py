@@ -9,12 +9,12 @@ import casadi as ca
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from tendonff.models.chain import Chain, chain_equations
 from tendonff.models.layout import INPUT_NAMES, ChainState
-from tendonff.ocp.crosscheck import SPREAD_LIMIT
+from tendonff.models.tendon.chain import Chain, chain_equations
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.simulate import simulate
 from tendonff.ocp.step.protocol import Array
+from tendonff.ocp.tendon.crosscheck import SPREAD_LIMIT
+from tendonff.ocp.tendon.simulate import simulate
 
 
 class Adaptive(StrEnum):

@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from tendonff.compensator.adapt.setup import BOUND_SPREAD, certified
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.scenario.scenario import load_scenario
-from tendonff.models.chain import Chain
+from tendonff.compensator.studies.adapt.setup import BOUND_SPREAD, certified
 from tendonff.models.parameters import Transmission
-from tendonff.ocp.simulate import simulate
+from tendonff.models.tendon.chain import Chain
+from tendonff.ocp.tendon.simulate import simulate
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 RIGS = ("finger", "bowden", "surgical", "exosuit")

@@ -25,14 +25,14 @@ import numpy as np
 from identify_bound import bounds
 from independent_plant import Array, Plant
 
-from tendonff.compensator.identification.result import Identification
+from tendonff.compensator.identification.answer.result import Identification
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.identification.suggest import suggest
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario
-from tendonff.models.chain import Chain
 from tendonff.models.parameters import Transmission
-from tendonff.ocp.inverse import invert
+from tendonff.models.tendon.chain import Chain
+from tendonff.ocp.tendon.inverse import invert
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 SAMPLE_S, REST_N = 1e-3, 30.0

@@ -18,8 +18,8 @@ import numpy as np
 from tendonff.compensator.identification.joint.estimates import derived
 from tendonff.compensator.identification.joint.result import JointIdentification
 from tendonff.compensator.identification.joint.run import identify_joint
-from tendonff.compensator.joint.design import design_joint
-from tendonff.compensator.joint.scenario import load_joint_scenario
+from tendonff.compensator.joint.design.run import design_joint
+from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
 from tests.hidden_loop import FINE_S, HiddenLoop, hidden, scenario, write_log
 
 

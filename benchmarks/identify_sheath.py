@@ -18,12 +18,12 @@ import numpy as np
 from identify import EXAMPLES, SAMPLE_S
 from independent_plant import Array, Plant
 
+from tendonff.compensator.identification.answer.result import Identification
 from tendonff.compensator.identification.fitting.dynamic import ChainLaw
 from tendonff.compensator.identification.fitting.errors import percent_of
 from tendonff.compensator.identification.measured.cleaning import Record, clean
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.parameters import ParametricChain
-from tendonff.compensator.identification.result import Identification
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario

@@ -16,13 +16,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs
 from tendonff.models.parameters import Actuator, Friction, Load, Path, Tendon, Transmission
 from tendonff.models.path import JointMotion, Section
-from tendonff.ocp.inverse import invert
-from tendonff.ocp.simulate import Simulator
+from tendonff.models.tendon.chain import Chain
+from tendonff.ocp.tendon.inverse import invert
+from tendonff.ocp.tendon.simulate import Simulator
 
 Array = NDArray[np.float64]
 SEGMENTS, STEP_S, PERIOD_S, START_N = 10, 2e-4, 0.8, 40.0

@@ -1,6 +1,6 @@
 """Count the mutants of models/ and ocp/ that the project's own tests kill.
 
-Run: python benchmarks/mutate_python.py [--count 40] [--minutes 30] [--seed 1] [--only models/friction.py]
+Run: python benchmarks/mutate_python.py [--count 40] [--minutes 30] [--seed 1] [--only models/tendon/friction.py]
 
 A mutant changes one operator, comparison, constant or truth value of the code (decorators apart), in a copy of the
 repository, and is tried with the tests that name its file first, then with those of its folder. One that does not
@@ -100,12 +100,12 @@ def tests_of(file: str) -> list[list[str]]:
     named = re.compile(rf"\b{part.parent.as_posix().replace('/', '.')}\.{part.stem}\b")
     every = sorted((ROOT / "tests" / part.parts[0]).rglob("test_*.py"))
     if part.parts[0] == "models":
-        every += sorted((ROOT / "tests" / "ocp").glob("test_*.py"))
+        every += sorted((ROOT / "tests" / "ocp" / "tendon").glob("test_*.py"))
     every.sort(key=lambda test: test.stem != f"test_{part.stem}")
     own = [str(test.relative_to(ROOT)) for test in every if named.search(test.read_text(encoding="utf-8"))]
     folder = Path("tests") / part.parent
-    near = [str(folder)] if (ROOT / folder).is_dir() and part.parent.as_posix() != "ocp" else []
-    wide = ["tests/ocp/test_simulate.py", "tests/ocp/test_inverse.py", "tests/test_theory.py"]
+    near = [str(folder)] if (ROOT / folder).is_dir() else []
+    wide = ["tests/ocp/tendon/test_simulate.py", "tests/ocp/tendon/test_inverse.py", "tests/test_theory.py"]
     return [tests for tests in (own, [*near, *wide]) if tests]
 
 

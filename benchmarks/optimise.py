@@ -29,11 +29,11 @@ from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.capstan import held_within
-from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.models.parameters.numbers import with_numbers
-from tendonff.ocp.simulate import simulate
+from tendonff.models.tendon.chain import Chain
+from tendonff.ocp.tendon.simulate import simulate
 from tendonff.ocp.tracking.track import track, track_robust
 
 Array = NDArray[np.float64]

@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
-from tendonff.models.chain import Chain, chain_equations
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
-from tendonff.ocp.inverse import invert
-from tendonff.ocp.simulate import simulate
+from tendonff.models.tendon.chain import Chain, chain_equations
+from tendonff.ocp.tendon.inverse import invert
+from tendonff.ocp.tendon.simulate import simulate
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.track import track
 

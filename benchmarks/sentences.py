@@ -15,11 +15,11 @@ import sys
 import numpy as np
 from random_rigs import Array, random_problem
 
-from tendonff.models.chain import Chain
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.codegen.engine import Engine
-from tendonff.ocp.inverse import invert
-from tendonff.ocp.simulate import simulate
-from tendonff.ocp.stability import predict_stick_slip
+from tendonff.ocp.tendon.inverse import invert
+from tendonff.ocp.tendon.simulate import simulate
+from tendonff.ocp.tendon.stability import predict_stick_slip
 from tendonff.ocp.tracking.diagnosis import law_of
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.result import TrackStatus

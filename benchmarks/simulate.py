@@ -55,18 +55,18 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from benchmarks.adaptive import Adaptive, AdaptiveIntegrator
-from tendonff.compensator.joint.detect import is_joint_file
+from tendonff.compensator.joint.scenario.detect import is_joint_file
 from tendonff.compensator.scenario.sampled.sampling import initial_tension, sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
-from tendonff.models.chain import Chain, chain_equations
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs
 from tendonff.models.parameters import Transmission
+from tendonff.models.tendon.chain import Chain, chain_equations
 from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.inverse import invert
-from tendonff.ocp.simulate import Simulator, simulate
 from tendonff.ocp.step import c_engine, render
+from tendonff.ocp.tendon.inverse import invert
+from tendonff.ocp.tendon.simulate import Simulator, simulate
 
 Array = NDArray[np.float64]
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"

@@ -12,7 +12,7 @@ from scipy.signal import butter, lfilter
 
 from tendonff.compensator.identification.joint.log import read_logs
 from tendonff.compensator.identification.joint.torque import TorqueFit, fit_torque
-from tendonff.compensator.joint.scenario import load_joint_scenario
+from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
 from tendonff.compensator.reporting.colours import INK, VERMILION
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure
 from tendonff.compensator.scenario.measurement import Measurement

@@ -21,8 +21,8 @@ from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.identification.joint.log import read_logs
 from tendonff.compensator.identification.joint.parameters import JointNumber, Values
 from tendonff.compensator.scenario.measurement import Measurement
-from tendonff.compensator.watch.chart import courses_of
-from tendonff.compensator.watch.windows import Window, first_values, fit_window
+from tendonff.compensator.studies.watch.chart import courses_of
+from tendonff.compensator.studies.watch.windows import Window, first_values, fit_window
 from tendonff.models.joint.closed_form import GrossSliding, data_sheet
 from tests.hand_in_use import HandInUse, known
 from tests.hidden_loop import hidden, scenario

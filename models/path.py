@@ -137,8 +137,13 @@ class Section:
 
     def angle_at(self, joint_rad: ArrayLike) -> Array:
         """Wrap angle phi(q) at these angles of its joint [rad], not below 0."""
-        bent: Array = np.maximum(self.angle_rad + self.angle_per_rad * np.asarray(joint_rad, dtype=np.float64), 0.0)
-        return bent
+        return bent_rad(self.angle_rad, self.angle_per_rad, np.asarray(joint_rad, dtype=np.float64))
+
+
+def bent_rad(still_rad: Array | float, per_rad: Array | float, joint_rad: Array) -> Array:
+    """Wrap angle phi(q) [rad]: phi(0) + q dphi/dq, and 0 where the tendon lifts off; of one section or of each."""
+    bent: Array = np.maximum(still_rad + per_rad * joint_rad, 0.0)
+    return bent
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -257,7 +262,7 @@ class CutPath:
             if joints and section.joint is not None:
                 turned[:, k] = joints[section.joint]
         still, bending, gaining = self._by_joint
-        angle, gained = np.maximum(still + bending * turned, 0.0), gaining * turned
+        angle, gained = bent_rad(still, bending, turned), gaining * turned
         lengths = self.lengths if self.length_m is None else self.lengths + gained / self.length_m
         of_links = np.broadcast_to(lengths, gained.shape) @ self.parts.T
         return PathRows(

@@ -12,17 +12,17 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonff.models.chain import Chain
-from tendonff.models.elements import Whole
 from tendonff.models.errors import ParameterError
 from tendonff.models.layout import ChainInputs, ChainState
+from tendonff.models.tendon.chain import Chain
+from tendonff.models.tendon.elements import Whole
 from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.simulate import describe_failure, tensions_of
 from tendonff.ocp.step.c_engine import ReportStruct, chain_struct, host_source, library_of, places_of, pointer
 from tendonff.ocp.step.casadi_tangent import CasadiTangent
 from tendonff.ocp.step.laws import ElementLaws
 from tendonff.ocp.step.protocol import Array, Rows
+from tendonff.ocp.tendon.simulate import describe_failure, tensions_of
 
 
 class Parameter(StrEnum):

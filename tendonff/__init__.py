@@ -10,64 +10,64 @@ from typing import TYPE_CHECKING
 from tendonff._version import __version__
 
 if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the interpreter
-    from tendonff.compensator.adapt.joint import JointAdaptationStudy, adapt_joint
-    from tendonff.compensator.adapt.result import AdaptationStudy
-    from tendonff.compensator.adapt.run import adapt
-    from tendonff.compensator.compare.joint import JointComparison, compare_joint
-    from tendonff.compensator.compare.result import Comparison
-    from tendonff.compensator.compare.run import compare
     from tendonff.compensator.compensators.base import Compensator, Problem
     from tendonff.compensator.compensators.plant import Plant, Response
     from tendonff.compensator.compensators.profile import Profile
     from tendonff.compensator.compensators.registry import COMPENSATORS
-    from tendonff.compensator.design.result import Design
-    from tendonff.compensator.design.run import design
-    from tendonff.compensator.experiment.result import ExperimentResult
-    from tendonff.compensator.experiment.run import experiment
     from tendonff.compensator.export.c_project import export_project as export_c
     from tendonff.compensator.export.fmu import build_fmu as export_fmu
     from tendonff.compensator.export.kinds import FmiVersion
     from tendonff.compensator.export.kinds import Kind as FmuKind
     from tendonff.compensator.files.reading import InputError
+    from tendonff.compensator.identification.answer.result import Identification
     from tendonff.compensator.identification.joint.result import JointIdentification
     from tendonff.compensator.identification.joint.routine import suggest_routine
     from tendonff.compensator.identification.joint.run import identify_joint
     from tendonff.compensator.identification.measured.centreline.run import read_centreline
-    from tendonff.compensator.identification.result import Identification
     from tendonff.compensator.identification.run import identify
     from tendonff.compensator.identification.suggest import suggest
-    from tendonff.compensator.joint.design import design_joint
+    from tendonff.compensator.joint.design.result import JointDesign
+    from tendonff.compensator.joint.design.run import design_joint
     from tendonff.compensator.joint.export.fmu import build_joint_fmu as export_joint_fmu
     from tendonff.compensator.joint.export.project import ExportedJoints
     from tendonff.compensator.joint.export.project import export_joints as export_joint_c
-    from tendonff.compensator.joint.result import JointDesign
-    from tendonff.compensator.joint.scenario import JointScenario, load_joint_scenario
+    from tendonff.compensator.joint.scenario.scenario import JointScenario, load_joint_scenario
     from tendonff.compensator.observe.estimate import Estimate, Observation, ObserverStatus
     from tendonff.compensator.observe.observer import Observer
     from tendonff.compensator.runtime.kinds import RuntimeKind, RuntimeStatus
     from tendonff.compensator.runtime.runtime import Runtime, RuntimeState
     from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
     from tendonff.compensator.scenario.scenario import Scenario, load_scenario
-    from tendonff.compensator.tables.result import Tables
-    from tendonff.compensator.tables.run import make_tables as make_table
-    from tendonff.compensator.watch.output import Watch
-    from tendonff.compensator.watch.run import watch
+    from tendonff.compensator.studies.adapt.joint import JointAdaptationStudy, adapt_joint
+    from tendonff.compensator.studies.adapt.result import AdaptationStudy
+    from tendonff.compensator.studies.adapt.run import adapt
+    from tendonff.compensator.studies.compare.joint import JointComparison, compare_joint
+    from tendonff.compensator.studies.compare.result import Comparison
+    from tendonff.compensator.studies.compare.run import compare
+    from tendonff.compensator.studies.design.result import Design
+    from tendonff.compensator.studies.design.run import design
+    from tendonff.compensator.studies.experiment.result import ExperimentResult
+    from tendonff.compensator.studies.experiment.run import experiment
+    from tendonff.compensator.studies.tables.result import Tables
+    from tendonff.compensator.studies.tables.run import make_tables as make_table
+    from tendonff.compensator.studies.watch.output import Watch
+    from tendonff.compensator.studies.watch.run import watch
     from tendonff.models.capstan import Branch, CapstanLaw
     from tendonff.models.capstan.two_ended import TwoEndedLaw
-    from tendonff.models.chain import Chain
     from tendonff.models.errors import ParameterError, TendonffError
     from tendonff.models.fidelity import Level
-    from tendonff.models.interop import as_iosystem, linear_system
     from tendonff.models.joint.parameters import Mechanism
     from tendonff.models.parameters import Actuator, Friction, Load, Path, Tendon, Transmission
-    from tendonff.ocp.batch import SimulationJob, simulate_batch
+    from tendonff.models.tendon.chain import Chain
+    from tendonff.models.tendon.interop import as_iosystem, linear_system
     from tendonff.ocp.codegen.precision import Precision
     from tendonff.ocp.errors import SolveError
-    from tendonff.ocp.inverse import invert
     from tendonff.ocp.joint.invert import invert_joint
     from tendonff.ocp.joint.simulate import simulate_joint
     from tendonff.ocp.joint.start import joint_problem
-    from tendonff.ocp.simulate import simulate
+    from tendonff.ocp.tendon.batch import SimulationJob, simulate_batch
+    from tendonff.ocp.tendon.inverse import invert
+    from tendonff.ocp.tendon.simulate import simulate
     from tendonff.ocp.tracking.limits import ForceLimits
     from tendonff.ocp.tracking.options import TrackOptions
     from tendonff.ocp.tracking.track import track
@@ -158,19 +158,19 @@ __all__ = [
 ]
 
 _HOMES = {
-    "compensator.adapt.joint": ("JointAdaptationStudy", "adapt_joint"),
-    "compensator.adapt.result": ("AdaptationStudy",),
-    "compensator.adapt.run": ("adapt",),
-    "compensator.compare.result": ("Comparison",),
-    "compensator.compare.run": ("compare",),
+    "compensator.studies.adapt.joint": ("JointAdaptationStudy", "adapt_joint"),
+    "compensator.studies.adapt.result": ("AdaptationStudy",),
+    "compensator.studies.adapt.run": ("adapt",),
+    "compensator.studies.compare.result": ("Comparison",),
+    "compensator.studies.compare.run": ("compare",),
     "compensator.compensators.base": ("Compensator", "Problem"),
     "compensator.compensators.plant": ("Plant", "Response"),
     "compensator.compensators.profile": ("Profile",),
     "compensator.compensators.registry": ("COMPENSATORS",),
-    "compensator.design.result": ("Design",),
-    "compensator.design.run": ("design",),
-    "compensator.experiment.result": ("ExperimentResult",),
-    "compensator.experiment.run": ("experiment",),
+    "compensator.studies.design.result": ("Design",),
+    "compensator.studies.design.run": ("design",),
+    "compensator.studies.experiment.result": ("ExperimentResult",),
+    "compensator.studies.experiment.run": ("experiment",),
     "compensator.export.c_project": ("export_c:export_project",),
     "compensator.export.fmu": ("export_fmu:build_fmu",),
     "compensator.export.kinds": ("FmiVersion", "FmuKind:Kind"),
@@ -179,41 +179,41 @@ _HOMES = {
     "compensator.identification.joint.routine": ("suggest_routine",),
     "compensator.identification.joint.run": ("identify_joint",),
     "compensator.identification.measured.centreline.run": ("read_centreline",),
-    "compensator.identification.result": ("Identification",),
+    "compensator.identification.answer.result": ("Identification",),
     "compensator.identification.run": ("identify",),
     "compensator.identification.suggest": ("suggest",),
-    "compensator.compare.joint": ("JointComparison", "compare_joint"),
-    "compensator.joint.design": ("design_joint",),
+    "compensator.studies.compare.joint": ("JointComparison", "compare_joint"),
+    "compensator.joint.design.run": ("design_joint",),
     "compensator.joint.export.fmu": ("export_joint_fmu:build_joint_fmu",),
     "compensator.joint.export.project": ("ExportedJoints", "export_joint_c:export_joints"),
-    "compensator.joint.result": ("JointDesign",),
-    "compensator.joint.scenario": ("JointScenario", "load_joint_scenario"),
+    "compensator.joint.design.result": ("JointDesign",),
+    "compensator.joint.scenario.scenario": ("JointScenario", "load_joint_scenario"),
     "compensator.observe.estimate": ("Estimate", "Observation", "ObserverStatus"),
     "compensator.observe.observer": ("Observer",),
     "compensator.runtime.kinds": ("RuntimeKind", "RuntimeStatus"),
     "compensator.runtime.runtime": ("Runtime", "RuntimeState"),
     "compensator.scenario.sampled.sampling": ("Reference", "sample_reference"),
     "compensator.scenario.scenario": ("Scenario", "load_scenario"),
-    "compensator.tables.result": ("Tables",),
-    "compensator.tables.run": ("make_table:make_tables",),
-    "compensator.watch.output": ("Watch",),
-    "compensator.watch.run": ("watch",),
+    "compensator.studies.tables.result": ("Tables",),
+    "compensator.studies.tables.run": ("make_table:make_tables",),
+    "compensator.studies.watch.output": ("Watch",),
+    "compensator.studies.watch.run": ("watch",),
     "models.capstan": ("Branch", "CapstanLaw"),
-    "models.chain": ("Chain",),
+    "models.tendon.chain": ("Chain",),
     "models.errors": ("ParameterError", "TendonffError"),
     "models.fidelity": ("Level",),
-    "models.interop": ("as_iosystem", "linear_system"),
+    "models.tendon.interop": ("as_iosystem", "linear_system"),
     "models.joint.parameters": ("Mechanism",),
     "models.parameters": ("Actuator", "Friction", "Load", "Path", "Tendon", "Transmission"),
     "models.capstan.two_ended": ("TwoEndedLaw",),
-    "ocp.batch": ("SimulationJob", "simulate_batch"),
+    "ocp.tendon.batch": ("SimulationJob", "simulate_batch"),
     "ocp.codegen.precision": ("Precision",),
     "ocp.errors": ("SolveError",),
-    "ocp.inverse": ("invert",),
+    "ocp.tendon.inverse": ("invert",),
     "ocp.joint.invert": ("invert_joint",),
     "ocp.joint.simulate": ("simulate_joint",),
     "ocp.joint.start": ("joint_problem",),
-    "ocp.simulate": ("simulate",),
+    "ocp.tendon.simulate": ("simulate",),
     "ocp.tracking.limits": ("ForceLimits",),
     "ocp.tracking.options": ("TrackOptions",),
     "ocp.tracking.track": ("track",),

@@ -17,16 +17,16 @@ from hypothesis import strategies as st
 from random_examples import tried_on
 
 from tendonff.compensator.cli import run
-from tendonff.compensator.compare.run import compare
-from tendonff.compensator.design.output import summary
-from tendonff.compensator.design.run import design
-from tendonff.compensator.experiment.machine import plan_experiment
-from tendonff.compensator.explore.run import Explorer
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenario.scenario import load_scenario, parse_scenario, scenario_to_toml
-from tendonff.compensator.tables.output import summary as table_summary
-from tendonff.compensator.tables.run import make_tables
+from tendonff.compensator.studies.compare.run import compare
+from tendonff.compensator.studies.design.output import summary
+from tendonff.compensator.studies.design.run import design
+from tendonff.compensator.studies.experiment.machine import plan_experiment
+from tendonff.compensator.studies.explore.run import Explorer
+from tendonff.compensator.studies.tables.output import summary as table_summary
+from tendonff.compensator.studies.tables.run import make_tables
 from tendonff.models.errors import TendonffError
 
 TENDONFF = [sys.executable, "-m", "tendonff.compensator.cli"]

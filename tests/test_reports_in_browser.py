@@ -213,8 +213,8 @@ def explorer(examples):
     pytest.importorskip("bokeh", reason="bokeh is not installed")
     import asyncio
 
-    from tendonff.compensator.explore.page import make_server, page_url
-    from tendonff.compensator.explore.run import Explorer
+    from tendonff.compensator.studies.explore.page import make_server, page_url
+    from tendonff.compensator.studies.explore.run import Explorer
 
     ready, done = threading.Event(), threading.Event()
     found = {}

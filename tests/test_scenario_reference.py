@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tendonff.compensator.joint import reference as joint_reference
+from tendonff.compensator.joint.scenario import reference as joint_reference
 from tendonff.compensator.scenario import joints, scenario
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -13,18 +13,18 @@ import pytest
 
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
-from tendonff.models.assembly import normal_force
 from tendonff.models.capstan import Branch, CapstanLaw
-from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
-from tendonff.models.friction import LuGreBristle, equivalent_coefficient
 from tendonff.models.layout import ChainState
-from tendonff.models.link import ZenerLink
 from tendonff.models.path import Section, cut_path
+from tendonff.models.tendon.assembly import normal_force
+from tendonff.models.tendon.chain import Chain
+from tendonff.models.tendon.friction import LuGreBristle, equivalent_coefficient
+from tendonff.models.tendon.link import ZenerLink
 from tendonff.ocp.adaptation.bounds import CertifiedInterval
 from tendonff.ocp.adaptation.recursion import update_law
-from tendonff.ocp.inverse import invert
-from tendonff.ocp.simulate import simulate
+from tendonff.ocp.tendon.inverse import invert
+from tendonff.ocp.tendon.simulate import simulate
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.track import track
 

@@ -11,21 +11,21 @@ from typing import Annotated, Any, cast
 import typer
 
 from tendonff._version import __version__
-from tendonff.compensator.cli.commands.adapt import adapt
-from tendonff.compensator.cli.commands.compare import compare
-from tendonff.compensator.cli.commands.design import design
-from tendonff.compensator.cli.commands.example import example
-from tendonff.compensator.cli.commands.experiment import experiment
-from tendonff.compensator.cli.commands.explore import explore
-from tendonff.compensator.cli.commands.export_c import export_c
-from tendonff.compensator.cli.commands.export_fmu import export_fmu
-from tendonff.compensator.cli.commands.identify import identify
-from tendonff.compensator.cli.commands.new import new
-from tendonff.compensator.cli.commands.path import path
-from tendonff.compensator.cli.commands.simulate import simulate
-from tendonff.compensator.cli.commands.sweep import sweep
-from tendonff.compensator.cli.commands.table import table
-from tendonff.compensator.cli.commands.watch import watch
+from tendonff.compensator.cli.commands.decide.compare import compare
+from tendonff.compensator.cli.commands.decide.design import design
+from tendonff.compensator.cli.commands.decide.explore import explore
+from tendonff.compensator.cli.commands.decide.sweep import sweep
+from tendonff.compensator.cli.commands.deploy.export_c import export_c
+from tendonff.compensator.cli.commands.deploy.export_fmu import export_fmu
+from tendonff.compensator.cli.commands.deploy.table import table
+from tendonff.compensator.cli.commands.model.example import example
+from tendonff.compensator.cli.commands.model.experiment import experiment
+from tendonff.compensator.cli.commands.model.new import new
+from tendonff.compensator.cli.commands.model.path import path
+from tendonff.compensator.cli.commands.model.simulate import simulate
+from tendonff.compensator.cli.commands.rig.adapt import adapt
+from tendonff.compensator.cli.commands.rig.identify import identify
+from tendonff.compensator.cli.commands.rig.watch import watch
 from tendonff.compensator.cli.progress import forget_warnings, leave, say
 from tendonff.compensator.files import interrupts
 from tendonff.models.errors import TendonffError

@@ -13,7 +13,7 @@ from tendonff.compensator.files.text import InputError
 from tendonff.models.fidelity import Level
 
 if TYPE_CHECKING:
-    from tendonff.compensator.joint.scenario import JointScenario
+    from tendonff.compensator.joint.scenario.scenario import JointScenario
     from tendonff.compensator.scenario.scenario import Scenario
 
 
@@ -63,11 +63,11 @@ def looked_at(scenario: Path, *, follows_reference: bool = True, strict: bool = 
 
 def any_looked_at(scenario: Path) -> "Scenario | JointScenario":
     """Read a scenario of a tension, as `looked_at`, or of a driven joint."""
-    from tendonff.compensator.joint.detect import is_joint_file
+    from tendonff.compensator.joint.scenario.detect import is_joint_file
 
     if not is_joint_file(scenario):
         return looked_at(scenario)
-    from tendonff.compensator.joint.scenario import load_joint_scenario, sample_joint
+    from tendonff.compensator.joint.scenario.scenario import load_joint_scenario, sample_joint
 
     loaded = load_joint_scenario(scenario)
     sample_joint(loaded)  # a reference without meaning is refused at once

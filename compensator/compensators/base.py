@@ -20,16 +20,16 @@ from tendonff.compensator.scenario.reference import Hold
 from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
-from tendonff.models.chain import Chain
 from tendonff.models.errors import TendonffError
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.models.parameters.uncertainty import Uncertainty
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.inverse import Inversion, invert
-from tendonff.ocp.periodic import Steadiness, steady_inverse
 from tendonff.ocp.reference.hold import KeptForce, find_holds, keep_force_to_end
-from tendonff.ocp.simulate import Outcome
+from tendonff.ocp.tendon.inverse import Inversion, invert
+from tendonff.ocp.tendon.periodic import Steadiness, steady_inverse
+from tendonff.ocp.tendon.simulate import Outcome
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.motion import limit_motion
 from tendonff.ocp.tracking.options import TrackOptions

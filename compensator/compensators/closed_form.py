@@ -9,7 +9,7 @@ from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.reporting.colours import BLUE, GREY, ORANGE, Style
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.parameters.numbers import without_friction
-from tendonff.ocp.inverse import InverseStatus
+from tendonff.ocp.tendon.inverse import InverseStatus
 
 
 class Uncompensated(Compensator):

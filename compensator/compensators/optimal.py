@@ -12,9 +12,9 @@ from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.compensators.profile import Profile, ProfileStatus
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.reporting.colours import VERMILION, Style
-from tendonff.models.chain import Chain
 from tendonff.models.parameters.drive import Drive
 from tendonff.models.parameters.uncertainty import Objective
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.tracking.cycle import track_cycle
 from tendonff.ocp.tracking.result import Tracking, TrackStatus
 from tendonff.ocp.tracking.track import track_robust

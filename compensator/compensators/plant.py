@@ -10,14 +10,14 @@ import numpy as np
 
 from tendonff.compensator.compensators.profile import FloatArray, Profile
 from tendonff.compensator.scenario.sampled.sampling import Reference
-from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Actuator, Transmission
 from tendonff.models.parameters.drive import Drive
 from tendonff.models.path import JointMotion
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.periodic import Steadiness, steady_response
-from tendonff.ocp.simulate import Outcome, Simulation, simulate
+from tendonff.ocp.tendon.periodic import Steadiness, steady_response
+from tendonff.ocp.tendon.simulate import Outcome, Simulation, simulate
 
 FINE_SEGMENTS = 40
 """Masses of the plants that profiles are judged on."""

@@ -20,7 +20,7 @@ from tendonff.models.errors import ParameterError
 from tendonff.models.parameters import Transmission
 from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.inverse import invert
+from tendonff.ocp.tendon.inverse import invert
 from tendonff.ocp.tracking.limits import ForceLimits
 
 NOISE_GOAL_DB = 0.0  # noise in the force over that in the reference, above 30 Hz, that a filter should not exceed [dB]

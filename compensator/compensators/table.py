@@ -17,11 +17,11 @@ from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.reporting.colours import GREEN, Style
 from tendonff.compensator.scenario.doubts import largest_tension
 from tendonff.models.capstan import Branch
-from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
 from tendonff.models.layout import ChainState
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.inverse import invert
+from tendonff.ocp.tendon.inverse import invert
 
 BOUND_SHARE = 0.005
 """Default bound of the interpolation error of a table, as a share of the reference's range."""

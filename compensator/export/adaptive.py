@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tendonff.compensator.adapt.setup import Certified, certified, tuned_chain, tuning_of
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.compensators.score import scale_of
@@ -14,6 +13,7 @@ from tendonff.compensator.export.golden import Course
 from tendonff.compensator.export.repeat import FLOAT_SHARE, Compared, repeated_rows
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.scenario.settings import Adaptation
+from tendonff.compensator.studies.adapt.setup import Certified, certified, tuned_chain, tuning_of
 from tendonff.ocp.adaptation.code import TunedChain
 from tendonff.ocp.adaptation.target import tuner_code
 from tendonff.ocp.adaptation.tuner import INTEGRAL, REALS, SelfTuner, SimulatedRig

@@ -9,7 +9,6 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from tendonff._version import __version__
-from tendonff.compensator.adapt.setup import check_tuning, learnt, tuning_of
 from tendonff.compensator.compensators.base import CModule, Problem, with_motion
 from tendonff.compensator.compensators.profile import FloatArray, Profile
 from tendonff.compensator.compensators.registry import compensator
@@ -34,6 +33,7 @@ from tendonff.compensator.export.text.c_text import (
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.files.writing import atomic_directory, write_text
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
+from tendonff.compensator.studies.adapt.setup import check_tuning, learnt, tuning_of
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision

@@ -1,7 +1,6 @@
 """`tendonff export-fmu`: the exported C as a co-simulation unit for FMI 2.0 and 3.0, sources included."""
 
 from tendonff._version import __version__
-from tendonff.compensator.adapt.setup import check_tuning
 from tendonff.compensator.compensators.base import CModule, Problem
 from tendonff.compensator.compensators.table import BuiltTable, accepted_range, table_of
 from tendonff.compensator.export.judgement import Judged, chosen, judge, profiles_of
@@ -13,9 +12,10 @@ from tendonff.compensator.export.text.parameters import parameters_of
 from tendonff.compensator.export.unit import Fmu, Variable, pack
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
-from tendonff.models.chain import Chain
+from tendonff.compensator.studies.adapt.setup import check_tuning
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters.drive import Drive
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.adaptation.tuning import Sensor
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.step.joints import Joints

@@ -16,13 +16,13 @@ from tendonff.compensator.compensators.table import CompensationTable
 from tendonff.compensator.export.modules import exportable
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.models.capstan import CapstanLaw
-from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
 from tendonff.models.layout import ChainInputs
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.inverse import InverseStatus, Inversion, invert
-from tendonff.ocp.simulate import Simulation, Simulator, simulate
 from tendonff.ocp.step.target import plant_limits
+from tendonff.ocp.tendon.inverse import InverseStatus, Inversion, invert
+from tendonff.ocp.tendon.simulate import Simulation, Simulator, simulate
 
 _ROWS = 1000
 _REVERSAL_ROWS = 240

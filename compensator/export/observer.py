@@ -9,23 +9,23 @@ from functools import cached_property
 
 import numpy as np
 
-from tendonff.compensator.adapt.setup import BOUND_MASSES, BOUND_SPREAD
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.compensators.table import accepted_range
 from tendonff.compensator.export.golden import GROWTH, NUDGE, easy_rows
 from tendonff.compensator.export.text.table_index import rounded
+from tendonff.compensator.studies.adapt.setup import BOUND_MASSES, BOUND_SPREAD
 from tendonff.models.capstan import CapstanLaw, held_within
 from tendonff.models.capstan.spread_bounds import play_exponents
-from tendonff.models.chain import Chain
 from tendonff.models.layout import ChainInputs
 from tendonff.models.parameters.drive import Drive
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.adaptation.code import TunedChain
 from tendonff.ocp.adaptation.tuning import Tunable
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.inverse import invert
-from tendonff.ocp.simulate import Simulator, simulate
 from tendonff.ocp.step.target import plant_code
+from tendonff.ocp.tendon.inverse import invert
+from tendonff.ocp.tendon.simulate import Simulator, simulate
 
 FOLLOW_S = 0.005
 """Time in which the far end of the model follows what the position of the near end says."""

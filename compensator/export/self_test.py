@@ -23,8 +23,8 @@ from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.capstan.spread_bounds import PLAYS
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal
-from tendonff.ocp.inverse import invert
-from tendonff.ocp.simulate import Simulation
+from tendonff.ocp.tendon.inverse import invert
+from tendonff.ocp.tendon.simulate import Simulation
 
 _FNV_START, _FNV_PRIME, _MASK = 2166136261, 16777619, 0xFFFFFFFF
 

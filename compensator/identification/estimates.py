@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import t as student
 
+from tendonff.compensator.identification.answer.result import EXPONENTS, Estimate, is_known
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.dynamic import DynamicFit
 from tendonff.compensator.identification.fitting.static import CONSTANTS, StaticFit
@@ -15,7 +16,6 @@ from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Record, mean_pose
 from tendonff.compensator.identification.measured.gains import Gains
 from tendonff.compensator.identification.parameters import BIASES, CELL_GAINS, PARAMETERS, TENDON, Parameter
-from tendonff.compensator.identification.result import EXPONENTS, Estimate, is_known
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import ExponentLine, exponent_lines

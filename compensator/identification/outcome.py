@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from tendonff.compensator.identification.answer.result import CandidateLaw, FileResult, PieceComparison, is_known
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.delay import earlier
 from tendonff.compensator.identification.fitting.dynamic import ChainLaw, DynamicFit
@@ -26,7 +27,6 @@ from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Record, clean, mean_pose
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.parameters import Parameter, ParametricChain, put_into
-from tendonff.compensator.identification.result import CandidateLaw, FileResult, PieceComparison, is_known
 from tendonff.compensator.identification.study import Study
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario

@@ -11,7 +11,9 @@ from threadpoolctl import threadpool_limits
 from tendonff.compensator.files.progress import DOUBT
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.results import register_writer
-from tendonff.compensator.identification import messages
+from tendonff.compensator.identification.answer import messages
+from tendonff.compensator.identification.answer.output import write_files
+from tendonff.compensator.identification.answer.result import Identification
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.estimates import estimates_of, of_gains, summarise_excitation
 from tendonff.compensator.identification.fitting import tendon
@@ -34,9 +36,7 @@ from tendonff.compensator.identification.measured.plan import (
 )
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.outcome import Fitted, Outcome, carried_on, compared, outcome_of, with_coulomb
-from tendonff.compensator.identification.output import write_files
 from tendonff.compensator.identification.parameters import Parameter
-from tendonff.compensator.identification.result import Identification
 from tendonff.compensator.identification.spread import with_spread
 from tendonff.compensator.identification.study import Stage, Study, attempted
 from tendonff.compensator.scenario.measurement import Explain

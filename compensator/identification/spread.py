@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+from tendonff.compensator.identification.answer.result import Estimate
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.parameters import MU_PULL, MU_RELEASE, PARAMETERS, Parameter
-from tendonff.compensator.identification.result import Estimate
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.parameters.uncertainty import Spread
 

@@ -11,11 +11,11 @@ from tendonff.compensator.identification.parameters import CORE, TENDON, Paramet
 from tendonff.compensator.scenario.sampled.sampling import initial_tension, sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import Branch, CapstanLaw
-from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.fits.chain import ChainResponse, Drive
-from tendonff.ocp.inverse import invert
+from tendonff.ocp.tendon.inverse import invert
 
 D = Parameter
 

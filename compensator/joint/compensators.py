@@ -12,8 +12,8 @@ from tendonff.compensator.compensators.uncertain import Doubt
 from tendonff.compensator.files.reading import FloatArray, InputError, suggestion
 from tendonff.compensator.joint.drive import commanded, known_by_ratio
 from tendonff.compensator.joint.plant import JointPlant, joint_load, verifying_masses
-from tendonff.compensator.joint.reference import JointQuantity
-from tendonff.compensator.joint.scenario import JointScenario, SampledJoint, sample_joint
+from tendonff.compensator.joint.scenario.reference import JointQuantity
+from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint, sample_joint
 from tendonff.compensator.reporting.colours import BLUE, GREEN, GREY, ORANGE, Style
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level

@@ -6,8 +6,8 @@ import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.joint.drive import driven
-from tendonff.compensator.joint.reference import JointQuantity
-from tendonff.compensator.joint.scenario import JointScenario, SampledJoint
+from tendonff.compensator.joint.scenario.reference import JointQuantity
+from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint
 from tendonff.models.fidelity import Level
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.ocp.joint.simulate import JointSimulation, simulate_joint

@@ -9,7 +9,7 @@ from tendonff.compensator.files.reading import FloatArray, InputError, read_csv
 from tendonff.compensator.files.tables import table_dialect
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.joint.drive import driven
-from tendonff.compensator.joint.scenario import JointScenario, sample_joint
+from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.joint.parameters import DriveKind

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.joint.detect import is_joint_file
-from tendonff.compensator.joint.scenario import JointScenario, load_joint_scenario
+from tendonff.compensator.joint.scenario.detect import is_joint_file
+from tendonff.compensator.joint.scenario.scenario import JointScenario, load_joint_scenario
 from tendonff.compensator.observe.estimate import Observation, ObserverStatus
 from tendonff.compensator.observe.joint import LoopObserver
 from tendonff.compensator.observe.mechanism import MechanismObserver

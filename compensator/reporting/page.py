@@ -25,7 +25,7 @@ from tendonff._version import __version__
 from tendonff.compensator.files.reading import open_text
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.files.writing import write_json, write_text
-from tendonff.compensator.joint.scenario import JointScenario
+from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.reporting.plots import draw_figure, save_figure
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash, scenario_to_toml
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from tendonff.compensator.export.host import compile_on_host
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.joint.detect import is_joint_file
-from tendonff.compensator.joint.scenario import JointScenario, load_joint_scenario
+from tendonff.compensator.joint.scenario.detect import is_joint_file
+from tendonff.compensator.joint.scenario.scenario import JointScenario, load_joint_scenario
 from tendonff.compensator.runtime.code import joint_runtime, tendon_runtime
 from tendonff.compensator.runtime.kinds import RuntimeKind, RuntimeStatus, statuses
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario

@@ -9,9 +9,9 @@ from tendonff.compensator.reporting.colours import BLUE, INK, VERMILION
 from tendonff.compensator.reporting.plots import figure_style, new_figure
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.capstan import CapstanLaw
-from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
-from tendonff.ocp.simulate import simulate
+from tendonff.models.tendon.chain import Chain
+from tendonff.ocp.tendon.simulate import simulate
 
 FINGER = Path(__file__).resolve().parents[2] / "examples" / "finger.toml"
 STEP_S = 0.005

@@ -6,8 +6,8 @@ from matplotlib.figure import Figure
 
 from tendonff.compensator.reporting.colours import BLUE, INK, VERMILION
 from tendonff.compensator.reporting.plots import figure_style, new_figure
-from tendonff.models.friction import LuGreBristle
-from tendonff.models.link import ZenerLink
+from tendonff.models.tendon.friction import LuGreBristle
+from tendonff.models.tendon.link import ZenerLink
 
 NORMAL_N, MU = 50.0, 0.2
 

@@ -9,10 +9,10 @@ from tendonff.compensator.reporting.colours import BLUE
 from tendonff.compensator.reporting.plots import figure_style, new_figure
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
-from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
-from tendonff.ocp.inverse import invert
-from tendonff.ocp.simulate import simulate
+from tendonff.models.tendon.chain import Chain
+from tendonff.ocp.tendon.inverse import invert
+from tendonff.ocp.tendon.simulate import simulate
 
 FINGER = Path(__file__).resolve().parents[2] / "examples" / "finger.toml"
 COUNTS = (1, 2, 3, 6, 12, 24)

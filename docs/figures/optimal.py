@@ -9,9 +9,9 @@ from tendonff.compensator.reporting.colours import BLUE, INK, VERMILION
 from tendonff.compensator.reporting.plots import figure_style, new_figure
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
-from tendonff.models.chain import Chain
-from tendonff.ocp.inverse import invert
-from tendonff.ocp.simulate import simulate
+from tendonff.models.tendon.chain import Chain
+from tendonff.ocp.tendon.inverse import invert
+from tendonff.ocp.tendon.simulate import simulate
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.track import track
 

@@ -10,10 +10,10 @@ from tendonff.compensator.reporting.colours import BLUE, GREY, ORANGE, VERMILION
 from tendonff.compensator.reporting.plots import figure_style, new_figure
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.capstan.two_ended import TwoEndedLaw
-from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs
-from tendonff.ocp.simulate import Simulator
+from tendonff.models.tendon.chain import Chain
+from tendonff.ocp.tendon.simulate import Simulator
 
 FINGER = Path(__file__).resolve().parents[2] / "examples" / "finger.toml"
 STEP_S = 0.002

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from examples.mujoco_finger.exported import ExportedPlant
-from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
+from tendonff.models.tendon.chain import Chain
 
 Array = NDArray[np.float64]
 

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from examples.mujoco_finger.exported import ExportedInverse
 from examples.mujoco_finger.passive import PassiveTendon
-from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Actuator, Friction, Load, Tendon, Transmission
 from tendonff.models.parameters import Path as TendonPath
 from tendonff.models.path import JointMotion, Section
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.inverse import invert
+from tendonff.ocp.tendon.inverse import invert
 
 Array = NDArray[np.float64]
 

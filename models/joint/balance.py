@@ -13,14 +13,14 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from tendonff.models.bounds import at_least
-from tendonff.models.chain import Chain
-from tendonff.models.elements import bristle_stiffness_N_per_m
 from tendonff.models.fidelity import Level
-from tendonff.models.friction import implicit_dry_friction
 from tendonff.models.joint.parameters import DrivenJoint
 from tendonff.models.layout import Array, fields_of
 from tendonff.models.parameters import Friction
+from tendonff.models.tendon.bounds import at_least
+from tendonff.models.tendon.chain import Chain
+from tendonff.models.tendon.elements import bristle_stiffness_N_per_m
+from tendonff.models.tendon.friction import implicit_dry_friction
 
 COULOMB_FLOOR_N_M = 1e-12
 """Least dry friction in the bristle law [N m]: lets a joint without any run through the same expression."""

@@ -19,12 +19,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tendonff.models.elements import whole_of
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.joint.parameters import DriveKind, JointTendon, Mechanism
 from tendonff.models.layout import Array
 from tendonff.models.path import cut_path
+from tendonff.models.tendon.elements import whole_of
 
 RECOMMENDED_MARGIN = 1.25
 """Pre-tension that is recommended, over the least one at which no tendon goes slack [-]."""

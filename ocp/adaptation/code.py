@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 
-from tendonff.models.chain import Chain
-from tendonff.models.elements import Whole, whole_of
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import fields_of
 from tendonff.models.parameters import Transmission
+from tendonff.models.tendon.chain import Chain
+from tendonff.models.tendon.elements import Whole, whole_of
 from tendonff.ocp.adaptation.recursion import covariance_names, return_law, trust_law, update_law
 from tendonff.ocp.adaptation.tuning import DOUBTED, EXPLAINED, GATE, MAX_DELAY, PEAK, SPREADS, Nuisance, Tunable, Tuning
 from tendonff.ocp.codegen.compiler import find_compiler, load_library, why_no_compiler

@@ -4,7 +4,7 @@ from dataclasses import dataclass, fields, replace
 
 import casadi as ca
 
-from tendonff.models.chain import Chain
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.adaptation.code import (
     LOAD_STIFFNESS,
     TunedChain,

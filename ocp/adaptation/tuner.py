@@ -7,9 +7,9 @@ from enum import IntFlag
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
 from tendonff.models.path import JointMotion
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.adaptation.code import TunedChain, host_tuner, nuisances_of, rest_on_spring
 from tendonff.ocp.adaptation.tuning import Sensor, Tuning
 from tendonff.ocp.errors import SolveError

@@ -20,16 +20,16 @@ from itertools import pairwise
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from tendonff.models.chain import Chain
-from tendonff.models.elements import Whole, whole_of
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainState
 from tendonff.models.parameters import Transmission
 from tendonff.models.path import JointMotion
+from tendonff.models.tendon.chain import Chain
+from tendonff.models.tendon.elements import Whole, whole_of
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.sensitivity import Parameter, force_sensitivity, parameter_sensitivity
-from tendonff.ocp.simulate import simulate
 from tendonff.ocp.step.protocol import Array
+from tendonff.ocp.tendon.simulate import simulate
 
 LEAD_IN_S = 0.4
 LEAST_TENSION_N = 1e-6

@@ -11,7 +11,7 @@ from functools import cache
 import casadi as ca
 import numpy as np
 
-from tendonff.models.friction import RubbingEnd
+from tendonff.models.tendon.friction import RubbingEnd
 from tendonff.ocp.fits.least_squares import Residuals, Solution, Unknown, solve
 from tendonff.ocp.step.protocol import Array
 

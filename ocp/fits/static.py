@@ -20,9 +20,9 @@ from enum import StrEnum
 import casadi as ca
 import numpy as np
 
-from tendonff.models.bounds import play
 from tendonff.models.capstan.spread_bounds import PLACES, PLAYS, sliding_exponent
-from tendonff.models.friction import LuGreBristle, equivalent_coefficient
+from tendonff.models.tendon.bounds import play
+from tendonff.models.tendon.friction import LuGreBristle, equivalent_coefficient
 from tendonff.ocp.codegen.compiler import load_library
 from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.codegen.prototype import CFunction

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from tendonff.models.chain import Chain
 from tendonff.models.joint.balance import Followed
 from tendonff.models.layout import fields_of
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.joint.laws import JOINT_NUMBERS, joint_torque, link_back, path_mass_back, representative
 from tendonff.ocp.joint.protocol import Array, JointInverseRows, JointMemory, JointProblem, JointRows
 from tendonff.ocp.step.c_engine import ReportStruct, chain_struct, host_source, library_of, pointer

@@ -5,11 +5,11 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
-from tendonff.models.assembly import NORMAL_FORCE_FLOOR_N, near_tension, tension_sum
-from tendonff.models.bounds import at_least
-from tendonff.models.chain import Chain
 from tendonff.models.joint.balance import JointLaw
 from tendonff.models.layout import fields_of
+from tendonff.models.tendon.assembly import NORMAL_FORCE_FLOOR_N, near_tension, tension_sum
+from tendonff.models.tendon.bounds import at_least
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.codegen.printer import Law
 from tendonff.ocp.step.laws import ElementLaws, symbolic, symbols, twins_of, way_of
 

@@ -6,9 +6,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonff.models.chain import Chain
 from tendonff.models.joint.balance import JointLaw
 from tendonff.models.joint.parameters import DriveKind, Mechanism
+from tendonff.models.tendon.chain import Chain
 
 Array = NDArray[np.float64]
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tendonff.models.chain import Chain
 from tendonff.models.joint.balance import Followed
 from tendonff.models.layout import fields_of
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.codegen.partial_evaluation import PartialEvaluator
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal

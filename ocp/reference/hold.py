@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tendonff.models.chain import Chain
-from tendonff.ocp.inverse import invert
-from tendonff.ocp.simulate import simulate
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.step.protocol import Array
+from tendonff.ocp.tendon.inverse import invert
+from tendonff.ocp.tendon.simulate import simulate
 
 AT_REST = 1e-4
 """Share of the reference's range within which it counts as resting."""

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from tendonff.models.assembly import End, end_force
 from tendonff.models.parameters import Load
+from tendonff.models.tendon.assembly import End, end_force
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT
 

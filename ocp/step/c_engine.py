@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonff.models.chain import Chain
 from tendonff.models.layout import ChainInputs
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.codegen.compiler import load_library
 from tendonff.ocp.codegen.partial_evaluation import PartialEvaluator
 from tendonff.ocp.codegen.precision import Precision

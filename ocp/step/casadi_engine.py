@@ -11,10 +11,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from tendonff.models.assembly import end_force, normal_force, path_force
-from tendonff.models.chain import Chain, laws_at
 from tendonff.models.layout import INPUT_NAMES, ChainInputs
-from tendonff.models.link import tendon_force
+from tendonff.models.tendon.assembly import end_force, normal_force, path_force
+from tendonff.models.tendon.chain import Chain, laws_at
+from tendonff.models.tendon.link import tendon_force
 from tendonff.ocp.step.protocol import Array, Rows, StepperMemory
 from tendonff.ocp.step.scheme import (
     BDF2_CARRY,

@@ -6,11 +6,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from tendonff.models.assembly import end_force, near_tension, tension_sum
-from tendonff.models.chain import Chain, laws_at
-from tendonff.models.friction import from_far_side
 from tendonff.models.layout import fields_of
-from tendonff.models.link import tendon_force
+from tendonff.models.tendon.assembly import end_force, near_tension, tension_sum
+from tendonff.models.tendon.chain import Chain, laws_at
+from tendonff.models.tendon.friction import from_far_side
+from tendonff.models.tendon.link import tendon_force
 from tendonff.ocp.step.casadi_engine import column, path_moves
 from tendonff.ocp.step.protocol import Array, InverseRows
 from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT

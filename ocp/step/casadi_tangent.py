@@ -4,8 +4,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonff.models.chain import Chain
 from tendonff.models.layout import ChainInputs
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.step.casadi_engine import CasadiStepper, path_moves, step_expressions
 from tendonff.ocp.step.protocol import Array, Rows, StepperMemory
 from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT

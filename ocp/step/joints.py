@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tendonff.models.chain import Chain
 from tendonff.models.path import MOST_TURNS, Section
+from tendonff.models.tendon.chain import Chain
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,11 +15,11 @@ from typing import TypeVar
 import casadi as ca
 import numpy as np
 
-from tendonff.models.assembly import End, Piece, end_force, near_tension, normal_force, path_force, tension_sum
-from tendonff.models.chain import Chain
-from tendonff.models.friction import FrictionLaw, from_far_side
 from tendonff.models.layout import fields_of
-from tendonff.models.link import LinkLaw, tendon_force
+from tendonff.models.tendon.assembly import End, Piece, end_force, near_tension, normal_force, path_force, tension_sum
+from tendonff.models.tendon.chain import Chain
+from tendonff.models.tendon.friction import FrictionLaw, from_far_side
+from tendonff.models.tendon.link import LinkLaw, tendon_force
 from tendonff.ocp.codegen.printer import Law
 
 R = TypeVar("R")

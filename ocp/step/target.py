@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from tendonff.models.chain import Chain
-from tendonff.models.friction import COEFFICIENT_FLOOR
 from tendonff.models.layout import fields_of
+from tendonff.models.tendon.chain import Chain
+from tendonff.models.tendon.friction import COEFFICIENT_FLOOR
 from tendonff.ocp.codegen.partial_evaluation import FoldedLaw, PartialEvaluator
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal

@@ -8,10 +8,10 @@ from itertools import zip_longest
 import casadi as ca
 import numpy as np
 
-from tendonff.models.bounds import at_least
-from tendonff.models.chain import Chain
-from tendonff.models.friction import COEFFICIENT_FLOOR
 from tendonff.models.layout import fields_of
+from tendonff.models.tendon.bounds import at_least
+from tendonff.models.tendon.chain import Chain
+from tendonff.models.tendon.friction import COEFFICIENT_FLOOR
 from tendonff.ocp.codegen.partial_evaluation import PartialEvaluator
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import Law, literal

@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tendonff.ocp.inverse import Inversion
 from tendonff.ocp.step.protocol import Array
+from tendonff.ocp.tendon.inverse import Inversion
 from tendonff.ocp.tracking.cost import Evaluation, evaluate
 from tendonff.ocp.tracking.diagnosis import departures, law_of, reasons
 from tendonff.ocp.tracking.limits import ForceLimits, Violation

@@ -5,14 +5,14 @@ from time import perf_counter
 
 import numpy as np
 
-from tendonff.models.chain import Chain
 from tendonff.models.layout import ChainState
 from tendonff.models.parameters.uncertainty import Objective
-from tendonff.ocp.batch import Progress
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.inverse import Inversion
-from tendonff.ocp.periodic import steady_response
 from tendonff.ocp.step.protocol import Array
+from tendonff.ocp.tendon.batch import Progress
+from tendonff.ocp.tendon.inverse import Inversion
+from tendonff.ocp.tendon.periodic import steady_response
 from tendonff.ocp.tracking.diagnosis import departures
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.options import TrackOptions

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.models.capstan import Branch, CapstanLaw
-from tendonff.models.chain import Chain
-from tendonff.models.friction import equivalent_exponent
+from tendonff.models.tendon.chain import Chain
+from tendonff.models.tendon.friction import equivalent_exponent
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.limits import ForceLimits
 

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tendonff.models.chain import Chain
 from tendonff.models.layout import ChainInputs, ChainState
-from tendonff.ocp.simulate import Simulator
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.step.protocol import Array
+from tendonff.ocp.tendon.simulate import Simulator
 from tendonff.ocp.tracking.limits import ForceLimits
 
 INSIDE = 5e-3

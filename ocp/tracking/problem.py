@@ -25,11 +25,11 @@ from functools import cached_property
 
 import numpy as np
 
-from tendonff.models.chain import Chain
 from tendonff.models.layout import ChainInputs, ChainState
 from tendonff.models.parameters.uncertainty import Objective
-from tendonff.ocp.simulate import Simulator, simulate, tensions_of
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.step.protocol import Array, StepperMemory
+from tendonff.ocp.tendon.simulate import Simulator, simulate, tensions_of
 from tendonff.ocp.tracking.diagnosis import missed_N
 from tendonff.ocp.tracking.limits import ForceLimits, MotionLimits
 from tendonff.ocp.tracking.motion import APPROACH_S

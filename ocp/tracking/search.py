@@ -12,9 +12,9 @@ from dataclasses import replace
 import numpy as np
 
 from tendonff.models.layout import ChainInputs
-from tendonff.ocp.batch import Progress
-from tendonff.ocp.simulate import Simulator, simulate
 from tendonff.ocp.step.protocol import Array
+from tendonff.ocp.tendon.batch import Progress
+from tendonff.ocp.tendon.simulate import Simulator, simulate
 from tendonff.ocp.tracking.cost import Knots, evaluate
 from tendonff.ocp.tracking.diagnosis import reversals
 from tendonff.ocp.tracking.limits import ForceLimits

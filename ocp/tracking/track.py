@@ -5,12 +5,12 @@ import time
 
 import numpy as np
 
-from tendonff.models.chain import Chain
 from tendonff.models.parameters.uncertainty import Objective
-from tendonff.ocp.batch import Progress
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.errors import CodeError, SolveError
-from tendonff.ocp.inverse import InverseStatus, Inversion, invert
 from tendonff.ocp.step.protocol import Array
+from tendonff.ocp.tendon.batch import Progress
+from tendonff.ocp.tendon.inverse import InverseStatus, Inversion, invert
 from tendonff.ocp.tracking.answer import Found, answer
 from tendonff.ocp.tracking.cost import Evaluation, evaluate
 from tendonff.ocp.tracking.diagnosis import law_of, missed_N

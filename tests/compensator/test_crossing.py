@@ -11,17 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tendonff.compensator.adapt.result import Scheme, Variation
-from tendonff.compensator.adapt.run import _case, _extended, adapt
-from tendonff.compensator.adapt.setup import tuning_of
-from tendonff.compensator.compare.run import compare
 from tendonff.compensator.compensators.base import Problem, with_motion
 from tendonff.compensator.compensators.plant import FINE_REFINEMENT, FINE_SEGMENTS
 from tendonff.compensator.compensators.profile import Profile
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.table import CompensationTable
-from tendonff.compensator.design.run import design
-from tendonff.compensator.design.sweep.run import sweep
 from tendonff.compensator.export.judgement import judge, profiles_of
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.observe.observer import Observer
@@ -30,8 +24,13 @@ from tendonff.compensator.scenario.reference import Shape, SineReference, Waypoi
 from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenario.settings import Adaptation, Run
-from tendonff.compensator.tables.run import make_tables
-from tendonff.models.chain import Chain
+from tendonff.compensator.studies.adapt.result import Scheme, Variation
+from tendonff.compensator.studies.adapt.run import _case, _extended, adapt
+from tendonff.compensator.studies.adapt.setup import tuning_of
+from tendonff.compensator.studies.compare.run import compare
+from tendonff.compensator.studies.design.run import design
+from tendonff.compensator.studies.design.sweep.run import sweep
+from tendonff.compensator.studies.tables.run import make_tables
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs
 from tendonff.models.parameters import Path as TendonPath
@@ -39,10 +38,11 @@ from tendonff.models.parameters import Transmission
 from tendonff.models.parameters.drive import Drive
 from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.models.path import Section
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.adaptation.tuning import Sensor
 from tendonff.ocp.codegen.compiler import find_compiler
-from tendonff.ocp.inverse import invert
-from tendonff.ocp.simulate import Simulator, simulate
+from tendonff.ocp.tendon.inverse import invert
+from tendonff.ocp.tendon.simulate import Simulator, simulate
 
 STEP = 4e-3
 SERVO_N_PER_M = 5e4

@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tendonff.models.chain import Chain
-from tendonff.models.elements import whole_of
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
+from tendonff.models.tendon.chain import Chain
+from tendonff.models.tendon.elements import whole_of
 from tendonff.ocp.codegen.compiler import find_compiler
 from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.sensitivity import Parameter, force_sensitivity, parameter_sensitivity
-from tendonff.ocp.simulate import simulate
+from tendonff.ocp.tendon.simulate import simulate
 
 Array = NDArray[np.float64]
 STEP = 1e-3

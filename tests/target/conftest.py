@@ -16,9 +16,9 @@ import pytest
 from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario
-from tendonff.models.chain import Chain
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.inverse import invert
+from tendonff.ocp.tendon.inverse import invert
 
 HERE = Path(__file__).parent
 MODULES = ("parameters", "limits", "inverse", "capstan", "table", "plant", "observer")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.joint.export.text import joint_sources
-from tendonff.compensator.joint.scenario import load_joint_scenario, sample_joint
+from tendonff.compensator.joint.scenario.scenario import load_joint_scenario, sample_joint
 
 MOST = {"m4f": 9000, "m7": 11000}
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.scenario.scenario import load_scenario
-from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs
 from tendonff.models.parameters import Transmission
 from tendonff.models.path import JointMotion, Section
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.codegen.compiler import _GCC_FLAGS, _machine_flags
 from tendonff.ocp.step.c_engine import _step_source, chain_struct, places_of
 

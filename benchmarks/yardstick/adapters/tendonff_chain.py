@@ -8,7 +8,7 @@ from tendonff.models.joint.parameters import Arm, DriveKind, DrivenJoint, JointD
 from tendonff.models.layout import ChainInputs, ChainState
 from tendonff.models.path import JointMotion
 from tendonff.models.path import Section as PathSection
-from tendonff.ocp.simulate import Simulator
+from tendonff.ocp.tendon.simulate import Simulator
 
 MASSES, LOOP_MASSES, SUBSTEPS, SLICES = 30, 20, 2, 9
 STIFF_BRISTLE_N_PER_M, HELD_N_PER_M, LOAD_N_PER_M = 1e8, 1e7, 3000.0

@@ -24,10 +24,10 @@ from tendonff.compensator.export.text.table_index import share_index
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.capstan.spread_bounds import PLAYS, play_exponents
-from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
-from tendonff.models.friction import equivalent_exponent
 from tendonff.models.parameters import Transmission
+from tendonff.models.tendon.chain import Chain
+from tendonff.models.tendon.friction import equivalent_exponent
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal
 from tendonff.ocp.codegen.templates import environment

@@ -7,10 +7,10 @@ import casadi as ca
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.stream import followed_range
 from tendonff.compensator.compensators.table import accepted_range
-from tendonff.models.bounds import at_least
-from tendonff.models.elements import whole_of
-from tendonff.models.friction import COEFFICIENT_FLOOR
 from tendonff.models.layout import fields_of
+from tendonff.models.tendon.bounds import at_least
+from tendonff.models.tendon.elements import whole_of
+from tendonff.models.tendon.friction import COEFFICIENT_FLOOR
 from tendonff.ocp.codegen.partial_evaluation import PartialEvaluator
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import Law

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.identification.answer.result import CandidateLaw
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.dynamic import CoarseFit, fit_coarse
 from tendonff.compensator.identification.fitting.errors import percent_of, span_of
@@ -20,7 +21,6 @@ from tendonff.compensator.identification.fitting.static import (
 from tendonff.compensator.identification.measured.cleaning import Record
 from tendonff.compensator.identification.measured.gains import EXACT_GAINS, Gains
 from tendonff.compensator.identification.parameters import Parameter
-from tendonff.compensator.identification.result import CandidateLaw
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.errors import SolveError

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import t as student
 
+from tendonff.compensator.identification.answer.result import Estimate
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.joint.mechanism_law import MechanismLaw
 from tendonff.compensator.identification.joint.parameters import ANGLE_OR_PUSH, NUMBERS, JointNumber
 from tendonff.compensator.identification.measured import Array
-from tendonff.compensator.identification.result import Estimate
-from tendonff.compensator.joint.scenario import JointScenario
+from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.models.joint.closed_form import GrossSliding, data_sheet
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.ocp.fits.least_squares import Solution

@@ -9,7 +9,7 @@ from tendonff.compensator.identification.joint.fitted import moved_files
 from tendonff.compensator.identification.joint.report import identification_report
 from tendonff.compensator.identification.joint.result import JointIdentification
 from tendonff.compensator.identification.joint.routine import MotorRoutine, suggest_routine
-from tendonff.compensator.joint.scenario import JointScenario
+from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.reporting.page import write_report
 from tendonff.compensator.reporting.plots import save_figure
 

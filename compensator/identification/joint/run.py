@@ -33,7 +33,7 @@ from tendonff.compensator.identification.joint.result import DESCRIBED_PERCENT, 
 from tendonff.compensator.identification.joint.sensor import SensorFit, fit_sensor
 from tendonff.compensator.identification.joint.torque import TorqueFit, fit_torque
 from tendonff.compensator.joint.observer_table import ObserverTable
-from tendonff.compensator.joint.scenario import JointScenario
+from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters import Mechanism

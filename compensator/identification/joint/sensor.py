@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tendonff.compensator.identification.answer.result import Estimate
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.joint.log import JointLog
 from tendonff.compensator.identification.measured import Array
-from tendonff.compensator.identification.result import Estimate
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.joint.quasi_static import LoopSensor
 from tendonff.ocp.errors import SolveError

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
+from tendonff.compensator.identification.answer.result import Estimate
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.joint.log import JointLog
 from tendonff.compensator.identification.joint.sensor import BLOCK_S, ROW_S, STARTS, STEP
 from tendonff.compensator.identification.measured import Array, Mask
-from tendonff.compensator.identification.result import Estimate
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.joint.quasi_static import LoopTorque
 from tendonff.ocp.errors import SolveError

@@ -10,7 +10,7 @@ from tendonff.compensator.export.unit import Fmu, Variable, pack
 from tendonff.compensator.joint.export.golden import followed_course
 from tendonff.compensator.joint.export.judgement import JudgedJoint, judge_joint
 from tendonff.compensator.joint.export.text import accepted_rad, joint_sources, problem_of
-from tendonff.compensator.joint.scenario import JointScenario, sample_joint
+from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.joint.start import start_tensions

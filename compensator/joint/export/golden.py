@@ -12,7 +12,7 @@ from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.joint.compensators import inverse_of
 from tendonff.compensator.joint.drive import commanded
-from tendonff.compensator.joint.scenario import JointScenario, SampledJoint
+from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint
 from tendonff.models.path import JointMotion
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import CodeError, SolveError

@@ -9,8 +9,8 @@ from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.joint.compensators import linear_motor_rad
 from tendonff.compensator.joint.drive import commanded, known_by_ratio
 from tendonff.compensator.joint.plant import REFINEMENT, JointPlant, verifying_masses
-from tendonff.compensator.joint.reference import JointQuantity
-from tendonff.compensator.joint.scenario import JointScenario, SampledJoint
+from tendonff.compensator.joint.scenario.reference import JointQuantity
+from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -22,7 +22,7 @@ from tendonff.compensator.joint.export.golden import (
 from tendonff.compensator.joint.export.judgement import JudgedJoint, judge_joint
 from tendonff.compensator.joint.export.text import module_text, problem_of, render, transmission_files
 from tendonff.compensator.joint.plant import REFINEMENT, verifying_masses
-from tendonff.compensator.joint.scenario import JointScenario, sample_joint
+from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.joint.invert import JointStatus

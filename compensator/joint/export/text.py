@@ -12,7 +12,7 @@ from tendonff.compensator.export.text.c_text import harmless
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.joint.adaptation import TunedJoint
 from tendonff.compensator.joint.export.adaptive import adaptive_context
-from tendonff.compensator.joint.scenario import JointScenario, SampledJoint, sample_joint
+from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint, sample_joint
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters import DriveKind, Mechanism
 from tendonff.ocp.codegen.precision import Precision

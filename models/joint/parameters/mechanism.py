@@ -14,9 +14,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tendonff.models.assembly import End
-from tendonff.models.chain import Chain
-from tendonff.models.elements import whole_of
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.joint.parameters.drive import DriveKind, JointDrive
@@ -25,6 +22,9 @@ from tendonff.models.joint.parameters.tendon import JointTendon
 from tendonff.models.layout import Array
 from tendonff.models.parameters import Tendon
 from tendonff.models.path import JointMotion
+from tendonff.models.tendon.assembly import End
+from tendonff.models.tendon.chain import Chain
+from tendonff.models.tendon.elements import whole_of
 
 _LED = End(mass_kg=1.0, damping_N_s_per_m=0.0, stiffness_N_per_m=0.0)
 """An end whose motion is given: its own numbers have no effect."""

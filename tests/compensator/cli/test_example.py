@@ -6,8 +6,8 @@ import pytest
 
 import tendonff as tf
 from tendonff.compensator.cli import run
-from tendonff.compensator.joint.detect import is_joint_file
-from tendonff.compensator.joint.scenario import sample_joint
+from tendonff.compensator.joint.scenario.detect import is_joint_file
+from tendonff.compensator.joint.scenario.scenario import sample_joint
 
 ROOT = Path(__file__).resolve().parents[3]
 NAMES = sorted(path.stem for path in (ROOT / "examples").glob("*.toml"))

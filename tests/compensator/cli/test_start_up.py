@@ -129,7 +129,7 @@ def test_what_computes_and_draws_loads_no_package_that_few_scenarios_need() -> N
     """Each of them takes as long to import as a design takes to compute."""
     modules = ("design.run", "design.output", "compare.run", "compare.output", "explore.run")
     code = "import importlib, sys\nfor name in sys.argv[1:]:\n    importlib.import_module(name); print(*sys.modules)"
-    names = [f"tendonff.compensator.{module}" for module in modules]
+    names = [f"tendonff.compensator.studies.{module}" for module in modules]
     done = subprocess.run([sys.executable, "-c", code, *names], capture_output=True, text=True, check=True)
     rare = {"scipy.stats", "scipy.signal", "scipy.interpolate", "scipy.optimize", "pandas", "control"}
     for module, loaded in zip(modules, done.stdout.splitlines(), strict=True):

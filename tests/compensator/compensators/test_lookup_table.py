@@ -16,9 +16,9 @@ from tendonff.compensator.compensators.table import CompensationTable, sweep, ta
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.capstan import Branch, CapstanLaw
-from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
+from tendonff.models.tendon.chain import Chain
 
 
 @pytest.fixture(scope="module")

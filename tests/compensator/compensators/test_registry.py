@@ -10,13 +10,11 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
-from tendonff.compensator.compare.run import compare
 from tendonff.compensator.compensators import base, optimal
 from tendonff.compensator.compensators.base import CModule, Compensator, Problem
 from tendonff.compensator.compensators.closed_form import Capstan
 from tendonff.compensator.compensators.profile import Profile, ProfileStatus
 from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
-from tendonff.compensator.design.run import design
 from tendonff.compensator.export import c_project, modules
 from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.export.fmu import build_fmu
@@ -26,10 +24,12 @@ from tendonff.compensator.files.progress import silent
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.reporting.colours import Style
 from tendonff.compensator.scenario.scenario import load_scenario, scenario_to_toml
+from tendonff.compensator.studies.compare.run import compare
+from tendonff.compensator.studies.design.run import design
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters.uncertainty import Uncertainty
-from tendonff.ocp import stability
 from tendonff.ocp.errors import SolveError
+from tendonff.ocp.tendon import stability
 from tendonff.ocp.tracking import track as tracking
 from tendonff.ocp.tracking.options import TrackOptions
 from tendonff.ocp.tracking.result import TrackStatus
@@ -270,7 +270,7 @@ def test_a_folder_that_cannot_be_written_is_known_before_the_work(examples, tmp_
         raise AssertionError("the work began")
 
     for name in ("design.run.design", "compare.run.compare", "experiment.run.experiment", "tables.run.make_tables"):
-        monkeypatch.setattr(f"tendonff.compensator.{name}", work)
+        monkeypatch.setattr(f"tendonff.compensator.studies.{name}", work)
     for name in ("export.c_project.export_project", "export.fmu.build_fmu"):
         monkeypatch.setattr(f"tendonff.compensator.{name}", work)
     (tmp_path / "taken").write_text("a file")

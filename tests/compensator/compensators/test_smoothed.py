@@ -9,7 +9,7 @@ from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.closed_form import Capstan
 from tendonff.compensator.compensators.smoothed import Smoothed, centred, lagged
 from tendonff.compensator.scenario.scenario import load_scenario
-from tendonff.ocp.simulate import simulate
+from tendonff.ocp.tendon.simulate import simulate
 
 
 @pytest.fixture(scope="module")

@@ -10,12 +10,12 @@ from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.compensators.profile import Profile
 from tendonff.compensator.compensators.uncertain import Doubt, sample_systems
 from tendonff.compensator.scenario.sampled.sampling import Reference
-from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.models.parameters.uncertainty import Spread, Uncertainty
-from tendonff.ocp.inverse import invert
+from tendonff.models.tendon.chain import Chain
+from tendonff.ocp.tendon.inverse import invert
 
 STEP = 2e-3
 TIME = np.arange(0, 1 + STEP / 2, STEP)

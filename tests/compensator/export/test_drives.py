@@ -18,11 +18,11 @@ from tendonff.compensator.export.text.c_text import c_sources
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.scenario.reference import Shape, WaypointReference
 from tendonff.compensator.scenario.scenario import load_scenario
-from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters.drive import Drive
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.inverse import invert
+from tendonff.ocp.tendon.inverse import invert
 
 pytestmark = pytest.mark.compiler
 

@@ -21,11 +21,11 @@ from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.reference import Shape, WaypointReference
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario, scenario_to_toml
-from tendonff.models.chain import Chain
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.codegen.compiler import has_cross_compiler
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.inverse import invert
-from tendonff.ocp.simulate import simulate
+from tendonff.ocp.tendon.inverse import invert
+from tendonff.ocp.tendon.simulate import simulate
 
 fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed")
 NAMES = {

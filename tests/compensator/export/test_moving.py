@@ -21,9 +21,9 @@ from tendonff.models.parameters import Load
 from tendonff.models.parameters.drive import Drive
 from tendonff.models.path import SectionKind
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.inverse import invert
-from tendonff.ocp.simulate import simulate
 from tendonff.ocp.step.target_joints import tanh_fraction
+from tendonff.ocp.tendon.inverse import invert
+from tendonff.ocp.tendon.simulate import simulate
 
 TOLERANCE_N = {Precision.DOUBLE: 1e-9, Precision.FLOAT: 0.02}
 ROWS = 1200

@@ -21,7 +21,7 @@ from tendonff.compensator.scenario.scenario import load_scenario, scenario_to_to
 from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.inverse import invert
+from tendonff.ocp.tendon.inverse import invert
 
 FLAGS = ("-std=c99", "-O0", "-w", "-ffp-contract=off", "-fno-math-errno")
 

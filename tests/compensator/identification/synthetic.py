@@ -10,10 +10,10 @@ import numpy as np
 
 from tendonff.compensator.files.writing import write_text
 from tendonff.compensator.identification.measured import Array
-from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
-from tendonff.ocp.simulate import simulate
+from tendonff.models.tendon.chain import Chain
+from tendonff.ocp.tendon.simulate import simulate
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.files.writing import write_csv
-from tendonff.compensator.identification.report import identification_report
-from tendonff.compensator.identification.result import headline, missing, summary_lines
+from tendonff.compensator.identification.answer.report import identification_report
+from tendonff.compensator.identification.answer.result import headline, missing, summary_lines
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.capstan import CapstanLaw

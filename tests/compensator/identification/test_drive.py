@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.files.writing import write_csv
-from tendonff.compensator.identification import result
+from tendonff.compensator.identification.answer import result
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.drive import drive_estimate
 from tendonff.compensator.identification.measured.reading import read_measurement

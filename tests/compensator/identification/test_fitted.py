@@ -7,24 +7,24 @@ import pytest
 from synthetic import Faults, write_synthetic
 
 from tendonff.compensator.identification import outcome
+from tendonff.compensator.identification.answer.messages import moved_inside
+from tendonff.compensator.identification.answer.result import PieceComparison, summary_lines
 from tendonff.compensator.identification.fitting.dynamic import ChainLaw
 from tendonff.compensator.identification.fitting.errors import FileError
 from tendonff.compensator.identification.fitting.static import respond
 from tendonff.compensator.identification.measured.cleaning import clean
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.measured.smoothing import low_pass_piece
-from tendonff.compensator.identification.messages import moved_inside
 from tendonff.compensator.identification.parameters import Parameter, ParametricChain
-from tendonff.compensator.identification.result import PieceComparison, summary_lines
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
-from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.path import Section
-from tendonff.ocp.inverse import invert
-from tendonff.ocp.simulate import simulate
+from tendonff.models.tendon.chain import Chain
+from tendonff.ocp.tendon.inverse import invert
+from tendonff.ocp.tendon.simulate import simulate
 
 pytestmark = pytest.mark.compiler
 

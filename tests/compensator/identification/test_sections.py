@@ -11,10 +11,10 @@ from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenario.scenario import load_scenario
-from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.path import Section
-from tendonff.ocp.simulate import simulate
+from tendonff.models.tendon.chain import Chain
+from tendonff.ocp.tendon.simulate import simulate
 
 pytestmark = pytest.mark.compiler
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tendonff.compensator.identification.result import Estimate
+from tendonff.compensator.identification.answer.result import Estimate
 from tendonff.compensator.identification.spread import with_spread
 from tendonff.compensator.scenario.scenario import load_scenario, parse_scenario, scenario_to_toml
 

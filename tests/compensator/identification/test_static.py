@@ -8,7 +8,7 @@ from synthetic import Faults, write_synthetic
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv
-from tendonff.compensator.identification.result import summary_lines
+from tendonff.compensator.identification.answer.result import summary_lines
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.capstan import CapstanLaw

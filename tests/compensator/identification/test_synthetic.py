@@ -14,10 +14,10 @@ from tendonff.compensator.identification.suggest import PLANS, Information, draw
 from tendonff.compensator.scenario.sampled.sampling import initial_tension, sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.capstan import Branch, CapstanLaw
-from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
-from tendonff.ocp.inverse import invert
-from tendonff.ocp.simulate import simulate
+from tendonff.models.tendon.chain import Chain
+from tendonff.ocp.tendon.inverse import invert
+from tendonff.ocp.tendon.simulate import simulate
 
 pytestmark = pytest.mark.compiler  # a fit takes seconds with compiled code and many minutes without
 

@@ -9,7 +9,7 @@ import pytest
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.joint.compensators import JointTask, compensators_of, joint_compensator, middle_compliance
 from tendonff.compensator.joint.plant import verifying_masses
-from tendonff.compensator.joint.scenario import JointScenario, parse_joint_scenario
+from tendonff.compensator.joint.scenario.scenario import JointScenario, parse_joint_scenario
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.models.parameters.uncertainty import Objective, Uncertainty
 

@@ -10,16 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tendonff.compensator.adapt import joint as study
-from tendonff.compensator.adapt.joint import adapt_joint
 from tendonff.compensator.cli import run
-from tendonff.compensator.compare.joint import compare_joint
-from tendonff.compensator.design.sweep.run import sweep
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.joint.compensators import JointTask, joint_compensator
-from tendonff.compensator.joint.design import design_joint
-from tendonff.compensator.joint.scenario import JointScenario, load_joint_scenario, parse_joint_scenario
-from tendonff.compensator.tables.joint import BOUND_SHARE, tabulate_joint
+from tendonff.compensator.joint.design.run import design_joint
+from tendonff.compensator.joint.scenario.scenario import JointScenario, load_joint_scenario, parse_joint_scenario
+from tendonff.compensator.studies.adapt import joint as study
+from tendonff.compensator.studies.adapt.joint import adapt_joint
+from tendonff.compensator.studies.compare.joint import compare_joint
+from tendonff.compensator.studies.design.sweep.run import sweep
+from tendonff.compensator.studies.tables.joint import BOUND_SHARE, tabulate_joint
 from tendonff.models.fidelity import Level
 from tendonff.models.joint.parameters import DriveKind, Mechanism
 from tendonff.models.parameters.numbers import with_numbers

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
-from tendonff.compensator.joint.design import design_joint
+from tendonff.compensator.joint.design.run import design_joint
 from tendonff.compensator.joint.drive import commanded, driven
-from tendonff.compensator.joint.scenario import load_joint_scenario
+from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
 from tendonff.models.joint.parameters import DriveKind, JointDrive
 from tendonff.ocp.joint.simulate import simulate_joint
 from tendonff.ocp.joint.start import joint_problem

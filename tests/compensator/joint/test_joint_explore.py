@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from tendonff.compensator.explore.joint import JointExplorer
 from tendonff.compensator.joint.compensators import JointTask, joint_compensator
-from tendonff.compensator.joint.scenario import load_joint_scenario
+from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
+from tendonff.compensator.studies.explore.joint import JointExplorer
 from tendonff.models.errors import TendonffError
 
 pytestmark = pytest.mark.compiler

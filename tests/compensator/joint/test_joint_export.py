@@ -13,7 +13,7 @@ from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.joint.export import project
 from tendonff.compensator.joint.export.project import export_joints
 from tendonff.compensator.joint.export.text import joint_sources
-from tendonff.compensator.joint.scenario import JointScenario, load_joint_scenario
+from tendonff.compensator.joint.scenario.scenario import JointScenario, load_joint_scenario
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import SolveError
 

@@ -7,7 +7,7 @@ import pytest
 
 from tendonff.compensator.cli import run
 from tendonff.compensator.files.text import InputError
-from tendonff.compensator.joint.scenario import load_joint_scenario, parse_joint_scenario, sample_joint
+from tendonff.compensator.joint.scenario.scenario import load_joint_scenario, parse_joint_scenario, sample_joint
 from tendonff.models.joint.parameters import DriveKind
 
 

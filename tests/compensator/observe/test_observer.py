@@ -9,7 +9,7 @@ import pytest
 import tendonff as tf
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.layout import ChainInputs
-from tendonff.ocp.simulate import Simulator
+from tendonff.ocp.tendon.simulate import Simulator
 from tests.independent_plant import respond
 
 pytestmark = pytest.mark.compiler

@@ -13,7 +13,7 @@ from tendonff.compensator.export.host import run_on_host
 from tendonff.compensator.joint.compensators import inverse_of
 from tendonff.compensator.joint.drive import commanded
 from tendonff.compensator.joint.export.text import problem_of
-from tendonff.compensator.joint.scenario import sample_joint
+from tendonff.compensator.joint.scenario.scenario import sample_joint
 from tendonff.compensator.runtime.code import tendon_runtime
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import CodeError

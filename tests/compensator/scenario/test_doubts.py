@@ -11,7 +11,7 @@ import pytest
 from tendonff.compensator.cli import run
 from tendonff.compensator.files.reading import InputError, read_csv
 from tendonff.compensator.files.writing import write_text
-from tendonff.compensator.joint.detect import is_joint_file
+from tendonff.compensator.joint.scenario.detect import is_joint_file
 from tendonff.compensator.scenario.doubts import force_doubts, out_of_reach, scenario_doubts
 from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, SineJoint, WaypointJoint
 from tendonff.compensator.scenario.sampled.first_look import first_look

@@ -13,7 +13,7 @@ from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.joints import ConstantJoint
 from tendonff.compensator.scenario.sampled.joint_motion import moved, sample_joints
 from tendonff.compensator.scenario.scenario import load_scenario, parse_scenario, scenario_to_toml
-from tendonff.compensator.tables.run import make_tables
+from tendonff.compensator.studies.tables.run import make_tables
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from random_examples import tried_on
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_text
-from tendonff.compensator.joint.detect import is_joint_file
+from tendonff.compensator.joint.scenario.detect import is_joint_file
 from tendonff.compensator.scenario.doubts import largest_tension, scenario_doubts
 from tendonff.compensator.scenario.reference import CsvReference, SineReference
 from tendonff.compensator.scenario.scenario import (

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from tendonff.models.capstan import CapstanLaw, exponent_lines
-from tendonff.models.chain import Chain, laws_at
 from tendonff.models.fidelity import Level
 from tendonff.models.path import JointMotion, Section, SectionKind
+from tendonff.models.tendon.chain import Chain, laws_at
 
 
 @pytest.fixture

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tendonff.models.bounds import play
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.capstan.spread_bounds import play_exponents
 from tendonff.models.errors import ParameterError
 from tendonff.models.parameters import Transmission
+from tendonff.models.tendon.bounds import play
 
 LAW = CapstanLaw(pull_exponent=0.62, release_exponent=0.45, adhesion_N=0.5)
 histories = st.lists(st.floats(0.0, 150.0), min_size=2, max_size=40).map(np.array)

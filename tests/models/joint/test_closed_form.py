@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tendonff.compensator.joint.scenario import load_joint_scenario
+from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.closed_form import GrossSliding, data_sheet, elongation_factor, sweep_pretension
 from tendonff.models.joint.parameters import DriveKind, Mechanism

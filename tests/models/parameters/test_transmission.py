@@ -5,13 +5,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tendonff.models.chain import Chain, chain_equations
-from tendonff.models.elements import whole_of
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs, ChainState, StateLayout
 from tendonff.models.parameters import Transmission
 from tendonff.models.parameters.drive import Drive
+from tendonff.models.tendon.chain import Chain, chain_equations
+from tendonff.models.tendon.elements import whole_of
 
 OTHER_RULES = (
     "second_relaxing_stiffness_N_per_m",

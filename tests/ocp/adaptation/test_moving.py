@@ -10,7 +10,7 @@ from tendonff.models.parameters import Transmission
 from tendonff.ocp.adaptation.code import TunedChain
 from tendonff.ocp.adaptation.tuner import SelfTuner, SimulatedRig, TunerStatus
 from tendonff.ocp.adaptation.tuning import Sensor, Tunable, Tuning
-from tendonff.ocp.inverse import invert
+from tendonff.ocp.tendon.inverse import invert
 from tendonff.ocp.tracking.limits import ForceLimits
 from tests.moving_plant import SECTIONS, MovingPlant, moving_finger
 

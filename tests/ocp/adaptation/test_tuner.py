@@ -8,13 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from random_examples import tried_on
 
-from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.adaptation.code import TunedChain
 from tendonff.ocp.adaptation.tuner import SelfTuner, SimulatedRig, TunerStatus
 from tendonff.ocp.adaptation.tuning import Sensor, Tunable, Tuning
-from tendonff.ocp.inverse import invert
+from tendonff.ocp.tendon.inverse import invert
 from tendonff.ocp.tracking.limits import ForceLimits
 
 pytestmark = pytest.mark.compiler

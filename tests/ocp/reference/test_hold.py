@@ -6,12 +6,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Path, Transmission
 from tendonff.models.path import JointMotion, Section
-from tendonff.ocp.inverse import invert
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.reference.hold import find_holds, keep_force, keep_force_to_end, last_approach
+from tendonff.ocp.tendon.inverse import invert
 
 STEP = 1e-3
 

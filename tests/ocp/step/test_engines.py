@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tendonff.models.chain import Chain, chain_equations
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs
 from tendonff.models.parameters import (
@@ -22,12 +21,13 @@ from tendonff.models.parameters import (
     Tendon,
     Transmission,
 )
+from tendonff.models.tendon.chain import Chain, chain_equations
 from tendonff.ocp.codegen import compiler, engine
 from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.errors import CodeError
-from tendonff.ocp.inverse import invert
-from tendonff.ocp.simulate import Outcome, Simulation, Simulator, simulate
 from tendonff.ocp.step import c_engine, casadi_engine
+from tendonff.ocp.tendon.inverse import invert
+from tendonff.ocp.tendon.simulate import Outcome, Simulation, Simulator, simulate
 
 pytestmark = pytest.mark.compiler
 

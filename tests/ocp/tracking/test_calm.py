@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from tendonff.models.capstan import held_within
-from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.models.path import Section
-from tendonff.ocp.inverse import invert
-from tendonff.ocp.simulate import simulate
+from tendonff.models.tendon.chain import Chain
+from tendonff.ocp.tendon.inverse import invert
+from tendonff.ocp.tendon.simulate import simulate
 from tendonff.ocp.tracking.cost import evaluate, gauss_newton_model
 from tendonff.ocp.tracking.diagnosis import law_of, reversals
 from tendonff.ocp.tracking.limits import ForceLimits

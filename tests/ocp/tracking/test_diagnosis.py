@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from tendonff.models.capstan import CapstanLaw
-from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.tracking.diagnosis import departures, law_of, reasons, reversals
 from tendonff.ocp.tracking.limits import ForceLimits
 

@@ -3,13 +3,13 @@ import math
 import numpy as np
 import pytest
 
-from tendonff.models.chain import Chain
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.models.parameters.uncertainty import Objective
-from tendonff.ocp.inverse import invert
-from tendonff.ocp.simulate import simulate
+from tendonff.models.tendon.chain import Chain
+from tendonff.ocp.tendon.inverse import invert
+from tendonff.ocp.tendon.simulate import simulate
 from tendonff.ocp.tracking.diagnosis import law_of
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.track import track_robust

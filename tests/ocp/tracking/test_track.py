@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.inverse import InverseStatus, invert
-from tendonff.ocp.simulate import simulate
+from tendonff.ocp.tendon.inverse import InverseStatus, invert
+from tendonff.ocp.tendon.simulate import simulate
 from tendonff.ocp.tracking import search
 from tendonff.ocp.tracking.cost import evaluate
 from tendonff.ocp.tracking.diagnosis import law_of

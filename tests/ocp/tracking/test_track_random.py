@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from benchmarks.random_rigs import random_problem
-from tendonff.models.chain import Chain
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.codegen.engine import Engine
-from tendonff.ocp.inverse import invert
-from tendonff.ocp.simulate import simulate
-from tendonff.ocp.stability import predict_stick_slip
+from tendonff.ocp.tendon.inverse import invert
+from tendonff.ocp.tendon.simulate import simulate
+from tendonff.ocp.tendon.stability import predict_stick_slip
 from tendonff.ocp.tracking.cost import evaluate
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.options import TrackOptions

@@ -12,8 +12,8 @@ from tendonff.compensator.identification.joint.first_look import look
 from tendonff.compensator.identification.joint.log import read_logs
 from tendonff.compensator.identification.joint.result import JointIdentification
 from tendonff.compensator.identification.joint.run import identify_joint
-from tendonff.compensator.joint.design import design_joint
-from tendonff.compensator.joint.scenario import load_joint_scenario
+from tendonff.compensator.joint.design.run import design_joint
+from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
 from tendonff.compensator.scenario.measurement import Measurement
 from tests.hidden_loop import FINE_S, hidden, scenario, write_log
 

@@ -30,10 +30,10 @@ from tendonff.compensator.scenario.sampled.sampling import (
 )
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario
 from tendonff.compensator.scenario.settings import Run
-from tendonff.models.chain import Chain
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
-from tendonff.ocp.inverse import invert
+from tendonff.models.tendon.chain import Chain
+from tendonff.ocp.tendon.inverse import invert
 
 
 @pytest.fixture(scope="module")

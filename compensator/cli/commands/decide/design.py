@@ -1,0 +1,78 @@
+"""`tendonff design`: the main job."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tendonff.compensator.cli.options import OutFolderOption, PdfOption, ScenarioArgument, opened
+from tendonff.compensator.cli.progress import progress, say, warn
+from tendonff.compensator.files.text import InputError
+
+EXIT_SOLVE = 1  # what was written is the best that was found
+
+
+def design(
+    scenario: ScenarioArgument,
+    out: OutFolderOption = Path("out"),
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Refuse a reference out of reach instead of coming closest to it.")
+    ] = False,
+    online: Annotated[
+        bool, typer.Option("--online", help="Also draw and pick the filter of a reference that arrives live.")
+    ] = False,
+    interactive: Annotated[
+        bool, typer.Option("--interactive", help="Put a view that zooms into the report; needs Bokeh, 1 MB more.")
+    ] = False,
+    pdf: PdfOption = False,
+) -> int:
+    """Design and verify the force, or the motor angle of a joint.
+
+    Computes force profiles that produce the desired output tension, by every compensator, and simulates each. For a
+    joint between tendons: motor angles that produce the desired joint angle.
+    """
+    from tendonff.compensator.joint.scenario.detect import is_joint_file
+
+    if is_joint_file(scenario):
+        return _design_joint(scenario, out, strict=strict, online=online or interactive)
+    with opened(scenario, out, strict=strict) as (loaded, folder):
+        from tendonff.compensator.studies.design.output import print_scores
+        from tendonff.compensator.studies.design.run import design as design_profile
+
+        if online:
+            from tendonff.compensator.studies.design.online import require_path_at_rest, study_online
+
+            require_path_at_rest(loaded)
+        with progress("designing") as advance:
+            result = design_profile(loaded, strict=strict, progress=advance)
+        with progress("writing"):
+            result.write(folder, interactive=interactive, pdf=pdf)
+        if online:
+            with progress("filters of a live reference"):
+                optimum = result.on_level("optimal", result.level).score.rmse_percent_of_range
+                study = study_online(loaded, optimum)
+                study.write(folder, pdf=pdf)
+            say(study.sentence)
+    warn(*result.warnings)
+    print_scores(result, out)
+    return 0 if result.is_usable else EXIT_SOLVE
+
+
+def _design_joint(scenario: Path, out: Path, *, strict: bool, online: bool) -> int:
+    from tendonff.compensator.files.writing import atomic_directory
+    from tendonff.compensator.joint.design.run import design_joint
+    from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
+
+    if online:
+        raise InputError(
+            f"{scenario.name}: --online and --interactive are for the tension of one tendon; leave them out"
+        )
+    loaded = load_joint_scenario(scenario)
+    with atomic_directory(out) as folder:
+        with progress("designing") as advance:
+            result = design_joint(loaded, strict=strict, progress=advance)
+        with progress("writing"):
+            result.write(folder)
+    warn(*result.warnings)
+    say(result.headline, result.fine_print, f"report: {out / 'report.html'}")
+    return 0

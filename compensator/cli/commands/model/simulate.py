@@ -1,0 +1,69 @@
+"""`tendonff simulate`: what a force does to the tensions along the tendon."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tendonff.compensator.cli.options import LevelOption, ScenarioArgument, looked_at, option
+from tendonff.compensator.cli.progress import progress, say, warn
+from tendonff.compensator.files.text import InputError
+from tendonff.models.fidelity import Level
+
+_COLUMN = "Column of the force; default: force_N, in a profile.csv force_optimal_N."
+_JOINTS = "Motion of the joints: time_s,NAME_rad; default: that of the scenario."
+
+
+def simulate(
+    scenario: ScenarioArgument,
+    force: Annotated[
+        Path, option("--force", "F.csv", "Force file: time_s,force_N, from 0 (position drive: command_m).")
+    ],
+    out: Annotated[Path, option("--out", "O.csv", "Result: tensions and end positions.")],
+    column: Annotated[str | None, option("--force-column", "NAME", _COLUMN)] = None,
+    joints: Annotated[Path | None, option("--joints", "J.csv", _JOINTS)] = None,
+    level: LevelOption = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Simulate with smaller steps as well and state the discretisation error.")
+    ] = False,
+) -> None:
+    """Simulate a force file, or a joint under a file of motor angles.
+
+    The run starts at rest at the scenario's initial tension; of a joint, where its reference starts.
+    """
+    from tendonff.compensator.joint.scenario.detect import is_joint_file
+
+    if is_joint_file(scenario):
+        _simulate_joint(scenario, force, out, column, level, unused=joints is not None or check)
+        return
+    loaded = looked_at(scenario, follows_reference=False)
+    from tendonff.compensator.scenario.sampled.joint_motion import moved_by_file
+    from tendonff.compensator.studies.simulate.run import doubts_of, read_force, simulate_force
+
+    loaded = loaded if joints is None else moved_by_file(loaded, joints)
+    profile = read_force(force, column, loaded.transmission.actuator.drive)
+    say(*profile.notes)
+    warn(*doubts_of(loaded, profile))
+    if out.exists() and any(out.samefile(source) for source in (scenario, force, joints) if source):
+        raise InputError(f"{out} is an input of this run; name another file for the result")
+    with progress("simulating") as advance:
+        simulated = simulate_force(loaded, level or loaded.run.level, profile, out, check=check, progress=advance)
+    warn(*simulated.warnings)
+    if simulated.check is not None:
+        say(f"check: {simulated.check}")
+
+
+def _simulate_joint(
+    scenario: Path, motors: Path, out: Path, column: str | None, level: Level | None, *, unused: bool
+) -> None:
+    from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
+    from tendonff.compensator.joint.simulate import simulate_joint_file
+
+    if unused:
+        raise InputError(f"{scenario.name}: --joints and --check are for the tension of one tendon; leave them out")
+    loaded = load_joint_scenario(scenario)
+    if out.exists() and any(out.samefile(source) for source in (scenario, motors)):
+        raise InputError(f"{out} is an input of this run; name another file for the result")
+    with progress("simulating"):
+        notes = simulate_joint_file(loaded, level or loaded.run.level, motors, column, out)
+    warn(*notes)

@@ -1,0 +1,260 @@
+"""`tendonff identify`: parameters of a rig from what was measured on it."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tendonff.compensator.cli.options import OutFolderOption, PdfOption, ScenarioArgument, named_numbers, opened, option
+from tendonff.compensator.cli.progress import interruptible, progress, say, warn
+from tendonff.compensator.files.progress import DOUBT
+from tendonff.compensator.files.text import InputError, suggestion
+from tendonff.compensator.scenario.measurement import Explain, Measurement
+from tendonff.models.errors import ParameterError
+
+if TYPE_CHECKING:
+    from tendonff.compensator.identification.answer.result import Identification
+
+SCALED = ("time", "input", "output", "input_position", "output_position", "actuator_force")
+_SCALE = (
+    "Factor to SI units: of both tensions, or of the column time, input, output, input_position, output_position or "
+    "actuator_force"
+)
+_OFFSET = (
+    "What the cells read without tension, in N: of both, or of the column input or output; subtracted. "
+    "Default: found from slack samples."
+)
+_CELLS = "Column of a tension between the ends, and the wrap angle from the actuator to it"
+_TARE = "Seconds of every file in which the tendon is slack; both cells are set to zero there."
+_SKIP = "Leave out the start of every file; default: until the start-up transient has decayed."
+_COLUMNS = "Names of the columns, for a text file without a header"
+_TORQUE_CONSTANT = "Torque over current of the motor, in N m/A: a column of the input tension may be in A or mA."
+_DRUM_RADIUS = "Radius of the drum, in m: columns may be torques in N m or mN m, angles in rad or deg, speeds in rpm."
+_GEAR_RATIO = "Revolutions of the motor for one of the drum: torque, current and angle of the input are the motor's."
+_CUTOFF = "Cut-off of the low-pass over all channels, in Hz; default: found from the noise."
+_LABEL = "Label of a measured file, such as wet or worn: estimates are reported by label"
+
+
+def _column(name: str, what: str) -> Any:
+    """The option that names a column."""
+    return option(f"--{name}-column", None, f"Name of the column of {what}.")
+
+
+def _several(name: str, metavar: str, text: str) -> Any:
+    """An option that may be repeated."""
+    return option(name, metavar, f"{text}; may be repeated.")
+
+
+def identify(
+    scenario: ScenarioArgument,
+    out: OutFolderOption = Path("fit"),
+    data: Annotated[list[Path] | None, _several("--data", "D.csv", "Measured file to fit")] = None,
+    validate: Annotated[
+        list[Path] | None, _several("--validate", "V.csv", "Measured file that judges the laws")
+    ] = None,
+    suggest: Annotated[
+        bool, typer.Option("--suggest", help="Only write an excitation for this rig, as a force file.")
+    ] = False,
+    time_column: Annotated[str | None, _column("time", "time")] = None,
+    input_column: Annotated[str | None, _column("input", "the input tension")] = None,
+    output_column: Annotated[str | None, _column("output", "the output tension")] = None,
+    input_position_column: Annotated[str | None, _column("input-position", "the input end's position")] = None,
+    output_position_column: Annotated[str | None, _column("output-position", "the output end's position")] = None,
+    actuator_force_column: Annotated[str | None, _column("actuator-force", "the actuator's force")] = None,
+    tension_column: Annotated[list[str] | None, _several("--tension-column", "NAME=ANGLE_RAD", _CELLS)] = None,
+    columns: Annotated[str | None, option("--columns", "A,B,C", _COLUMNS)] = None,
+    torque_constant: Annotated[float | None, option("--torque-constant", "N_M_PER_A", _TORQUE_CONSTANT)] = None,
+    drum_radius: Annotated[float | None, option("--drum-radius", "M", _DRUM_RADIUS)] = None,
+    gear_ratio: Annotated[float | None, option("--gear-ratio", "RATIO", _GEAR_RATIO)] = None,
+    scale: Annotated[list[str] | None, _several("--scale", "[COLUMN=]FACTOR", _SCALE)] = None,
+    offset: Annotated[list[str] | None, option("--offset", "[COLUMN=]N", _OFFSET)] = None,
+    tare: Annotated[str | None, option("--tare", "FROM:TO", _TARE)] = None,
+    skip: Annotated[float | None, option("--skip", "SECONDS", _SKIP)] = None,
+    cutoff: Annotated[float | None, option("--cutoff", "HZ", _CUTOFF)] = None,
+    explain: Annotated[
+        Explain | None, option("--explain", None, "Tension to predict from the other; default: chosen from the data.")
+    ] = None,
+    static_only: Annotated[bool, typer.Option("--static", help="Fit the quasi-static laws only.")] = False,
+    condition: Annotated[list[str] | None, _several("--condition", "FILE=LABEL", _LABEL)] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Fit very long files without asking.")] = False,
+    pdf: PdfOption = False,
+) -> None:
+    """Fit the parameters to measured data.
+
+    The data are tensions, and optionally positions, at both ends of the tendon. For a joint between tendons: angle
+    (motor_rad) and torque or current of its motor, and the joint's angle where there is an encoder; --input-column
+    names the torque, --input-position-column the motor's angle, --output-position-column the joint's.
+    """
+    from tendonff.compensator.joint.scenario.detect import is_joint_file
+
+    is_joint = is_joint_file(scenario)
+    if suggest and is_joint:
+        _suggest_routine(scenario, out, pdf=pdf)
+        return
+    if suggest:
+        with opened(scenario, out, follows_reference=False) as (loaded, folder):
+            from tendonff.compensator.identification.answer.output import write_suggestion
+
+            excitation = write_suggestion(loaded, folder, pdf=pdf)
+        say(f"{out / 'suggested_force.csv'}: {excitation.time_s[-1]:.4g} s, up to {excitation.force_N.max():.4g} N")
+        say(*(f"  {part}" for part in excitation.parts))
+        if excitation.gain:
+            say(excitation.gain)
+        return
+    if not data:
+        raise InputError(
+            "no measured file given; name at least one with --data, or ask for an excitation with --suggest"
+        )
+    names = {
+        "time_column": time_column,
+        "input_column": input_column,
+        "output_column": output_column,
+        "input_position_column": input_position_column,
+        "output_position_column": output_position_column,
+        "actuator_force_column": actuator_force_column,
+        "skip_s": skip,
+        "cutoff_Hz": cutoff,
+        "columns": None if columns is None else tuple(name.strip() for name in columns.split(",")),
+        "torque_constant_N_m_per_A": torque_constant,
+        "drum_radius_m": drum_radius,
+        "gear_ratio": gear_ratio,
+        "explain": explain,
+    }
+    if is_joint:
+        refused = {
+            "--tension-column": tension_column,
+            "--output-column": output_column,
+            "--actuator-force-column": actuator_force_column,
+            "--static": static_only,
+            "--explain": explain,
+            "--condition": condition,
+            "--tare": tare,
+            "--gear-ratio": gear_ratio,
+            "--drum-radius": drum_radius,
+        }
+        if given := [name for name, value in refused.items() if value]:
+            raise InputError(f"{scenario.name}: {given[0]} is for the tensions of one tendon; leave it out for a joint")
+        try:
+            joint_how = replace(Measurement(), **{k: v for k, v in names.items() if v is not None})  # type: ignore[arg-type]
+            joint_how = _of_columns(joint_how, "--scale", scale or [], SCALED, "input=0.001 turns mN m into N m")
+            joint_how = _of_columns(joint_how, "--offset", offset or [], ("input",), "input=0.004 takes 4 mN m off")
+        except ParameterError as error:
+            raise InputError(str(error)) from None
+        _identify_joint(scenario, out, data, validate or [], joint_how, pdf=pdf)
+        return
+    labels = _labels(condition or [], [path.name for path in data])
+
+    def confirm(question: str) -> bool:
+        return yes or (sys.stdin.isatty() and typer.confirm(f"{question}. Go on?", err=True))
+
+    with opened(scenario, out, follows_reference=False) as (loaded, folder):
+        try:
+            how = replace(loaded.measurement, **{k: v for k, v in names.items() if v is not None})  # type: ignore[arg-type]
+            how = _of_columns(how, "--scale", scale or [], SCALED, "input=9.81 turns kg into N")
+            how = _of_columns(how, "--offset", offset or [], ("input", "output"), "output=0.4 takes 0.4 N off")
+            how = _between(_tared(how, tare), tension_column or [])
+        except ParameterError as error:
+            raise InputError(str(error)) from None
+        from tendonff.compensator.identification.answer.result import summary_lines
+        from tendonff.compensator.identification.run import identify as identify_files
+
+        def work() -> "Identification":
+            return identify_files(
+                replace(loaded, measurement=how),
+                data,
+                validate or [],
+                static_only=static_only,
+                conditions=labels,
+                say=_say_files,
+                confirm=confirm,
+            )
+
+        with progress("identifying"):
+            found = interruptible(work)
+        with progress("writing"):
+            found.write(folder, pdf=pdf)
+    warn(*found.warnings)
+    say(*summary_lines(found, str(out)))
+
+
+def _suggest_routine(scenario: Path, out: Path, *, pdf: bool) -> None:
+    """Write motor angles that identify a joint."""
+    from tendonff.compensator.identification.joint.output import write_routine
+    from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
+
+    routine = write_routine(load_joint_scenario(scenario), out, pdf=pdf)
+    reach = f"{routine.motor_rad.min():.3g} to {routine.motor_rad.max():.3g} rad"
+    say(f"{out / 'suggested_motor.csv'}: {routine.time_s[-1]:.4g} s, {reach}", *(f"  {p}" for p in routine.parts))
+
+
+def _identify_joint(
+    scenario: Path, out: Path, data: list[Path], validate: list[Path], how: Measurement, *, pdf: bool
+) -> None:
+    """Identify a joint from its motor, and write what was found."""
+    from tendonff.compensator.files.writing import atomic_directory
+    from tendonff.compensator.identification.joint.result import summary_lines
+    from tendonff.compensator.identification.joint.run import identify_joint
+    from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
+
+    loaded = load_joint_scenario(scenario)
+    with atomic_directory(out) as folder:
+        with progress("identifying"):
+            found = interruptible(lambda: identify_joint(loaded, data, validate, how=how))
+        with progress("writing"):
+            found.write(folder, pdf=pdf)
+    warn(*found.warnings)
+    say(*summary_lines(found, str(out)))
+
+
+def _say_files(line: str) -> None:
+    """Print what was read, how long it takes, and questions; names of stages are not printed."""
+    if " samples over " in line or line.startswith("the fit takes"):
+        say(line)
+    elif line.startswith(DOUBT):
+        warn(line.removeprefix(DOUBT))
+
+
+def _labels(options: list[str], names: list[str]) -> dict[str, str]:
+    """Labels by file name from `--condition`."""
+    found = {}
+    for text in options:
+        name, equals, label = text.rpartition("=")
+        if not equals or not label:
+            raise InputError(f'--condition must be FILE=LABEL, got "{text}"; --condition run3.csv=wet')
+        if Path(name).name not in names:
+            raise InputError(f'--condition: "{name}" is not given with --data{suggestion(Path(name).name, names)}')
+        found[Path(name).name] = label
+    return found
+
+
+def _of_columns(how: Measurement, name: str, texts: list[str], known: tuple[str, ...], example: str) -> Measurement:
+    """Put `--scale` or `--offset` into the table [measurement]: of a column, or of both tensions."""
+    suffix = "scale" if name == "--scale" else "offset_N"
+    for column, value in named_numbers(name, texts, "a number or COLUMN=number", example):
+        if column and column not in known:
+            raise InputError(f'{name}: unknown column "{column}"{suggestion(column, known)}')
+        for each in [column] if column else ["input", "output"]:
+            how = replace(how, **{f"{each}_{suffix}": value})  # type: ignore[arg-type]
+    return how
+
+
+def _between(how: Measurement, texts: list[str]) -> Measurement:
+    """Put `--tension-column` into the table [measurement]."""
+    if not texts:
+        return how
+    cells = named_numbers("--tension-column", texts, "NAME=ANGLE_RAD", "cell_2_N=1.05", is_named=True)
+    names, angles = zip(*cells, strict=True)
+    return replace(how, tension_columns=names, tension_angles_rad=angles)
+
+
+def _tared(how: Measurement, tare: str | None) -> Measurement:
+    """Put `--tare` into the table [measurement]."""
+    if tare is None:
+        return how
+    try:
+        start, stop = (float(text) for text in tare.split(":"))
+    except ValueError:
+        raise InputError(f'--tare must be FROM:TO in seconds, got "{tare}"; --tare 0:2 for the first two') from None
+    return replace(how, tare_s=(start, stop))

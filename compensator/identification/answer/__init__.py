@@ -1,0 +1,1 @@
+"""Result of identification as a user meets it: messages, figures, report."""

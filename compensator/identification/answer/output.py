@@ -1,0 +1,36 @@
+"""Writing what identification found: `fitted.toml`, `fit.json`, figures and the suggested excitation."""
+
+import os
+from pathlib import Path
+
+from tendonff.compensator.files.writing import atomic_directory, write_csv, write_json, write_text
+from tendonff.compensator.identification.answer.figures import draw, draw_suggestion
+from tendonff.compensator.identification.answer.report import identification_report
+from tendonff.compensator.identification.answer.result import Identification
+from tendonff.compensator.identification.suggest import Excitation, suggest
+from tendonff.compensator.reporting.page import write_report
+from tendonff.compensator.scenario.scenario import Scenario, scenario_to_toml
+
+
+def write_files(result: Identification, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
+    """Write the files of `Identification.write`."""
+    with atomic_directory(folder) as partial:
+        write_text(partial / "fitted.toml", scenario_to_toml(result.scenario, folder=folder))
+        write_json(partial / "fit.json", result.as_json())
+        pictures = draw(result, partial, pdf=pdf)
+        if result.comparable:
+            pictures["suggested_force"] = _write_excitation(suggest(result.scenario), partial, pdf=pdf)
+        write_report(partial / "report.html", identification_report(result, pictures))
+
+
+def write_suggestion(scenario: Scenario, folder: Path, *, pdf: bool = False) -> Excitation:
+    """Write a suggested excitation for a scenario's rig."""
+    excitation = suggest(scenario)
+    with atomic_directory(folder) as partial:
+        _write_excitation(excitation, partial, pdf=pdf)
+    return excitation
+
+
+def _write_excitation(excitation: Excitation, folder: Path, *, pdf: bool) -> Path:
+    write_csv(folder / "suggested_force.csv", {"time_s": excitation.time_s, "force_N": excitation.force_N})
+    return draw_suggestion(excitation, folder, pdf=pdf)

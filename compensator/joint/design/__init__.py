@@ -1,0 +1,1 @@
+"""Design of a joint: what its compensators achieve, and the report."""

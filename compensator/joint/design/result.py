@@ -1,0 +1,147 @@
+"""Result of a joint's design."""
+
+import math
+import os
+from dataclasses import dataclass
+
+import numpy as np
+
+from tendonff.compensator.compensators.expectation import Expectation
+from tendonff.compensator.files.reading import FloatArray
+from tendonff.compensator.files.results import writer_of
+from tendonff.compensator.files.text import as_argument
+from tendonff.compensator.joint.compensators import JointCompensator
+from tendonff.compensator.joint.scenario.reference import JointQuantity
+from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint
+from tendonff.models.joint.closed_form import DataSheet
+from tendonff.models.joint.parameters import DriveKind, Mechanism
+from tendonff.ocp.joint.invert import JointInversion
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class JointProfile:
+    """A command of the motors, and what it did on the verifying mechanism.
+
+    Attributes
+    ----------
+    name : str
+    motor_rad : ndarray, shape (rows, motors)
+        Commanded angle.
+    reached : ndarray, shape (rows,)
+        Angle of the joint [rad], or its torque on what it touches [N m].
+    tension_N : ndarray, shape (rows, tendons)
+        At the joint.
+    torque_N_m : ndarray, shape (rows, motors)
+        Of the motors.
+    error : ndarray, shape (rows,)
+        Reached less wanted.
+    """
+
+    name: str
+    motor_rad: FloatArray
+    reached: FloatArray
+    tension_N: FloatArray
+    torque_N_m: FloatArray
+    error: FloatArray
+
+    @property
+    def rms(self) -> float:
+        """RMS error [rad or N m]."""
+        return float(np.sqrt(np.mean(self.error**2)))
+
+    @property
+    def peak(self) -> float:
+        """Largest error [rad or N m]."""
+        return float(np.abs(self.error).max())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class JointDesign:
+    """Motor angles for one joint, and what each delivers.
+
+    Attributes
+    ----------
+    scenario : JointScenario
+        The scenario it was made for.
+    sampled : SampledJoint
+        Its reference, sampled.
+    compensators : tuple of JointCompensator
+        In the order in which they are shown.
+    profiles : dict of str to JointProfile
+        By name of the compensator.
+    inversion : JointInversion
+        The exact inverse before the drive.
+    homing_rad : ndarray, shape (rows, motors)
+        Commands of the homing stroke, which the profiles go on from; empty without one.
+    sheet : DataSheet or None
+        Closed forms of a loop.
+    sheets : tuple of (float, DataSheet)
+        Of a loop: the same over pre-tensions.
+    expectation : Expectation
+        What to expect on a rig, and the profile that does best there.
+    middle : Mechanism or None
+        What the robust profile is designed for; None where there is none.
+    masses, refinement : int
+        Of the verifying mechanism: masses a tendon, and its steps in one of the design.
+    warnings : tuple of str
+        What the user should know.
+    """
+
+    scenario: JointScenario
+    sampled: SampledJoint
+    compensators: tuple[JointCompensator, ...]
+    profiles: dict[str, JointProfile]
+    inversion: JointInversion
+    homing_rad: FloatArray
+    sheet: DataSheet | None
+    sheets: tuple[tuple[float, DataSheet], ...]
+    expectation: Expectation
+    middle: Mechanism | None
+    masses: int
+    refinement: int
+    warnings: tuple[str, ...]
+
+    @property
+    def is_angle(self) -> bool:
+        """An angle is wanted, not a torque."""
+        return self.scenario.reference.quantity is JointQuantity.ANGLE
+
+    @property
+    def is_loop(self) -> bool:
+        """Whether one motor holds both tendons."""
+        return self.scenario.mechanism.drive.kind is DriveKind.LOOP
+
+    def percent(self, value: float) -> float:
+        """A value as a share of the wanted range [%]."""
+        return 100 * value / self.sampled.range
+
+    def text(self, value: float) -> str:
+        """An error in degrees or N m and as a share of the range."""
+        shown = f"{math.degrees(value):.2g} deg" if self.is_angle else f"{value:.2g} N m"
+        return f"{shown} ({self.percent(value):.2g} % of range)"
+
+    @property
+    def recommended(self) -> JointCompensator:
+        """The compensator whose worst error over the uncertainty is least."""
+        return next(c for c in self.compensators if c.name == self.expectation.recommended)
+
+    @property
+    def headline(self) -> str:
+        """Expected error on a rig, and the next command."""
+        export = f"tendonff export-c {as_argument(self.scenario.source)} --out c"
+        return self.expectation.headline(self.recommended.label, export)
+
+    @property
+    def fine_print(self) -> str:
+        """Errors with exactly the design's parameters."""
+        best = self.profiles[self.recommended.name]
+        whole = f"{math.degrees(self.sampled.range):.3g} deg" if self.is_angle else f"{self.sampled.range:.3g} N m"
+        return (
+            f"With exactly the design's parameters the RMS error is {self.text(best.rms)} ({self.recommended.label}, "
+            f"{self.masses} masses a tendon, step/{self.refinement}), {self.text(self.profiles['linear'].rms)} with "
+            f"the ratio alone; the range is {whole}."
+        )
+
+    def write(self, folder: str | os.PathLike[str]) -> None:
+        """Write `profile.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
+        writer_of(JointDesign)(self, folder)

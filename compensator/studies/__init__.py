@@ -1,0 +1,1 @@
+"""Studies of a scenario, one folder for each command that answers with a report."""

@@ -1,0 +1,80 @@
+"""The files of the self-tuning study."""
+
+import csv
+import os
+from dataclasses import asdict
+from pathlib import Path
+
+from tendonff.compensator.files.writing import atomic_directory, atomic_file
+from tendonff.compensator.reporting.page import summary_head, write_pages
+from tendonff.compensator.studies.adapt.figures import adaptation_figures
+from tendonff.compensator.studies.adapt.report import adaptation_report
+from tendonff.compensator.studies.adapt.result import AdaptationStudy, Scheme
+
+_MOST_ROWS = 2000
+
+
+def write_files(result: AdaptationStudy, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
+    """Write the files of `AdaptationStudy.write`."""
+    figures = adaptation_figures(result)
+    with atomic_directory(folder) as partial:
+        write_estimates(result, partial / "estimate.csv")
+        write_pages(partial, summary(result), figures, adaptation_report(result, figures), pdf=pdf)
+
+
+def write_estimates(result: AdaptationStudy, path: Path) -> None:
+    """Write `estimate.csv`: every plant over time, at most 2000 samples each."""
+    names = [f"{parameter}_factor" for parameter in result.tuning.parameters]
+    schemes = [scheme for scheme in Scheme if scheme in result.cases[0].traces]
+    with atomic_file(path) as partial, partial.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(
+            ["plant", "time_s", "reference_N", *(f"tension_{s}_N" for s in schemes), "true_mu_factor", *names]
+        )
+        for case in result.cases:
+            tuned = case.traces[Scheme.SELF_TUNING]
+            for row in range(0, len(case.time_s), max(1, len(case.time_s) // _MOST_ROWS)):
+                tensions = [case.traces[scheme].tension_N[row] for scheme in schemes]
+                numbers = [case.time_s[row], case.reference_N[row], *tensions, case.mu_factor[row], *tuned.factors[row]]
+                writer.writerow([case.variation.name, *(f"{number:.9g}" for number in numbers)])
+
+
+def summary(result: AdaptationStudy) -> dict[str, object]:
+    """The contents of `summary.json`."""
+    tuning, known, certificate = result.tuning, result.information, result.certificate
+    return {
+        **summary_head(result.scenario),
+        "headline": result.headline,
+        "sensor": tuning.sensor,
+        "parameters": list(tuning.parameters),
+        "information": {
+            "known_after_s": {name: known.known_after_s(k) for k, name in enumerate(tuning.parameters)},
+            "deviation_at_end": {name: known.deviation[-1, k] for k, name in enumerate(tuning.parameters)},
+            "correlation": known.correlation,
+            "sentences": list(known.sentences()),
+        },
+        "feedback": None
+        if certificate is None
+        else asdict(certificate)
+        | {"recommended_gain_per_s": certificate.recommended_gain_per_s, "certified": certificate.holds},
+        "interval": None
+        if result.interval is None
+        else {"spread": result.interval.spread, "margin": result.interval.margin},
+        "plants": {
+            case.variation.name: {
+                "limit": case.is_limit,
+                **{
+                    scheme.value: {
+                        "rmse_percent_of_range": trace.rmse_percent,
+                        "settled_rmse_percent_of_range": trace.settled_percent,
+                        "time_to_one_percent_s": trace.time_to_one_percent_s,
+                        "frozen_after_s": trace.frozen_after_s,
+                        "factors_at_end": dict(zip(tuning.parameters, trace.factors[-1].tolist(), strict=True)),
+                    }
+                    for scheme, trace in case.traces.items()
+                },
+            }
+            for case in result.cases
+        },
+        "warnings": list(result.warnings),
+    }

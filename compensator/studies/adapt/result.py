@@ -1,0 +1,248 @@
+"""Result of a study of the self-tuning compensator, and its plants, which differ from the scenario."""
+
+import os
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+
+from tendonff.compensator.compensators.profile import FloatArray
+from tendonff.compensator.files.results import writer_of
+from tendonff.compensator.scenario.sampled.sampling import Reference
+from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.studies.adapt.feedback import FeedbackCertificate
+from tendonff.ocp.adaptation.bounds import CertifiedInterval
+from tendonff.ocp.adaptation.information import Information
+from tendonff.ocp.adaptation.tuning import Sensor, Tuning
+
+SHORT_S = 6.0
+"""Least duration of a run [s]: shorter references go forwards and backwards until then."""
+
+DRIFT_S = 60.0
+"""Duration of the drift [s]."""
+
+SETTLED_S = 2.0
+"""Errors after this time count as settled [s]."""
+
+WINDOW_S = 0.25
+"""Over which errors are averaged where they are shown over time [s]."""
+
+WORSE = 1.05
+"""A plant on which self-tuning has more than this times the plain error, and more than 1 %, is named as a limit."""
+
+
+def moving_rms(error: FloatArray, step_s: float) -> FloatArray:
+    """RMS error over the last `WINDOW_S` at every sample."""
+    window = max(round(WINDOW_S / step_s), 1)
+    return np.sqrt(np.convolve(error**2, np.ones(window) / window)[: len(error)])
+
+
+class Change(StrEnum):
+    """Property of a plant that changes during the run; all others differ from the start."""
+
+    NOTHING = "nothing"
+    MU_STEP = "mu_step"  # in the middle of the run, at once
+    MU_DRIFT = "mu_drift"  # linearly over the whole run
+    LOAD_STEP = "load_step"
+    POSTURE = "posture"  # the load swings about the scenario's, once in four seconds
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Variation:
+    """Plant: factors on the scenario's values, and errors of the start and the sensor.
+
+    Attributes
+    ----------
+    name : str
+        Description, as shown.
+    mu, bristle, stiffness, load : float
+        Factors on friction coefficients, bristle stiffness, k1 and k2, and k_l.
+    release : float
+        Factor on friction when releasing, beside `mu`.
+    gear : float
+        Dry friction of the drive as a share of the range of the reference.
+    gain : float
+        Factor on what the sensor measures.
+    delay_s : float or None
+        True age of a measurement when it arrives [s]; None: as stated.
+    joints_late_s : float
+        Age of the joint angles when they arrive [s].
+    stretch_m : float
+        Elongation of the tendon in mid-run, within half a second [m].
+    change : Change
+        What changes during the run.
+    start : float
+        True tension at the start over the one that the controller assumes.
+    offset : float
+        Sensor offset as a share of the range that the measurement covers.
+    duration_s : float
+        Least duration [s].
+    """
+
+    name: str
+    mu: float = 1.0
+    bristle: float = 1.0
+    stiffness: float = 1.0
+    load: float = 1.0
+    release: float = 1.0
+    gear: float = 0.0
+    gain: float = 1.0
+    delay_s: float | None = None
+    joints_late_s: float = 0.0
+    stretch_m: float = 0.0
+    change: Change = Change.NOTHING
+    start: float = 1.0
+    offset: float = 0.0
+    duration_s: float = SHORT_S
+
+
+def friction_off(mu: float) -> Variation:
+    """The plant with nothing but the factor `mu` on its friction coefficients."""
+    return Variation(name=f"friction {100 * (mu - 1):+.0f} %".replace("-", "\N{MINUS SIGN}"), mu=mu)
+
+
+def variations(sensor: Sensor, *, moving: bool = False) -> tuple[Variation, ...]:
+    """The plants of the study, the scenario's own first; `moving`: joints move the path.
+
+    An offset means nothing for a position that is relative to the start, but drift of its zero does.
+    """
+    others = tuple(
+        replace(one, name=f"{prefix}{one.name} {sign}20 %", mu=mu)
+        for mu, prefix in ((1.0, ""), (1.2, "friction +20 %, "))
+        for sign, factor in (("\N{MINUS SIGN}", 0.8), ("+", 1.2))
+        for one in (
+            Variation(name="bristles", bristle=factor),
+            Variation(name="tendon", stiffness=factor),
+            Variation(name="load", load=factor),
+        )
+    )
+    return (
+        Variation(name="as the scenario"),
+        *map(friction_off, (0.6, 0.8, 0.9, 1.1, 1.2, 1.4)),
+        *others,
+        Variation(name="friction releasing \N{MINUS SIGN}30 %", release=0.7),
+        Variation(name="friction +20 %, releasing \N{MINUS SIGN}30 %", mu=1.2, release=0.7 / 1.2),
+        Variation(name="tendon stretches by 1 mm, friction +10 %", mu=1.1, stretch_m=1e-3),
+        Variation(name="a lubricated spot in mid-run takes 10 % of friction", mu=0.9, change=Change.MU_STEP),
+        Variation(name="load changes with posture by 30 %", load=1.3, change=Change.POSTURE),
+        Variation(name="dry friction of the drive 3 % of range", gear=0.03),
+        Variation(name="sensor gain +3 %", gain=1.03),
+        Variation(name="measurement 3 ms later than stated", delay_s=3e-3),
+        *((Variation(name="joint angles 10 ms late", joints_late_s=0.01),) if moving else ()),
+        Variation(name="friction steps by +20 %", mu=1.2, change=Change.MU_STEP),
+        Variation(name="friction drifts by +30 % in a minute", mu=1.3, change=Change.MU_DRIFT, duration_s=DRIFT_S),
+        Variation(name="load steps by \N{MINUS SIGN}33 %", mu=1.2, load=2 / 3, change=Change.LOAD_STEP),
+        Variation(name="load steps by +33 %", mu=1.2, load=4 / 3, change=Change.LOAD_STEP),
+        Variation(name="start tension 5 % higher", mu=1.2, start=1.05),
+        Variation(
+            name="sensor offset 1 % of range" if sensor is Sensor.OUTPUT_TENSION else "zero off by 1 % of travel",
+            mu=1.2,
+            offset=0.01,
+        ),
+    )
+
+
+class Scheme(StrEnum):
+    """Compared scheme."""
+
+    FEEDFORWARD = "feedforward"  # the exact inverse at the scenario's values
+    FEEDBACK = "feedback"  # the same with integral action on the measured output tension
+    SELF_TUNING = "self_tuning"  # the inverse that tunes itself, with the scenario's integral action
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trace:
+    """Scheme on a plant.
+
+    Attributes
+    ----------
+    tension_N : ndarray
+        Shape (n,); output tension at the samples of the case [N].
+    factors, deviation : ndarray
+        Shape (n, parameters); estimates and their standard deviations.
+    rmse_percent, settled_percent : float
+        RMS error of the whole run, and after `SETTLED_S`, % of reference range.
+    time_to_one_percent_s : float or None
+        From when on the error stays within 1 % (RMS over a quarter of a second); None if it never does.
+    frozen_after_s : float or None
+        When the watch on the residual stopped the tuning.
+    """
+
+    tension_N: FloatArray
+    factors: FloatArray
+    deviation: FloatArray
+    rmse_percent: float
+    settled_percent: float
+    time_to_one_percent_s: float | None
+    frozen_after_s: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """Plant with every scheme.
+
+    Attributes
+    ----------
+    variation : Variation
+        The plant.
+    time_s, reference_N, mu_factor : ndarray
+        Shape (n,); the reference of this case, and the plant's true factor on mu.
+    traces : dict[Scheme, Trace]
+        Each scheme on it.
+    """
+
+    variation: Variation
+    time_s: FloatArray
+    reference_N: FloatArray
+    mu_factor: FloatArray
+    traces: dict[Scheme, Trace]
+
+    @property
+    def is_limit(self) -> bool:
+        """Self-tuning makes it worse than plain feedforward, and leaves more than 1 %."""
+        plain, tuned = self.traces[Scheme.FEEDFORWARD], self.traces[Scheme.SELF_TUNING]
+        return tuned.settled_percent > 1.0 and tuned.settled_percent > WORSE * plain.settled_percent
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AdaptationStudy:
+    """Self-tuning on every plant of a study.
+
+    Attributes
+    ----------
+    scenario : Scenario
+        The scenario it was made for.
+    reference : Reference
+        Desired tension, sampled.
+    tuning : Tuning
+        Numbers of the recursion.
+    information : Information
+        Along the reference, on the scenario's own plant.
+    certificate : FeedbackCertificate or None
+        Of the integral action; None without a measured output tension.
+    interval : CertifiedInterval or None
+        Along the reference; None where the path moves.
+    bounds_N : tuple[ndarray, ndarray] or None
+        That interval for the design's force, shape (n,) each.
+    cases : tuple of Case
+        Every plant.
+    headline : str
+        One sentence.
+    warnings : tuple of str
+        What the user should know.
+    """
+
+    scenario: Scenario
+    reference: Reference
+    tuning: Tuning
+    information: Information
+    certificate: FeedbackCertificate | None
+    interval: CertifiedInterval | None
+    bounds_N: tuple[FloatArray, FloatArray] | None
+    cases: tuple[Case, ...]
+    headline: str
+    warnings: tuple[str, ...]
+
+    def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
+        """Write `estimate.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
+        writer_of(AdaptationStudy)(self, folder, pdf=pdf)

@@ -1,0 +1,301 @@
+"""Compute the study of the self-tuning compensator."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.profile import FloatArray
+from tendonff.compensator.files.progress import Progress, silent
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.files.results import register_writer
+from tendonff.compensator.scenario.sampled.sampling import Reference
+from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.scenario.settings import Adaptation
+from tendonff.compensator.studies.adapt.feedback import FeedbackCertificate, feedback_certificate
+from tendonff.compensator.studies.adapt.output import write_files
+from tendonff.compensator.studies.adapt.result import (
+    SETTLED_S,
+    WINDOW_S,
+    AdaptationStudy,
+    Case,
+    Change,
+    Scheme,
+    Trace,
+    Variation,
+    friction_off,
+    moving_rms,
+    variations,
+)
+from tendonff.compensator.studies.adapt.setup import (
+    certified,
+    check_tuning,
+    integral_gain_per_s,
+    learnt,
+    tuned_chain,
+    tuning_of,
+)
+from tendonff.ocp.adaptation.code import TunedChain
+from tendonff.ocp.adaptation.information import Information
+from tendonff.ocp.adaptation.tuner import SelfTuner, SimulatedRig, TunedRun, TunerStatus
+from tendonff.ocp.adaptation.tuning import Sensor, Tunable, Tuning
+
+PLANT_MASSES = 40
+PLANT_SUBSTEPS = 2
+_SEGMENTS_OF_A_DRIFT = 120
+_VARIED = (Tunable.MU_PULL, Tunable.MU_RELEASE, Tunable.TENDON_STIFFNESS, Tunable.LOAD_STIFFNESS)
+_STRETCHES_S = 0.5  # time in which a tendon gets longer
+_POSTURE_S = 4.0  # period of a load that changes with posture
+
+register_writer(AdaptationStudy, write_files)
+
+
+def adapt(scenario: Scenario, *, progress: Progress = silent) -> AdaptationStudy:
+    """Try the self-tuning compensator on plants that differ from the scenario.
+
+    Raises
+    ------
+    InputError
+        If the scenario has no table [adaptation].
+    CodeError
+        If no C compiler works here.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> study = tf.adapt(tf.load_scenario("examples/finger_adaptive.toml"))  # doctest: +SKIP
+    >>> print(study.headline)  # doctest: +SKIP
+    """
+    settings = scenario.adaptation
+    if settings is None:
+        raise InputError(
+            f'{scenario.source.name}: table [adaptation] is missing; it holds sensor ("output_tension" or '
+            '"actuator_position"), noise, delay_samples, parameters, range and integral_gain_per_s'
+        )
+    check_tuning(scenario)
+    problem = Problem.of(scenario)
+    reference, tuning = problem.reference, tuning_of(problem, settings)
+    known = learnt(problem, tuning)
+    certificate = _certificate(problem, settings)
+    bounds = None if problem.chain.moving else certified(problem)
+    every = variations(settings.sensor, moving=problem.chain.moving)
+    cases: list[Case] = []
+    for one in every:  # one after the other: CasADi's symbols are not safe in threads
+        cases.append(_case(problem, tuning, certificate, one))
+        progress(len(cases), len(every))
+    advice = _advice(problem, settings, _widest(cases))
+    return AdaptationStudy(
+        scenario=scenario,
+        reference=reference,
+        tuning=tuning,
+        information=known,
+        certificate=certificate,
+        interval=None if bounds is None else bounds.interval,
+        bounds_N=None if bounds is None else (bounds.low_N, bounds.high_N),
+        cases=tuple(cases),
+        headline=_headline(cases, known, advice, reference),
+        warnings=_warnings(cases, known, certificate),
+    )
+
+
+def _certificate(problem: Problem, settings: Adaptation) -> FeedbackCertificate | None:
+    if settings.sensor is not Sensor.OUTPUT_TENSION:
+        return None
+    gain = integral_gain_per_s(problem, settings)
+    return feedback_certificate(problem.transmission, problem.reference.step_s, settings.delay_samples, gain)
+
+
+def _advice(problem: Problem, settings: Adaptation, widest: Case) -> tuple[str, float] | None:
+    """Parameter to tune beside friction, and the error with it on the worst plant [%]; None where it does not help.
+
+    A unit that tunes friction alone cannot know what else is off: it says DOUBT, and the study finds the reason.
+    """
+    if {Tunable.LOAD_STIFFNESS, Tunable.TENDON_STIFFNESS} & set(settings.parameters):
+        return None
+    found = []
+    for second in (Tunable.LOAD_STIFFNESS, Tunable.TENDON_STIFFNESS):
+        if second is Tunable.LOAD_STIFFNESS and problem.chain.far_joint is not None:
+            continue
+        pair = replace(settings, parameters=(Tunable.MU, second))
+        case = _case(problem, tuning_of(problem, pair), None, widest.variation, (Scheme.SELF_TUNING,))
+        found.append((case.traces[Scheme.SELF_TUNING].settled_percent, second))
+    left, second = min(found)
+    if left > 0.5 * widest.traces[Scheme.SELF_TUNING].settled_percent:
+        return None
+    return f'parameters = ["{Tunable.MU}", "{second}"]', left
+
+
+def _case(
+    problem: Problem,
+    tuning: Tuning,
+    certificate: FeedbackCertificate | None,
+    one: Variation,
+    schemes: Sequence[Scheme] = tuple(Scheme),
+) -> Case:
+    reference = problem.reference
+    problem, wanted = _extended(problem, one.duration_s)
+    rows = len(wanted) - 1
+    mu = np.ones(rows) * one.mu
+    load = np.ones(rows) * one.load
+    if one.change is Change.MU_DRIFT:
+        mu = 1 + (one.mu - 1) * np.linspace(0, 1, rows)
+    elif one.change is Change.POSTURE:
+        swing = 2 * np.pi * np.arange(rows) * reference.step_s / _POSTURE_S
+        load = 1 + (one.load - 1) * np.sin(swing)
+    elif one.change is not Change.NOTHING:
+        (mu if one.change is Change.MU_STEP else load)[: rows // 2] = 1.0
+    traces = {}
+    for scheme in schemes:
+        if scheme is Scheme.FEEDBACK and certificate is None:
+            continue
+        run = _run(problem, _scheme_tuning(tuning, certificate, scheme), one, wanted, mu, load, scheme)
+        traces[scheme] = _trace(scheme, run, wanted, reference)
+    return Case(
+        variation=one,
+        time_s=np.arange(1, rows + 1, dtype=np.float64) * reference.step_s,
+        reference_N=wanted[1:],
+        mu_factor=mu,
+        traces=traces,
+    )
+
+
+def _scheme_tuning(tuning: Tuning, certificate: FeedbackCertificate | None, scheme: Scheme) -> Tuning:
+    if scheme is Scheme.FEEDFORWARD:
+        return tuning.with_integral_gain(0.0)
+    if scheme is Scheme.FEEDBACK and certificate is not None and tuning.integral_gain == 0:
+        return tuning.with_integral_gain(certificate.recommended_gain_per_s)
+    return tuning
+
+
+def _run(
+    problem: Problem,
+    tuning: Tuning,
+    one: Variation,
+    wanted: FloatArray,
+    mu: FloatArray,
+    load: FloatArray,
+    scheme: Scheme,
+) -> TunedRun:
+    reference, start = problem.reference, problem.reference.initial_tension_N
+    tuned = tuned_chain(problem, tuning)
+    plant = TunedChain.of(problem.transmission, problem.level, _VARIED, PLANT_MASSES)
+    bristle = {"bristle_stiffness_N_per_m": one.bristle * plant.whole.value("bristle_stiffness_N_per_m")}
+    plant = replace(plant, whole=plant.whole.changed(bristle))
+    noise = np.random.default_rng(0).normal(size=len(mu)) * tuning.noise + one.offset * tuning.span
+    segments = 1 if one.change is Change.NOTHING and not one.stretch_m else _SEGMENTS_OF_A_DRIFT
+    cuts = np.linspace(0, len(mu), segments + 1, dtype=int)
+    tuner = SelfTuner(tuned, reference.step_s, tuning, problem.limits, start, joints_late_s=one.joints_late_s)
+    late = 0 if one.delay_s is None else round(one.delay_s / reference.step_s)
+    middle = len(mu) // 2
+    stretching = slice(middle, middle + round(_STRETCHES_S / reference.step_s))
+    rig: SimulatedRig | None = None
+    runs = []
+    for first, last in pairwise(cuts):
+        values = {
+            Tunable.MU_PULL: float(mu[first]),
+            Tunable.MU_RELEASE: float(mu[first]) * one.release,
+            Tunable.LOAD_STIFFNESS: float(load[first]),
+            Tunable.TENDON_STIFFNESS: one.stiffness,
+        }
+        chain = plant.with_factors(values)
+        if rig is None:
+            rig = SimulatedRig(
+                chain,
+                reference.step_s,
+                PLANT_SUBSTEPS,
+                start * one.start,
+                sensor_gain=one.gain,
+                delay_samples=tuning.delay_samples + late,
+                gear_N=one.gear * reference.range_N,
+            )
+        rig.change(chain)
+        if one.stretch_m:
+            covered = max(min(last, stretching.stop) - max(first, stretching.start), 0)
+            rig.stretch(one.stretch_m * covered / (stretching.stop - stretching.start))
+        part = slice(first, last)
+        runs.append(tuner.run(rig, wanted[1:][part], noise[part], adapt=scheme is Scheme.SELF_TUNING))
+    return TunedRun.joined(runs)
+
+
+def _extended(problem: Problem, duration_s: float) -> tuple[Problem, FloatArray]:
+    """The reference and the joints until they are long enough: repeated where they are a cycle, else there and back."""
+    reference, step = problem.reference, problem.reference.step_s
+    once = len(reference.tension_N)
+    rows = max(once, math.ceil(duration_s / step) + 1)
+    if once == 1:
+        places = np.zeros(rows, dtype=int)
+    elif reference.periodic:
+        places = np.arange(rows) % (once - 1)
+    else:
+        there = np.arange(rows) % (2 * once - 2)
+        places = np.minimum(there, 2 * once - 2 - there)
+    motion = problem.transmission.motion
+    if motion is not None:
+        motion = replace(motion, time_s=step * np.arange(rows, dtype=np.float64), angle_rad=motion.at(step * places))
+        problem = replace(problem, transmission=replace(problem.transmission, motion=motion))
+    return problem, reference.tension_N[places]
+
+
+def _trace(scheme: Scheme, run: TunedRun, wanted: FloatArray, reference: Reference) -> Trace:
+    error, step, scale = run.tension_N - wanted[1:], reference.step_s, reference.range_N
+    settled = error[round(SETTLED_S / step) :] if len(error) * step > 2 * SETTLED_S else error[len(error) // 2 :]
+    bad = np.flatnonzero(moving_rms(error, step) > 0.01 * scale)
+    last = int(bad[-1]) + 1 if bad.size else 0
+    frozen = np.flatnonzero(run.status & TunerStatus.FROZEN)
+    tuning = scheme is Scheme.SELF_TUNING
+    return Trace(
+        tension_N=run.tension_N,
+        factors=run.factors,
+        deviation=run.deviation,
+        rmse_percent=100 * float(np.sqrt(np.mean(error**2))) / scale,
+        settled_percent=100 * float(np.sqrt(np.mean(settled**2))) / scale,
+        time_to_one_percent_s=last * step if last < len(error) - max(round(WINDOW_S / step), 1) else None,
+        frozen_after_s=float(frozen[0]) * step if tuning and frozen.size else None,
+    )
+
+
+def _widest(cases: list[Case]) -> Case:
+    return max(cases, key=lambda case: case.traces[Scheme.SELF_TUNING].settled_percent)
+
+
+def _headline(cases: list[Case], known: Information, advice: tuple[str, float] | None, reference: Reference) -> str:
+    off = [case for case in cases if case.variation in (friction_off(0.8), friction_off(1.2))]
+    plain = max(case.traces[Scheme.FEEDFORWARD].settled_percent for case in off)
+    tuned = max(case.traces[Scheme.SELF_TUNING].settled_percent for case in off)
+    widest = _widest(cases)
+    most, most_plain = (widest.traces[s].settled_percent for s in (Scheme.SELF_TUNING, Scheme.FEEDFORWARD))
+    better = "" if advice is None else f"; with {advice[0]} {advice[1]:.2g} % there"
+    return (
+        f"Expect an RMS error of up to {tuned:.2g} % of {reference.share_of} after {SETTLED_S:g} s with self-tuning "
+        f"from {known.tuning.sensor.words}, for mu ±20 % and all else as in the scenario (without: up to "
+        f"{plain:.2g} %), and of up to {most:.2g} % where other parameters are off too "
+        f"({widest.variation.name}; without: {most_plain:.2g} %{better}). "
+        f"{known.sentences()[0].capitalize()}."
+    )
+
+
+def _warnings(cases: list[Case], known: Information, certificate: FeedbackCertificate | None) -> tuple[str, ...]:
+    notes = list(known.doubts())
+    if certificate is not None and not certificate.holds:
+        notes.append(certificate.sentence())
+    for case in cases:
+        tuned, plain = case.traces[Scheme.SELF_TUNING], case.traces[Scheme.FEEDFORWARD]
+        if case.is_limit:
+            notes.append(
+                f"do not use it where {case.variation.name}: RMS error {tuned.settled_percent:.3g} % of range after "
+                f"{SETTLED_S:g} s, plain feedforward {plain.settled_percent:.3g} %"
+            )
+    frozen = [
+        f"{case.variation.name} (after {after:.2f} s)"
+        for case in cases
+        if (after := case.traces[Scheme.SELF_TUNING].frozen_after_s) is not None
+    ]
+    if frozen:
+        notes.append(
+            "the model stopped explaining the measurement, and tuning froze at the last safe values: "
+            + "; ".join(frozen)
+        )
+    return tuple(notes)

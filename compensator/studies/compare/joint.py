@@ -1,0 +1,180 @@
+"""Model level that a joint needs: every compensator, designed on each level, simulated on every level."""
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from matplotlib.figure import Figure
+
+from tendonff.compensator.compensators.expectation import expectation_of
+from tendonff.compensator.files.progress import Parts, Progress, silent
+from tendonff.compensator.files.reading import FloatArray
+from tendonff.compensator.files.writing import atomic_directory
+from tendonff.compensator.joint.compensators import JointTask, compensators_of
+from tendonff.compensator.joint.scenario.scenario import JointScenario
+from tendonff.compensator.reporting.page import Report, pictures_of, provenance_of, write_pages
+from tendonff.compensator.reporting.plots import figure_style
+from tendonff.compensator.studies.compare.figures import errors_figure, matrix_figure
+from tendonff.compensator.studies.compare.matrix import (
+    REFINEMENTS,
+    Entry,
+    MatrixData,
+    Simple,
+    entry_of,
+    noise_warnings,
+    recommend,
+)
+from tendonff.compensator.studies.compare.output import matrix_summary, write_matrix
+from tendonff.compensator.studies.compare.report import CAPTIONS, FILES, matrix_sections
+from tendonff.models.fidelity import Level
+from tendonff.ocp.joint.simulate import JointOutcome
+from tendonff.ocp.tendon.crosscheck import NUDGE
+
+_PLANTS = tuple(level.value for level in Level)
+_SIMPLE = (
+    Simple(name="linear", words="The ratio alone"),
+    Simple(name="static", words="The quasi-static law"),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointComparison(MatrixData):
+    """A comparison for a joint that can be written.
+
+    Attributes
+    ----------
+    scenario : JointScenario
+        The scenario it was made for.
+    time_s, wanted : numpy.ndarray, shape (n,)
+        Reference.
+    unit : Unit
+        Of the reference and its errors.
+    plants : tuple of str
+        Names of the plants.
+    static : str
+        Name of the compensator by the static law.
+    compensators : tuple of Designed
+        In the order in which they are shown.
+    entries : tuple of Entry
+        Compensator by compensator, design level by design level, plant by plant.
+    outputs : dict of tuple[str, Level, str] to numpy.ndarray
+        Shape (n,); what is delivered by name of the compensator, design level and plant, at the rows of the reference.
+    bands : dict of tuple[str, Level] to ErrorBand
+        Errors of each design over what may be the real system, on the most detailed level.
+    expectation : Expectation
+        Of the designs on the recommended level.
+    recommended_level : Level
+        Simplest level that is good enough on the most detailed plant.
+    recommendation : str
+        One sentence.
+    warnings : tuple of str
+        What the user should know before relying on it, one sentence each.
+    """
+
+    def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
+        """Write `matrix.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
+        with figure_style():
+            figures = {"matrix": matrix_figure(self), "errors": errors_figure(self)}
+        with atomic_directory(folder) as partial:
+            write_matrix(partial, self)
+            summary = {**matrix_summary(self), "warnings": list(self.warnings)}
+            write_pages(partial, summary, figures, _report(self, figures), pdf=pdf)
+
+
+def compare_joint(scenario: JointScenario, *, progress: Progress = silent) -> JointComparison:
+    """Compare the fidelity levels with each other on a scenario of a joint.
+
+    Parameters
+    ----------
+    scenario : JointScenario
+    progress : callable, optional
+
+    Raises
+    ------
+    InputError
+        If the reference has no meaning, or cannot be followed.
+    SolveError
+        If an inverse or a simulation fails.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> scenario = tf.load_joint_scenario("examples/hand_joint.toml")
+    >>> comparison = tf.compare_joint(scenario)  # doctest: +SKIP
+    >>> print(comparison.headline)  # doctest: +SKIP
+    """
+    tasks = {level: JointTask.of(scenario, level) for level in Level}
+    own = tasks[Level.PRESLIDING]
+    compensators = compensators_of(own)
+    parts = Parts(progress, len(Level) * (len(_PLANTS) + 1))
+    commands: dict[tuple[str, Level], FloatArray] = {}
+    entries: list[Entry] = []
+    outputs: dict[tuple[str, Level, str], FloatArray] = {}
+    seen: dict[tuple[bytes, str], tuple[Entry, FloatArray]] = {}
+    warnings: list[str] = []
+    for level, task in tasks.items():
+        for each in compensators:
+            commands[each.name, level] = each.command_rad(task)
+        warnings += [f"designed on {level}: {note}" for note in task.notes]
+        parts.done()
+        for plant in _PLANTS:
+            for each in compensators:
+                command = commands[each.name, level]
+                key = (command.tobytes(), plant)
+                if key not in seen:  # what does not know the level is simulated once
+                    what = f"{each.name} on {plant}"
+                    seen[key] = entry_of(
+                        _outputs(task, Level(plant), command, what, warnings),
+                        task.wanted,
+                        scenario.run.step_s,
+                        name=each.name,
+                        level=level,
+                        plant=plant,
+                    )
+                found, outputs[each.name, level, plant] = seen[key]
+                entries.append(replace(found, compensator=each.name, design_level=level, plant_level=plant))
+            parts.done()
+    bands = own.bands(commands)
+    text, best = recommend(entries, compensators, bands, str(own.doubt), _SIMPLE)
+    order = {each.name: k for k, each in enumerate(compensators)}
+    entries.sort(key=lambda entry: order[entry.compensator])  # stable: levels and plants keep their order
+    on_level = {name: band for (name, level), band in bands.items() if level is best}
+    return JointComparison(
+        scenario=scenario,
+        time_s=own.sampled.run_time_s,
+        wanted=own.wanted,
+        unit=scenario.reference.shown,
+        plants=_PLANTS,
+        static="static",
+        compensators=compensators,
+        entries=tuple(entries),
+        outputs=outputs,
+        bands=bands,
+        expectation=expectation_of(own.doubt, Level.PRESLIDING, on_level, unit=scenario.reference.shown),
+        recommended_level=best,
+        recommendation=text,
+        warnings=tuple(dict.fromkeys((*warnings, *noise_warnings(entries)))),
+    )
+
+
+def _outputs(
+    task: JointTask, level: Level, command: FloatArray, what: str, warnings: list[str]
+) -> Iterator[FloatArray]:
+    """Response of a plant with ever larger steps, then to commands that are a little different."""
+    for refinement, factor in (*((each, 1.0) for each in REFINEMENTS), (REFINEMENTS[0], 1 + NUDGE)):
+        plant = task.plant(task.mechanism, level, refinement)
+        run = plant.respond(factor * command)
+        if refinement == REFINEMENTS[0] and factor == 1 and run.outcome is JointOutcome.SLACK:
+            warnings.append(f"{what}: {run.message}")
+        yield plant.reached(run)[task.sampled.lead :]
+
+
+def _report(result: JointComparison, figures: dict[str, Figure]) -> Report:
+    return Report(
+        title=f"Comparison of levels: {result.scenario.name}",
+        summary=f"{result.recommendation} {result.headline}",
+        warnings=result.warnings,
+        sections=matrix_sections(result, pictures_of(figures, CAPTIONS)),
+        provenance=provenance_of(result.scenario, "compare"),
+        files=FILES,
+    )

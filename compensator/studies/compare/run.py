@@ -1,0 +1,195 @@
+"""Model level needed for a task: every compensator, designed on each level, simulated on every level."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tendonff.compensator.compensators.base import SLOW_PARTS, Compensator, Problem, answers_of
+from tendonff.compensator.compensators.expectation import (
+    error_bands,
+    expectation_of,
+)
+from tendonff.compensator.compensators.optimal import Optimal
+from tendonff.compensator.compensators.plant import Plant, Slack
+from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
+from tendonff.compensator.compensators.registry import COMPENSATORS
+from tendonff.compensator.compensators.score import ignored_motion, slack_warnings
+from tendonff.compensator.files.progress import Parts, Progress, silent
+from tendonff.compensator.files.results import register_writer
+from tendonff.compensator.scenario.sampled.joint_motion import moved
+from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
+from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.scenario.unit import NEWTON
+from tendonff.compensator.studies.compare.levels import level_cost, level_traits
+from tendonff.compensator.studies.compare.matrix import (
+    REFINEMENTS,
+    SMOOTHED,
+    Entry,
+    Simple,
+    entry_of,
+    noise_warnings,
+    recommend,
+)
+from tendonff.compensator.studies.compare.output import write_files
+from tendonff.compensator.studies.compare.result import CAPSTAN_PLANT, PLANTS, Comparison
+from tendonff.models.capstan import CapstanLaw
+from tendonff.models.fidelity import Level
+from tendonff.models.parameters import Transmission
+from tendonff.ocp.tendon.crosscheck import NUDGE
+from tendonff.ocp.tracking.options import TrackOptions
+
+FEEDFORWARDS = tuple(c for c in COMPENSATORS if not isinstance(c, Optimal))
+"""Compensators compared by default: the optimal profile on each level takes longer than all the rest."""
+
+SIMPLE = (
+    Simple(name="none", words="The reference applied directly"),
+    Simple(name="capstan", words="The static capstan law"),
+    Simple(name=SMOOTHED, words="The capstan law with a smoothed sign change"),
+)
+
+register_writer(Comparison, write_files)
+
+
+def compare(
+    scenario: Scenario,
+    *,
+    compensators: Sequence[Compensator] = FEEDFORWARDS,
+    options: TrackOptions | None = None,
+    progress: Progress = silent,
+) -> Comparison:
+    """Compare the fidelity levels with each other and with the static law on one scenario.
+
+    Of the compensators, by default all but the optimal profile, "none", "capstan" and one beside "smoothed" that knows
+    the level must be among them; the options say what the optimal profile is optimised for. InputError if the reference
+    cannot be delivered, SolveError if a simulation fails.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> scenario = tf.load_scenario("examples/finger.toml")
+    >>> comparison = tf.compare(scenario)  # doctest: +SKIP
+    >>> print(comparison.headline)  # doctest: +SKIP
+    """
+    reference = sample_reference(scenario)
+    transmission = moved(scenario, float(reference.time_s[-1]), periodic=scenario.reference.periodic)
+    warnings = list(reference.warnings)
+    shares = sum(1 if c.is_fast else SLOW_PARTS for c in compensators)
+    parts = Parts(progress, len(Level) * (shares + len(PLANTS) + 2))
+    entries: list[Entry] = []
+    outputs: dict[tuple[str, Level, str], FloatArray] = {}
+    usable: dict[tuple[str, Level], Profile] = {}
+    failed: dict[str, str] = {}
+    seen: dict[tuple[bytes, str], tuple[Entry, FloatArray]] = {}
+    slack: dict[tuple[str, str], Slack] = {}
+    for level in Level:
+        problem = Problem.of(scenario, level=level, reference=reference, options=options)
+        answers = answers_of(problem, compensators, parts)
+        profiles, failed = answers.profiles, failed | answers.failed | answers.refused
+        for name, profile in profiles.items():
+            if profile.status is not ProfileStatus.GOOD:
+                warnings.append(f"{name} designed on {level}: {profile.message}")
+            if profile.status is not ProfileStatus.FAILED:
+                usable[name, level] = profile
+        warnings += [f"designed on {level}: {note}" for note in problem.unsettled]
+        if _is_bound(profiles) and not any(isinstance(c, Optimal) for c in compensators):
+            warnings.append(_NOT_SEARCHED)
+        for plant in PLANTS:
+            for name, profile in profiles.items():
+                command = b"" if profile.command_m is None else profile.command_m.tobytes()
+                key = (profile.force_N.tobytes() + command, plant)
+                if key not in seen:  # none and capstan do not depend on the design level
+                    replays = _outputs(transmission, plant, profile, reference, (name, plant), slack)
+                    seen[key] = entry_of(
+                        replays, reference.tension_N, reference.step_s, name=name, level=level, plant=plant
+                    )
+                found, outputs[name, level, plant] = seen[key]
+                entries.append(replace(found, compensator=name, design_level=level, plant_level=plant))
+            parts.done()
+    bands = error_bands(problem.doubt, Level.PRESLIDING, usable, reference)  # on the most detailed level
+    compensators = [c for c in compensators if c.name not in failed]
+    entries = [entry for entry in entries if entry.compensator not in failed]
+    text, best = recommend(entries, compensators, bands, str(problem.doubt), SIMPLE)
+    on_level = {name: band for (name, level), band in bands.items() if level is best}
+    traits, costs = {}, {}
+    for model in (*Level, None):
+        name = CAPSTAN_PLANT if model is None else model.value
+        traits[name] = level_traits(transmission, model, reference)
+        costs[name] = level_cost(transmission, model, reference)
+        if model is not None:
+            parts.done(2)
+    order = {c.name: k for k, c in enumerate(compensators)}
+    entries.sort(key=lambda e: order[e.compensator])  # stable: levels and plants keep their order
+    return Comparison(
+        scenario=scenario,
+        time_s=reference.time_s,
+        wanted=reference.tension_N,
+        unit=NEWTON,
+        plants=PLANTS,
+        static="capstan",
+        reference=reference,
+        compensators=tuple(compensators),
+        entries=tuple(entries),
+        outputs=outputs,
+        traits=traits,
+        costs=costs,
+        bands=bands,
+        expectation=expectation_of(problem.doubt, Level.PRESLIDING, on_level, reference.share_of),
+        recommended_level=best,
+        recommendation=text,
+        ignored=ignored_motion(Problem.of(scenario, reference=reference, options=options)),
+        warnings=tuple(
+            dict.fromkeys(
+                (
+                    *warnings,
+                    *(f"{n}: {why}" for n, why in failed.items()),
+                    *slack_warnings(slack),
+                    *noise_warnings(entries),
+                )
+            )
+        ),
+    )
+
+
+_NOT_SEARCHED = (
+    "the actuator's limits change the exact inverse: the optimal profile, which is made for them, is not compared "
+    "here; add --optimal"
+)
+
+
+def _is_bound(profiles: Mapping[str, Profile]) -> bool:
+    """Whether limits, or a push that no tendon gives, keep the exact inverse from what it would do."""
+    inverse = profiles.get("inverse")
+    return inverse is not None and bool(inverse.warnings)
+
+
+def _outputs(
+    transmission: Transmission,
+    plant: str,
+    profile: Profile,
+    reference: Reference,
+    what: tuple[str, str],
+    slack: dict[tuple[str, str], Slack],
+) -> Iterator[FloatArray]:
+    """Output tension of a plant with ever larger steps, then with a force that is a little different."""
+    if plant == CAPSTAN_PLANT:
+        # Exact for a force that is linear between rows: nothing to refine.
+        law, rows, start = CapstanLaw.of(transmission), profile.force_N, reference.initial_tension_N
+        if reference.periodic:  # the second period is that of the steady state
+            rows = np.concatenate([rows[:-1], rows])
+        yield law.output_history_N(rows, start)[-len(profile.force_N) :]
+        return
+    level = Level(plant)
+    for refinement in REFINEMENTS:
+        run = Plant(transmission, level, refinement=refinement).respond(profile, reference).require()
+        if refinement == REFINEMENTS[0] and run.slack is not None:
+            slack[what] = run.slack
+        yield run.output_N
+    # Steps are solved to rounding, so a tolerance is the last digits: the answer must not depend on them.
+    start = reference.initial_tension_N
+    nudged = replace(
+        profile,
+        force_N=start + (profile.force_N - start) * (1 + NUDGE),
+        command_m=None if profile.command_m is None else profile.command_m * (1 + NUDGE),
+    )
+    yield Plant(transmission, level, refinement=REFINEMENTS[0]).respond(nudged, reference).require().output_N

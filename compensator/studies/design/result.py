@@ -1,0 +1,103 @@
+"""Result of a design."""
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from tendonff.compensator.compensators.base import Compensator
+from tendonff.compensator.compensators.expectation import Expectation
+from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
+from tendonff.compensator.compensators.score import IgnoredMotion, Score, Verified
+from tendonff.compensator.files.results import writer_of
+from tendonff.compensator.scenario.sampled.sampling import Reference
+from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.models.fidelity import Level
+from tendonff.ocp.tendon.stability import StickSlipPrediction
+from tendonff.ocp.tracking.result import Tracking
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Design:
+    """Force profiles for one scenario, and what each delivers.
+
+    Attributes
+    ----------
+    scenario : Scenario
+        The scenario it was made for.
+    reference : Reference
+        What was to be delivered, sampled.
+    compensators : tuple of Compensator
+        In the order in which they are shown.
+    profiles : dict of str to Profile
+        By name of the compensator.
+    failed : dict of str to str
+        What ended the computation of other profiles, by name of the compensator.
+    verified : tuple of Verified
+        Every compensator on every level.
+    proof : tuple of Verified
+        Every compensator on the design level with more masses and a smaller step.
+    stick_slip : StickSlipPrediction
+        Where friction that weakens with speed makes feedforward fail.
+    expectation : Expectation
+        What to expect on a rig, and the profile that does best there.
+    ignored : IgnoredMotion or None
+        What it would cost to ignore that joints move; None where none does.
+    warnings : tuple of str
+        What the user should know.
+    """
+
+    scenario: Scenario
+    reference: Reference
+    compensators: tuple[Compensator, ...]
+    profiles: Mapping[str, Profile]
+    failed: Mapping[str, str]
+    verified: tuple[Verified, ...]
+    proof: tuple[Verified, ...]
+    stick_slip: StickSlipPrediction
+    expectation: Expectation
+    ignored: IgnoredMotion | None
+    warnings: tuple[str, ...]
+
+    @property
+    def level(self) -> Level:
+        """Fidelity level of the design model."""
+        return self.scenario.run.level
+
+    @property
+    def forces_N(self) -> dict[str, FloatArray]:
+        """Force of each compensator, by name [N]."""
+        return {name: profile.force_N for name, profile in self.profiles.items()}
+
+    @property
+    def tracking(self) -> Tracking | None:
+        """Outcome of the optimal-control problem; None where none was solved."""
+        return next((p.tracking for p in self.profiles.values() if p.tracking is not None), None)
+
+    @property
+    def recommended(self) -> Compensator:
+        """The compensator whose worst error over the uncertainty is least."""
+        return next(c for c in self.compensators if c.name == self.expectation.recommended)
+
+    @property
+    def is_usable(self) -> bool:
+        """No compensator failed."""
+        return not self.failed and all(profile.status is not ProfileStatus.FAILED for profile in self.profiles.values())
+
+    def on_level(self, name: str, level: Level) -> Verified:
+        """Output of a compensator on a level."""
+        return next(v for v in self.verified if v.compensator == name and v.plant.level is level)
+
+    def scores(self, name: str) -> list[Score]:
+        """Score of a compensator on every level, then on the finer chain."""
+        return [*(self.on_level(name, level).score for level in Level), self.on_proof(name).score]
+
+    def on_proof(self, name: str) -> Verified:
+        """Output of a compensator on the finer chain."""
+        return next(v for v in self.proof if v.compensator == name)
+
+    def write(self, folder: str | os.PathLike[str], *, interactive: bool = False, pdf: bool = False) -> None:
+        """Write `profile.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder.
+
+        An interactive report has a view with zoom, hover and a legend that hides curves, and needs Bokeh.
+        """
+        writer_of(Design)(self, folder, interactive=interactive, pdf=pdf)

@@ -1,0 +1,155 @@
+"""The two kinds of scenario that are swept: the tension of one tendon, and a joint between tendons."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from tendonff.compensator.compensators.base import Compensator, Problem, with_motion
+from tendonff.compensator.compensators.expectation import Expectation, expect
+from tendonff.compensator.compensators.plant import FINE_SEGMENTS, Plant
+from tendonff.compensator.compensators.profile import Profile
+from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
+from tendonff.compensator.compensators.score import Score, score, verify
+from tendonff.compensator.files.reading import FloatArray
+from tendonff.compensator.joint.compensators import (
+    JointCompensator,
+    JointTask,
+    compensators_of,
+    joint_compensator,
+)
+from tendonff.compensator.joint.plant import verifying_masses
+from tendonff.compensator.joint.scenario.scenario import JointScenario
+from tendonff.compensator.scenario.sampled.sampling import sample_reference
+from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
+from tendonff.compensator.scenario.unit import NEWTON, Unit
+from tendonff.ocp.errors import SolveError
+
+AnyScenario = Scenario | JointScenario
+
+
+class Kind(ABC):
+    """Operations of a sweep on a kind of scenario."""
+
+    @abstractmethod
+    def default(self, scenario: Any) -> tuple[str, ...]:
+        """Names of the compensators that are scored by default."""
+
+    @abstractmethod
+    def compensator(self, name: str) -> Compensator | JointCompensator:
+        """The compensator of a name; InputError if there is none."""
+
+    @abstractmethod
+    def system(self, scenario: Any) -> Any:
+        """The transmission or the mechanism."""
+
+    @abstractmethod
+    def with_system(self, scenario: Any, system: Any) -> Any:
+        """The scenario with another one."""
+
+    @abstractmethod
+    def digest(self, scenario: Any) -> str:
+        """Digits that change with the scenario."""
+
+    @abstractmethod
+    def unit(self, scenario: Any) -> Unit:
+        """Unit of the reference."""
+
+    @abstractmethod
+    def problem(self, scenario: Any) -> Any:
+        """The problem that a scenario poses."""
+
+    @abstractmethod
+    def profile(self, name: str, problem: Any) -> Any:
+        """Profile of a compensator; SolveError where it has none."""
+
+    @abstractmethod
+    def score(self, name: str, problem: Any, profile: Any) -> Score:
+        """Error of a profile on the plant of a problem; SolveError if the simulation fails."""
+
+    @abstractmethod
+    def expect(self, problem: Any, profiles: Mapping[str, Any]) -> Expectation:
+        """Errors of profiles, by name, over the scenario's uncertainty."""
+
+
+class _Tension(Kind):
+    def default(self, scenario: Scenario) -> tuple[str, ...]:  # noqa: ARG002
+        return tuple(c.name for c in COMPENSATORS if c.name != "table")
+
+    def compensator(self, name: str) -> Compensator:
+        return compensator(name)
+
+    def system(self, scenario: Scenario) -> object:
+        return scenario.transmission
+
+    def with_system(self, scenario: Scenario, system: Any) -> Scenario:
+        return replace(scenario, transmission=system)
+
+    def digest(self, scenario: Scenario) -> str:
+        return scenario_hash(scenario)
+
+    def unit(self, scenario: Scenario) -> Unit:  # noqa: ARG002
+        return NEWTON
+
+    def problem(self, scenario: Scenario) -> Problem:
+        return Problem.of(scenario, reference=sample_reference(scenario, strict=False))
+
+    def profile(self, name: str, problem: Problem) -> Profile:
+        each = compensator(name)
+        if reason := each.refusal(problem):
+            raise SolveError(f"{name}: {reason}")
+        return with_motion(problem, name, each.profile(problem)).require()
+
+    def score(self, name: str, problem: Problem, profile: Profile) -> Score:
+        plant = Plant(problem.transmission, problem.level, FINE_SEGMENTS)
+        return verify(plant, name, profile, problem.reference).score
+
+    def expect(self, problem: Problem, profiles: Mapping[str, Profile]) -> Expectation:
+        return expect(problem.doubt, problem.level, profiles, problem.reference)
+
+
+class _Joint(Kind):
+    def default(self, scenario: JointScenario) -> tuple[str, ...]:
+        return tuple(each.name for each in compensators_of(JointTask.of(scenario)))
+
+    def compensator(self, name: str) -> JointCompensator:
+        return joint_compensator(name)
+
+    def system(self, scenario: JointScenario) -> object:
+        return scenario.mechanism
+
+    def with_system(self, scenario: JointScenario, system: Any) -> JointScenario:
+        return replace(scenario, mechanism=system)
+
+    def digest(self, scenario: JointScenario) -> str:
+        return scenario.digest()
+
+    def unit(self, scenario: JointScenario) -> Unit:
+        return scenario.reference.shown
+
+    def problem(self, scenario: JointScenario) -> JointTask:
+        return JointTask.of(scenario)
+
+    def profile(self, name: str, problem: JointTask) -> FloatArray:
+        return joint_compensator(name).command_rad(problem)
+
+    def score(self, name: str, problem: JointTask, profile: FloatArray) -> Score:  # noqa: ARG002
+        plant = problem.plant(problem.mechanism, problem.level, masses=verifying_masses(problem.mechanism))
+        reached = plant.reached(plant.respond(profile))
+        return score(problem.wanted, reached[problem.sampled.lead :])
+
+    def expect(self, problem: JointTask, profiles: Mapping[str, FloatArray]) -> Expectation:
+        return problem.expect(profiles)
+
+
+TENSION, JOINT = _Tension(), _Joint()
+
+
+def kind_of(scenario: AnyScenario) -> Kind:
+    """Kind of a scenario."""
+    return JOINT if isinstance(scenario, JointScenario) else TENSION
+
+
+def named(scenario: AnyScenario, names: Sequence[str]) -> dict[str, Compensator | JointCompensator]:
+    """Compensators by their names."""
+    return {name: kind_of(scenario).compensator(name) for name in names}

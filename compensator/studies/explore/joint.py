@@ -1,0 +1,141 @@
+"""A joint on the interactive page."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tendonff.compensator.compensators.score import score
+from tendonff.compensator.joint.compensators import JointTask, compensators_of, joint_compensator
+from tendonff.compensator.joint.scenario.scenario import JointScenario
+from tendonff.compensator.studies.explore.subject import MOST_POINTS, Course, Curve, Exploration, Knob, Panel, Subject
+from tendonff.models.joint.parameters import DriveKind
+from tendonff.models.parameters.numbers import number_of, with_numbers
+from tendonff.ocp.joint.simulate import JointOutcome
+
+_FACTORS = {"mu": "friction: factor on mu [-]", "stiffness": "tendon stiffness: factor [-]"}
+_DECADES = {"inertia_kg_m2": "moving inertia [kg m2]", "damping_N_m_s_per_rad": "damping of the joint [N m s/rad]"}
+_MOST_LAG_S = 0.05
+
+
+class JointExplorer(Subject):
+    """A scenario of a joint to be explored."""
+
+    slow = ()
+
+    def __init__(self, scenario: JointScenario) -> None:
+        self._task = task = JointTask.of(scenario)
+        self.name, self.file = scenario.name, scenario.source.name
+        self.fast = tuple(Curve(name=c.name, label=c.label, style=c.style) for c in compensators_of(task))
+        self._unit = unit = scenario.reference.shown
+        what = "joint angle" if unit.shown == "deg" else "torque of the joint"
+        output, motor = f"{what} [{unit.shown}]", "motor beyond the ratio [deg]"
+        self.panels = {
+            "loop": Panel(title="Lost motion", x="output", y="given", x_label=output, y_label=motor),
+            "motor": Panel(title="Motor beyond the ratio", x="time", y="given", x_label="time [s]", y_label=motor),
+            "output": Panel(
+                title=f"{what.capitalize()} (black: reference)",
+                x="time",
+                y="output",
+                x_label="time [s]",
+                y_label=output,
+            ),
+            "error": Panel(title="Error", x="time", y="error", x_label="time [s]", y_label=f"error [{unit.shown}]"),
+        }
+        self.knobs = self._knobs()
+
+    def _knobs(self) -> tuple[Knob, ...]:
+        mechanism = self._task.mechanism
+        joint, drive = f"joints.{mechanism.joint.name}", mechanism.drive
+        loop = drive.kind is DriveKind.LOOP
+        tension = "drive.pretension_N" if loop else "drive.least_tension_N"
+        now, weight = number_of(mechanism, tension) or 0.0, mechanism.joint.gravity_N_m
+        found = [
+            *(
+                Knob(key=k, title=t, value=1.0, start=0.2, end=2.5, step=0.05, shown="0.00")
+                for k, t in _FACTORS.items()
+            ),
+            Knob(
+                key=tension,
+                title="pre-tension [N]" if loop else "least tension [N]",
+                value=now,
+                start=0.0 if loop else 0.1 * now,
+                end=max(4 * now, 10.0),
+                step=0.1,
+                shown="0.0",
+            ),
+            Knob(
+                key=f"{joint}.gravity_N_m",
+                title="torque of the weight [N m]",
+                value=weight,
+                start=-max(5 * abs(weight), 0.1),
+                end=max(5 * abs(weight), 0.1),
+                step=0.005,
+            ),
+            Knob(
+                key="drive.servo_time_s",
+                title="lag of the servo [s]",
+                value=drive.servo_time_s,
+                start=0.0,
+                end=max(_MOST_LAG_S, 2 * drive.servo_time_s),
+                step=0.001,
+            ),
+        ]
+        for name, title in _DECADES.items():
+            if value := number_of(mechanism, f"{joint}.{name}"):
+                found.append(Knob.decades(f"{joint}.{name}", title, value, 1.0))
+        return tuple(found)
+
+    def explore(self, values: Mapping[str, float], *, design_knows: bool, curves: Sequence[Curve]) -> Exploration:
+        """Design and simulate; see `Subject.explore`."""
+        task = self._changed(values)
+        design = task if design_knows else self._task
+        sampled, unit = task.sampled, self._unit
+        ratio = joint_compensator("linear").motor_rad(design)[:, 0]
+        rows = slice(sampled.lead, None, max(1, (len(sampled.time_s) - sampled.lead) // MOST_POINTS))
+        plant = task.plant(task.mechanism, task.level)
+        courses, notes = {}, []
+        for curve in curves:
+            command = joint_compensator(curve.name).command_rad(design)
+            run = plant.respond(command)
+            if run.outcome is JointOutcome.SLACK:
+                notes.append(f"{curve.label}: {run.message}")
+            reached = plant.reached(run)
+            courses[curve.name] = Course(
+                time_s=sampled.time_s[rows],
+                given=np.rad2deg(command[:, 0] - ratio)[rows],
+                output=unit.factor * reached[rows],
+                error=unit.factor * (reached - sampled.wanted)[rows],
+                score=score(task.wanted, reached[sampled.lead :]),
+            )
+        return Exploration(
+            time_s=sampled.time_s[rows],
+            wanted=unit.factor * sampled.wanted[rows],
+            courses=courses,
+            notes=tuple(notes),
+        )
+
+    def worst_case(self, values: Mapping[str, float], *, design_knows: bool) -> str:
+        """Expected error; see `Subject.worst_case`."""
+        task = self._changed(values)
+        design = task if design_knows else self._task
+        commands = {curve.name: joint_compensator(curve.name).command_rad(design) for curve in self.fast}
+        found = task.expect(commands)
+        label = joint_compensator(found.recommended).label
+        return found.headline(label, f"tendonff design {self.file} --out out")
+
+    def toml(self, values: Mapping[str, float]) -> str:  # noqa: ARG002
+        """There is none: a scenario of a joint is not written anew, its comments would be lost."""
+        return ""
+
+    def _changed(self, values: Mapping[str, float]) -> JointTask:
+        """The task with the knobs at these values."""
+        changed = {
+            key: value
+            for key, value in values.items()
+            if not math.isclose(value, number_of(self._task.mechanism, key) or 0.0)
+        }
+        mechanism = with_numbers(self._task.mechanism, changed)
+        scenario = replace(self._task.scenario, mechanism=mechanism)
+        return replace(self._task, scenario=scenario, mechanism=mechanism)

@@ -1,0 +1,112 @@
+"""`tendonff table`: make the tables of a scenario, and say how good they are."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+
+from tendonff.compensator.compensators.base import Problem, limit_warnings, with_motion
+from tendonff.compensator.compensators.expectation import FRICTIONLESS, error_bands, expectation_of
+from tendonff.compensator.compensators.plant import Plant
+from tendonff.compensator.compensators.registry import compensator
+from tendonff.compensator.compensators.score import harm_warnings, verify
+from tendonff.compensator.compensators.table import CompensationTable, table_of, table_range
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.files.results import register_writer
+from tendonff.compensator.scenario.sampled.joint_motion import posed
+from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.studies.tables.output import write_files
+from tendonff.compensator.studies.tables.result import AngleTable, Tables
+from tendonff.models.fidelity import Level
+from tendonff.ocp.tracking.diagnosis import law_of, reasons
+
+register_writer(Tables, write_files)
+
+
+def make_tables(
+    scenario: Scenario,
+    *,
+    level: Level | None = None,
+    bound_N: float | None = None,
+    angles_rad: Sequence[float] = (),
+    rates_N_per_s: Sequence[float] = (),
+    pose_rad: Mapping[str, float] = MappingProxyType({}),
+) -> Tables:
+    """Tables over the requested axes, and the scores of the scenario's own.
+
+    Parameters
+    ----------
+    level : Level, optional
+        Default: the scenario's own.
+    bound_N : float, optional
+        Largest interpolation error [N]; default: 0.5 % of the reference's range.
+    angles_rad : sequence of float, optional
+        Wrap angles [rad], > 0; a further column of the file.
+    rates_N_per_s : sequence of float, optional
+        Rates of the reference [N/s], > 0; a further column of the file.
+    pose_rad : mapping of str to float, optional
+        Angles of joints, constant for the table, by name [rad].
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> scenario = tf.load_scenario("examples/finger.toml")
+    >>> tables = tf.make_table(scenario, level=tf.Level.ELASTIC)
+    >>> first = tables.tables[0].built
+    >>> bool(first.error_N <= first.bound_N)
+    True
+    """
+    scenario = posed(scenario, pose_rad) if pose_rad else scenario
+    for name, values in (("angles", angles_rad), ("rates", rates_N_per_s)):
+        for value in values:
+            if not 0 < value < float("inf"):
+                raise InputError(f"--{name}: every value must be a finite number > 0, got {value}")
+    problem = Problem.of(scenario, level=level)
+    transmission, reference = problem.transmission, problem.reference
+    if refused := CompensationTable().refusal(problem):
+        raise InputError(refused)
+    own_angle, covered = transmission.path.total_angle_rad, table_range(problem)
+    own = table_of(problem, bound_N=bound_N)
+    tables = [AngleTable(built=own, total_angle_rad=own_angle)]
+    if angles_rad or rates_N_per_s:
+        tables = []
+        for angle in sorted(angles_rad or [own_angle]):
+            bent = replace(transmission, path=replace(transmission.path, total_angle_rad=angle))
+            there = replace(problem, transmission=bent)
+            tables += [
+                AngleTable(
+                    built=table_of(there, bound_N=bound_N, rate_N_per_s=rate, range_N=covered), total_angle_rad=angle
+                )
+                for rate in sorted(rates_N_per_s or [own.rate_N_per_s])
+            ]
+    compensation = CompensationTable(own.table)
+    every = (compensator("none"), compensator(FRICTIONLESS), compensation)
+    profiles = {each.name: with_motion(problem, each.name, each.profile(problem)) for each in every}
+    profile = profiles["table"]
+    scores = {on: verify(Plant(transmission, on), "table", profile, reference).score for on in Level}
+    nothing = verify(Plant(transmission, problem.level), "none", profiles["none"], reference).score
+    bands = error_bands(problem.doubt, problem.level, profiles, reference)
+    expectation = expectation_of(problem.doubt, problem.level, bands, reference.share_of, recommended="table")
+    harm = harm_warnings({"none": nothing, "table": scores[problem.level]}, reference.tension_N)
+    met = limit_warnings("table", compensation.wanted_N(problem), profile.force_N)
+    bounds = problem.options.minimum_tension_N, problem.options.maximum_tension_N
+    needed = problem.inversion.force_N, reference.step_s, problem.limits
+    causes = reasons(law_of(problem.chain), reference.tension_N, *needed, *bounds) if met else ()
+    options = {"level": level, "bound": bound_N, "angles": _listed(angles_rad), "rates": _listed(rates_N_per_s)}
+    options["pose"] = " --pose ".join(f"{name}={angle}" for name, angle in pose_rad.items())
+    return Tables(
+        scenario=scenario,
+        level=problem.level,
+        reference=reference,
+        tables=tuple(tables),
+        axes=(("total_angle_rad",) if angles_rad else ()) + (("rate_N_per_s",) if rates_N_per_s else ()),
+        scores=scores,
+        expectation=expectation,
+        options=" ".join(f"--{name} {value}" for name, value in options.items() if value),
+        warnings=(*reference.warnings, *met, *causes, *harm),
+        harm=tuple(harm),
+    )
+
+
+def _listed(values: Sequence[float]) -> str:
+    """Numbers as the command line takes them."""
+    return ",".join(str(value) for value in values)

@@ -1,0 +1,1 @@
+"""The sliding tendon: masses, links and contacts, assembled into a chain."""

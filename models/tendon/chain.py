@@ -1,0 +1,283 @@
+r"""The lumped chain: two end masses, N masses on the path, N + 1 links.
+
+::
+
+    actuator                 tendon: N masses on the curved path, N+1 links                    load
+    f_c1 -> [m_a] ~~f_1~~ (m_1) ~~f_2~~ (m_2) ~~ ... ~~ (m_N) ~~f_{N+1}~~ [m_l] -> f_c2
+             |q_a            q_1          q_2               q_N              q_l|
+     x_c1 --/\/\ k_c1                                                 k_c2 /\/\-- x_c2
+    <------ pulling, positive                                        output tension = f_{N+1}
+
+Positions and velocities are positive towards the actuator, tensions are positive. The ends are symmetric: each may
+act (force f_c, k_c = 0) or load (k_c > 0 towards the rest position x_c). Fig. 2 of Palli, Borghesan, Melchiorri (ICRA
+2010).
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from tendonff.models.errors import ParameterError
+from tendonff.models.fidelity import Level
+from tendonff.models.layout import INPUT_NAMES, Array, ChainState, StateLayout, fields_of
+from tendonff.models.parameters import Transmission
+from tendonff.models.path import ANGLE_FLOOR_RAD, JointMotion, PathRows
+from tendonff.models.tendon.assembly import End, end_force, normal_force, path_force
+from tendonff.models.tendon.elements import Elements, bristle_stiffness_N_per_m, whole_of
+from tendonff.models.tendon.friction import FrictionLaw, LuGreBristle, RubbingEnd
+from tendonff.models.tendon.link import LinkLaw, tendon_force
+
+_CELL_MASS_KG = 1e-6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Chain:
+    """A transmission at one fidelity level, cut into N masses.
+
+    Attributes
+    ----------
+    elements : Elements
+        Everything per element.
+    level : Level
+        That the elements were made for.
+    near, far : End
+        The actuator's end and the load's end.
+    motion : JointMotion or None
+        What the joints of a moving path do.
+    far_joint : tuple[str, float] or None
+        Joint that moves the far end, and its moment arm [m].
+    """
+
+    elements: Elements
+    level: Level
+    near: End
+    far: End
+    motion: JointMotion | None = None
+    far_joint: tuple[str, float] | None = None
+
+    @classmethod
+    def of(cls, transmission: Transmission, level: Level, segments: int | None = None) -> "Chain":
+        """Chain of a transmission: the actuator acts on the near end, the load's spring or a joint holds the far end.
+
+        Parameters
+        ----------
+        transmission : Transmission
+        level : Level
+        segments : int, optional
+            Number of masses; default: the path's own.
+
+        Raises
+        ------
+        ParameterError
+            If a section or the load names a joint that does not move, or the path has no meaning under the motion.
+        """
+        load, motion = transmission.load, transmission.motion
+        count = transmission.path.segments if segments is None else segments
+        if not count >= 1:
+            raise ParameterError(f"segments must be >= 1, got {count}; 6 is a good start")
+        if motion is not None and load.joint is not None and load.joint not in motion.names:
+            raise ParameterError(f'the load names the joint "{load.joint}", which does not move; give it a motion')
+        return cls(
+            elements=whole_of(transmission, level).divided(count, motion),
+            level=level,
+            motion=motion,
+            far_joint=None if load.joint is None else (load.joint, load.moment_arm_m or 0.0),
+            near=_actuator_end(transmission, level),
+            far=End(
+                mass_kg=load.mass_kg, damping_N_s_per_m=load.damping_N_s_per_m, stiffness_N_per_m=load.stiffness_N_per_m
+            ),
+        )
+
+    def led_by_tension(self) -> "Chain":
+        """The same chain behind a force cell: the tension measured there pulls a near end too light to matter."""
+        return replace(self, near=End(mass_kg=_CELL_MASS_KG, damping_N_s_per_m=0.0, stiffness_N_per_m=0.0))
+
+    def with_end_stiffness(self, near_N_per_m: float, far_N_per_m: float) -> "Chain":
+        """The same chain with other k_c1, k_c2 [N/m]: what a motor that changes between acting and loading needs."""
+        return replace(
+            self,
+            near=replace(self.near, stiffness_N_per_m=near_N_per_m),
+            far=replace(self.far, stiffness_N_per_m=far_N_per_m),
+        )
+
+    def stiffened(self, factor: float) -> "Chain":
+        """The same chain with bristles stiffer by a factor [-]; itself where its friction law has none."""
+        e = self.elements
+        if not (isinstance(e.contact, LuGreBristle) and isinstance(e.friction, LuGreBristle)):
+            return self
+        return replace(
+            self, elements=replace(e, contact=e.contact.stiffened(factor), friction=e.friction.stiffened(factor))
+        )
+
+    @property
+    def count(self) -> int:
+        """Number N of masses on the path."""
+        return self.elements.count
+
+    def at_rest(self, angle_rad: Array | None = None) -> "Chain":
+        """Chain with joints at constant angles, shape (joints,), given or those of the start."""
+        if self.motion is None:
+            return self
+        return replace(self, motion=self.motion.held(self.motion.angle_rad[0] if angle_rad is None else angle_rad))
+
+    @property
+    def moving(self) -> bool:
+        """Whether masses differ from one another or from one instant to the next."""
+        return self.motion is not None or not self.elements.uniform or self.far_joint is not None
+
+    @property
+    def coulomb_N(self) -> float:
+        """Dry friction of the actuator [N]."""
+        return self.near.coulomb_N if isinstance(self.near, RubbingEnd) else 0.0
+
+    @property
+    def link(self) -> LinkLaw:
+        """Law of the whole tendon as a link; one of its links is `link.shortened(ratio)`."""
+        return self.elements.link
+
+    @property
+    def friction(self) -> FrictionLaw:
+        """Friction law of one mass on the path, at joint angle zero."""
+        return self.elements.friction
+
+    def path_at(self, time_s: Array) -> PathRows:
+        """Where the path is at instants, shape (rows,)."""
+        path = self.elements.path
+        if self.motion is None:
+            still = fields_of(path.at())
+            return PathRows(**{name: np.repeat(value, len(time_s), axis=0) for name, value in still.items()})
+        joints = dict(zip(self.motion.names, self.motion.at(time_s).T, strict=True))
+        far = None if self.far_joint is None else -self.far_joint[1] * joints[self.far_joint[0]]
+        return path.at(joints, far)
+
+    @property
+    def layout(self) -> StateLayout:
+        """Order of the states."""
+        return StateLayout(
+            count=self.count,
+            link_states=self.link.states,
+            friction_states=self.friction.states,
+            end_states=self.near.states,
+        )
+
+    def numbers(self) -> dict[str, float]:
+        """Every parameter by name: the one record that generated C and sensitivities follow.
+
+        Where masses differ (`moving`), the largest; `of_masses` has them all.
+        """
+        e = self.elements
+        records = {"piece_": e.piece, "friction_": e.friction, "link_": e.link, "near_": self.near, "far_": self.far}
+        every = {name: value for prefix, record in records.items() for name, value in fields_of(record, prefix).items()}
+        return {name: np.max(value) if isinstance(value, np.ndarray) else value for name, value in every.items()}
+
+    def of_masses(self) -> dict[str, Array]:
+        """Numbers that differ from mass to mass, each of shape (N,), for non-uniform chains."""
+        e = self.elements
+        known = {
+            "piece_mass_kg": e.piece.mass_kg,
+            "length_share": e.path.length_share,
+            **fields_of(e.contact, "contact_"),
+        }
+        return {name: np.broadcast_to(np.asarray(value, float), (self.count,)) for name, value in known.items()}
+
+    def rest_state(self, tension_N: float, far_rest_position_m: float = 0.0) -> ChainState:
+        """At rest under uniform tension T0, where the joints stand at first: f_s = 0, the far spring carries T0.
+
+        q_l = x_c2 + T0/k_c2; x_c2 where k_c2 = 0, a far motor that acts with f_c2 = T0.
+        """
+        n, k_far = self.count, self.far.stiffness_N_per_m
+        ratio = self.path_at(np.zeros(1)).ratio[0]
+        stretch, states = self.link.shortened(ratio).rest(tension_N)
+        on_spring = k_far > 0 and self.far_joint is None
+        q_far = far_rest_position_m + (tension_N / k_far if on_spring else 0.0)
+        return ChainState(
+            velocity_m_per_s=np.zeros(n + 2),
+            elongation_m=stretch,
+            link=np.array(states, dtype=np.float64).reshape(len(self.link.states), n + 1),
+            friction=np.zeros((len(self.friction.states), n)),
+            near_position_m=q_far + math.fsum(stretch),
+            far_position_m=q_far,
+            near=np.zeros(len(self.near.states)),
+        )
+
+
+def _actuator_end(transmission: Transmission, level: Level) -> End:
+    """The actuator as an end that acts; its dry friction has the bristle of the level."""
+    actuator = transmission.actuator
+    end = {"mass_kg": actuator.mass_kg, "damping_N_s_per_m": actuator.damping_N_s_per_m, "stiffness_N_per_m": 0.0}
+    if not actuator.coulomb_N:
+        return End(**end)
+    bristle = bristle_stiffness_N_per_m(transmission.friction, level)
+    return RubbingEnd(**end, coulomb_N=actuator.coulomb_N, bristle_stiffness_N_per_m=bristle)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChainEquations:
+    """The continuous-time chain as CasADi expressions."""
+
+    state: ca.SX  # shape (size, 1); in the order of `StateLayout`
+    inputs: ca.SX  # shape (4, 1); in the order of `INPUT_NAMES`
+    place: ca.SX  # shape (3 N + 3, 1); a row of `PathRows.table`
+    place_rate: ca.SX  # shape (3 N + 3, 1); its time derivative
+    rate: ca.SX  # shape (size, 1); time derivative of `state`
+    tension_N: ca.SX  # shape (N + 1, 1); f_1 .. f_{N+1}
+
+
+def chain_equations(chain: Chain) -> ChainEquations:
+    """Write the chain of Fig. 2 with laws (4) to (7) as one system of differential equations."""
+    n, layout, piece = chain.count, chain.layout, chain.elements.piece
+    state = ca.SX.sym("x", layout.size)
+    inputs = ca.SX.sym("u", len(INPUT_NAMES))
+    place, place_rate = ca.SX.sym("place", 3 * n + 3), ca.SX.sym("place_rate", 3 * n + 3)
+    angle_rate, _, gained_rate, far_rate = ca.vertsplit(place_rate, [0, n, 2 * n + 1, 3 * n + 2, 3 * n + 3])
+    f_c1, x_c1, f_c2, x_c2 = ca.vertsplit(inputs)
+    v, *own, q_a, q_l = ca.vertsplit(state, layout.cuts)
+    rubbing, (e, *own) = tuple(own[: len(layout.end_states)]), own[len(layout.end_states) :]
+    friction, link = laws_at(chain, place)
+    links, masses = tuple(own[: len(link.states)]), tuple(own[len(link.states) :])
+
+    v_far = v[n + 1] if chain.far_joint is None else far_rate
+    e_rate = ca.vertcat(v[:-2] - v[1:-1], v[n] - v_far) + (gained_rate if chain.moving else 0)
+    f = tendon_force(link.unclipped_force(e, e_rate, links))
+    on_path = v[1:-1]
+    f_n = normal_force(f[:-1], f[1:], piece.adhesion_N)
+    f_f = friction.state_force(masses) + friction.viscous_force(on_path)
+
+    near, far = chain.near, chain.far
+    near_force = end_force(v[0], q_a, f[0], -1, f_c1, x_c1, near, rubbing)
+    far_force = end_force(v[n + 1], q_l, f[n], 1, f_c2, x_c2, far) if chain.far_joint is None else 0
+    masses_rate = path_force(f[:-1], f[1:], f_f) / ca.DM(piece.mass_kg)
+    own_rate = friction.rate(on_path, masses, f_n)
+    if chain.moving:  # contact that is lost takes its bristle force along
+        lost = ca.fmin(angle_rate, 0) / ca.fmax(place[:n], ANGLE_FLOOR_RAD)
+        own_rate = tuple(rate + lost * state for rate, state in zip(own_rate, masses, strict=True))
+    accelerations = (near_force / near.mass_kg, masses_rate, far_force / far.mass_kg)
+    return ChainEquations(
+        state=state,
+        inputs=inputs,
+        place=place,
+        place_rate=place_rate,
+        rate=ca.vertcat(
+            *accelerations, *near.rate(v[0], rubbing), e_rate, *link.rate(e, links), *own_rate, v[0], v_far
+        ),
+        tension_N=f,
+    )
+
+
+def laws_at(chain: Chain, place: ca.SX) -> tuple[FrictionLaw, LinkLaw]:
+    """Laws of the masses and of the links for a pose of the path; fields are numbers, or one for each mass and link.
+
+    The place, shape (3 N + 3, 1), is a row of `PathRows.table`; without use where nothing moves.
+    """
+    e, n = chain.elements, chain.count
+    if not chain.moving:
+        return e.friction, e.link.shortened(ca.DM(e.ratio))
+    columns = {
+        name: ca.DM(value) if isinstance(value, np.ndarray) else value for name, value in fields_of(e.contact).items()
+    }
+    angle, ratio = place[:n], place[n : 2 * n + 1]
+    contact: FrictionLaw = replace(e.contact, **columns)  # type: ignore[type-var]
+    share = e.angle_share(angle)
+    return contact.on_piece(angle, share, ca.DM(e.path.length_share)), e.link.shortened(ratio)

@@ -1,0 +1,1 @@
+"""Simulation and inversion of a tendon over a horizon."""
