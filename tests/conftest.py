@@ -102,6 +102,34 @@ def output(tmp_path_factory: pytest.TempPathFactory, examples: Path) -> Callable
 
 
 @pytest.fixture
+def stand_in_ziglang(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A package ziglang that compiles for this system whatever it is asked for; the file with its calls."""
+    cc = shutil.which("cc")
+    if cc is None:
+        pytest.skip("cc is not installed")
+    package, calls = tmp_path / "packages" / "ziglang", tmp_path / "calls.txt"
+    package.mkdir(parents=True)
+    (package / "__init__.py").touch()
+    (package / "__main__.py").write_text(
+        f"""
+import os, subprocess, sys
+given = sys.argv[1:]
+with open({str(calls)!r}, "a") as calls:
+    print(*given, file=calls)
+if given == ["cc", *given[1:]] and "--version" not in given:
+    target = given.index("-target") if "-target" in given else len(given)
+    rest = [word for word in given[1:target] + given[target + 2 :] if word != "-mcpu=baseline"]
+    os.environ["PATH"] = {os.environ["PATH"]!r}
+    sys.exit(subprocess.run([{cc!r}, *rest, "-O0"]).returncode)
+print("clang version 0")
+"""
+    )
+    monkeypatch.syspath_prepend(str(package.parent))
+    monkeypatch.setenv("PYTHONPATH", str(package.parent), prepend=os.pathsep)
+    return calls
+
+
+@pytest.fixture
 def unpainted() -> Iterator[None]:
     """No figure is painted."""
     with without_figures():

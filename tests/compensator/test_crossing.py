@@ -77,8 +77,12 @@ MOTION = SineJoint(amplitudes_rad=(0.3,), frequencies_Hz=(1.25,))
 
 @pytest.fixture(
     scope="module",
-    params=[(drive, path, reference) for drive in Drive for path in PATHS for reference in ("once", "periodic")],
-    ids="-".join,
+    params=[
+        pytest.param((drive, path, reference), marks=marks, id=f"{drive}-{path}-{reference}")
+        for drive in Drive
+        for path in PATHS
+        for reference, marks in (("once", ()), ("periodic", pytest.mark.compiler))  # two minutes each without
+    ],
 )
 def scenario(request: pytest.FixtureRequest, generic: Transmission) -> Scenario:
     drive, path, reference = request.param

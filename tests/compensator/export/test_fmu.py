@@ -27,6 +27,8 @@ from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.tendon.inverse import invert
 from tendonff.ocp.tendon.simulate import simulate
 
+pytestmark = pytest.mark.compiler
+
 fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed")
 NAMES = {
     Kind.INVERSE: ("reference", "force"),
@@ -205,14 +207,31 @@ def test_only_what_a_unit_needs_is_computed(finger, monkeypatch):
 
 
 @pytest.mark.parametrize(
+    ("fmi", "libraries"),
+    [
+        (FmiVersion.V2, {"win64/tff_table.dll", "darwin64/tff_table.dylib"}),
+        (
+            FmiVersion.V3,
+            {"x86_64-windows/tff_table.dll", "x86_64-darwin/tff_table.dylib", "aarch64-darwin/tff_table.dylib"},
+        ),
+    ],
+)
+def test_a_unit_for_everywhere_has_a_binary_compiled_for_each_system(finger, stand_in_ziglang, fmi, libraries):
+    with zipfile.ZipFile(io.BytesIO(build_fmu(finger, Kind.TABLE, fmi, everywhere=True).content)) as archive:
+        binaries = {name: archive.read(name) for name in archive.namelist() if name.startswith("binaries/")}
+    assert {f"binaries/{name}" for name in libraries} < set(binaries)
+    assert all(f"fmi{fmi[0]}DoStep".encode() in binary for binary in binaries.values())
+    targets = [line.split()[2] for line in stand_in_ziglang.read_text().splitlines()]
+    assert targets == ["x86_64-windows-gnu", "x86_64-macos", "aarch64-macos"][: len(libraries)]
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(
     ("system", "library", "start", "name"),
     [
         # The C library of Windows is built first, which takes two minutes.
-        pytest.param("x86_64-windows", "tff_table.dll", b"MZ", b"\0fmi3DoStep\0", marks=pytest.mark.nightly),
-        pytest.param(
-            *("x86_64-darwin", "tff_table.dylib", b"\xcf\xfa\xed\xfe\x07\x00\x00\x01", b"_fmi3DoStep\0"),
-            marks=pytest.mark.nightly,
-        ),
+        ("x86_64-windows", "tff_table.dll", b"MZ", b"\0fmi3DoStep\0"),
+        ("x86_64-darwin", "tff_table.dylib", b"\xcf\xfa\xed\xfe\x07\x00\x00\x01", b"_fmi3DoStep\0"),
         ("aarch64-darwin", "tff_table.dylib", b"\xcf\xfa\xed\xfe\x0c\x00\x00\x01", b"_fmi3DoStep\0"),
     ],
 )

@@ -213,6 +213,19 @@ def test_a_compiler_that_does_not_work_is_passed_over(monkeypatch: pytest.Monkey
     assert found[0] != str(tmp_path / "stub" / "cc")
 
 
+def test_a_packaged_compiler_stands_in_where_nothing_else_works(
+    stand_in_ziglang: FilePath, monkeypatch: pytest.MonkeyPatch, tmp_path: FilePath
+) -> None:
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setenv("PATH", str(fake_compiler(tmp_path / "stub").parent))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    found = compiler.find_compiler()
+    assert found == (sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline")
+    assert compiler.load_library("int tff_answer(void) { return 42; }\n").tff_answer() == 42
+    assert all(line.startswith("cc -mcpu=baseline ") for line in stand_in_ziglang.read_text().splitlines())
+
+
+@pytest.mark.nightly  # installs twenty thousand files
 def test_the_package_ziglang_stands_in_where_nothing_else_works(
     monkeypatch: pytest.MonkeyPatch, tmp_path: FilePath
 ) -> None:
