@@ -46,15 +46,17 @@ FACTORS = (
     ("STEP_S", 10),
 )
 ARRAYS = ("pull_ratio", "release_ratio", "pull_share", "release_share", "pull_cell")
+LITERAL = re.compile(r"(?<![\w.])(\d+\.\d+)(?![\w.])")
 NUMBER = re.compile(r"-?\d[\d.e+-]*[fu]?")
 
 
-def safety(files: dict[str, str]) -> Iterator[Mutant]:
+def safety(files: dict[str, str], precision: str) -> Iterator[Mutant]:
     """Mutants that can hurt a person or break the rig."""
-    for end, what, old, new in (*SWAPS, *LIVE, *RESTS):
+    for end, what, before, after in (*SWAPS, *LIVE, *RESTS):
         if f"tff_{end}" not in files:
             continue  # the scenario has no such module
         text = files[f"tff_{end}"]
+        old, new = (LITERAL.sub(r"\1f", part) if precision == "float" else part for part in (before, after))
         if old not in text:
             raise SystemExit(f"{what}: tff_{end} does not hold {old!r}; bring the list up to date")
         yield Mutant(file=f"tff_{end}", what=what, text=text.replace(old, new, 1))
@@ -202,7 +204,7 @@ def main() -> int:
             return program is not None and passes(program)
 
         alive = []
-        listed = [m for m in safety(exported.files) if options.only in m.what]
+        listed = [m for m in safety(exported.files, options.precision) if options.only in m.what]
         for mutant in listed:
             if survives(mutant):
                 alive.append(mutant.what)

@@ -187,6 +187,18 @@ def test_a_model_that_explains_the_data_again_thaws_without_a_rest(bench, refere
     assert more.factors[-1] == pytest.approx([1.2, 1.2], rel=0.02)
 
 
+def test_what_explained_two_spans_at_the_start_is_kept_where_the_sensor_sticks(bench, reference):
+    both = np.concatenate([reference, reference[-2::-1]])
+    spans = np.cumsum(np.abs(np.diff(both))) / np.ptp(both)
+    rows = int(np.argmax(spans > 2.2))
+    tuner, rig = bench.tuner(bench.tuning(TENSION)), own_rig(bench, mu=1.2)
+    tuner.run(rig, both[1 : rows + 1], np.zeros(rows))
+    for wanted in both[rows + 1 : rows + 501]:
+        tuner.step(wanted, rig.struct.output)
+    assert tuner.status & TunerStatus.FROZEN
+    assert tuner.factors[0] == pytest.approx(1.2, rel=0.01)
+
+
 @pytest.mark.parametrize("sensor", Sensor)
 @pytest.mark.parametrize("stuck_at", [0, 4300])
 def test_a_sensor_that_sticks_is_said_and_teaches_nothing(bench, reference, sensor, stuck_at):
