@@ -4,6 +4,7 @@ Drive {force, position} x path {arc, sections, moving joints} x reference {once,
 compared with a simulation written out here, period after period from rest, with the servo as the spring that it is.
 """
 
+import itertools
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -72,14 +73,23 @@ ONCE = SineReference(
     initial_tension_N=30.0, amplitudes_N=(10.0,), frequencies_Hz=(1.25,), duration_s=0.8, fade_in_s=0.2
 )
 CYCLE = WaypointReference(times_s=(0.0, 0.3, 0.8), tensions_N=(20.0, 42.0, 20.0), shape=Shape.SMOOTH, periodic=True)
+# Every two of the features meet.
+PAIRWISE = {
+    ("force", "arc", "once"),
+    ("force", "sections", "periodic"),
+    ("force", "moving", "once"),
+    ("position", "arc", "periodic"),
+    ("position", "sections", "once"),
+    ("position", "moving", "periodic"),
+}
+ALL = [
+    pytest.param(each, marks=() if each in PAIRWISE else pytest.mark.nightly, id="-".join(each))
+    for each in itertools.product(Drive, PATHS, ("once", "periodic"))
+]
 MOTION = SineJoint(amplitudes_rad=(0.3,), frequencies_Hz=(1.25,))
 
 
-@pytest.fixture(
-    scope="module",
-    params=[(drive, path, reference) for drive in Drive for path in PATHS for reference in ("once", "periodic")],
-    ids="-".join,
-)
+@pytest.fixture(scope="module", params=ALL)
 def scenario(request: pytest.FixtureRequest, generic: Transmission) -> Scenario:
     drive, path, reference = request.param
     servo = SERVO_N_PER_M if drive is Drive.POSITION else None
