@@ -102,6 +102,7 @@ EXAMPLES = [
 ]
 
 
+@pytest.mark.compiler
 @pytest.mark.parametrize("code", EXAMPLES)
 def test_the_examples_of_the_documentation_run(code, tmp_path, monkeypatch):
     (tmp_path / "examples").symlink_to(ROOT / "examples", target_is_directory=True)
@@ -153,6 +154,7 @@ def run_commands_of(tmp_path, monkeypatch, unpainted):
     return call
 
 
+@pytest.mark.compiler
 @pytest.mark.slow
 def test_the_commands_of_the_identification_tutorial_find_the_friction(tmp_path, run_commands_of):
     run_commands_of((ROOT / "docs" / "tutorials" / "identify.md").read_text(encoding="utf-8"))
@@ -192,6 +194,7 @@ def test_every_command_is_in_the_documentation():
     assert not [name for name in commands if f"tendonff {name} " not in text]
 
 
+@pytest.mark.compiler
 def test_the_figure_of_the_readme_can_be_drawn_again(tmp_path):
     script, target = ROOT / "docs" / "readme_figure.py", tmp_path / "finger.png"
     subprocess.run([sys.executable, str(script), str(target)], check=True, timeout=300)

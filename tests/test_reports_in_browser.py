@@ -165,6 +165,7 @@ def made(examples, output, tmp_path):
     return folder
 
 
+@pytest.mark.compiler
 @pytest.mark.parametrize("command", ["design", "compare", "experiment", "table", "identify"])
 def test_the_report_of_every_command_opens_and_is_readable(browser, made, command):
     folder = made(command)
@@ -290,6 +291,7 @@ def test_the_interactive_page_fits_a_phone(browser, explorer):
         assert browser.execute_script("return document.documentElement.scrollWidth") <= PHONE_WIDTH + 1
 
 
+@pytest.mark.compiler
 def test_the_interactive_page_follows_its_sliders(browser, explorer):
     assert explorer["addresses"] == {"127.0.0.1"}
     browser.get(explorer["url"])

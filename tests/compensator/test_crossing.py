@@ -82,8 +82,15 @@ PAIRWISE = {
     ("position", "sections", "once"),
     ("position", "moving", "periodic"),
 }
+
+
+def marks(each: tuple[str, str, str]) -> list[pytest.MarkDecorator]:
+    without = [pytest.mark.compiler] if each[-1] == "periodic" else []  # two minutes each without
+    return without if each in PAIRWISE else [*without, pytest.mark.nightly]
+
+
 ALL = [
-    pytest.param(each, marks=() if each in PAIRWISE else pytest.mark.nightly, id="-".join(each))
+    pytest.param(each, marks=marks(each), id="-".join(each))
     for each in itertools.product(Drive, PATHS, ("once", "periodic"))
 ]
 MOTION = SineJoint(amplitudes_rad=(0.3,), frequencies_Hz=(1.25,))

@@ -14,6 +14,8 @@ from tendonff.ocp.adaptation.tuner import SelfTuner, SimulatedRig
 from tendonff.ocp.adaptation.tuning import Sensor, Tunable
 from tendonff.ocp.codegen.precision import Precision
 
+pytestmark = pytest.mark.compiler
+
 MOST = 25_000
 """Instructions of a step with N = 6: 15 % of a period of 1 ms at 168 MHz."""
 

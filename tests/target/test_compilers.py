@@ -19,6 +19,8 @@ from tendonff.compensator.scenario.settings import Adaptation
 from tendonff.ocp.adaptation.tuning import Sensor, Tunable
 from tendonff.ocp.codegen.precision import Precision
 
+pytestmark = pytest.mark.compiler
+
 STIFFNESSES = (Tunable.MU, Tunable.TENDON_STIFFNESS)
 
 STRICT = ("-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror", "-O2")

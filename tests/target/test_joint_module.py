@@ -6,6 +6,8 @@ import pytest
 from tendonff.compensator.joint.export.text import joint_sources
 from tendonff.compensator.joint.scenario.scenario import load_joint_scenario, sample_joint
 
+pytestmark = pytest.mark.compiler
+
 MOST = {"m4f": 9000, "m7": 11000}
 
 

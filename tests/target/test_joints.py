@@ -10,6 +10,8 @@ from tendonff.compensator.export.modules import c_modules
 from tendonff.compensator.export.text.c_text import c_sources
 from tendonff.compensator.scenario.scenario import load_scenario
 
+pytestmark = pytest.mark.compiler
+
 
 @pytest.fixture
 def inverse(toolbox, examples, tmp_path):

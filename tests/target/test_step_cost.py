@@ -16,6 +16,8 @@ from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.codegen.compiler import _GCC_FLAGS, _machine_flags
 from tendonff.ocp.step.c_engine import _step_source, chain_struct, places_of
 
+pytestmark = pytest.mark.compiler
+
 ROWS, STEP_S, START_N = 500, 1e-3, 40.0
 CEILINGS = {6: 3500, 40: 9200}
 """With registers for four numbers: loops that are not made vectors cost half as much again."""

@@ -134,6 +134,7 @@ def test_the_choice_is_the_least_error_of_what_is_quiet_enough(finger):
     assert none.picked.design.filter.half == 0
 
 
+@pytest.mark.compiler
 @pytest.mark.parametrize(
     ("stream", "largest_percent"),
     [

@@ -94,6 +94,7 @@ def a_minute(scenario):
     return np.tile(loop, -(-rows // len(loop)))[:rows]
 
 
+@pytest.mark.compiler
 @pytest.mark.parametrize(
     ("example", "precision"),
     [
@@ -121,6 +122,7 @@ def test_c_equals_python_over_a_minute(library, example, precision, record_prope
     assert max(worst.values()) <= TOLERANCE_N[precision]
 
 
+@pytest.mark.compiler
 def test_the_first_call_may_be_the_sample_at_zero_or_the_one_after_it(library):
     code, scenario, _ = library("finger", Precision.DOUBLE)
     reference = sample_reference(scenario).tension_N[:500]
@@ -128,6 +130,7 @@ def test_the_first_call_may_be_the_sample_at_zero_or_the_one_after_it(library):
         assert np.array_equal(play(code, kind, reference, "double"), play(code, kind, reference, "double", first=1))
 
 
+@pytest.mark.compiler
 @pytest.mark.parametrize("level", Level)
 def test_every_level_exports_and_passes_its_own_test(examples, tmp_path, level):
     if shutil.which("make") is None or shutil.which("cc") is None:
@@ -151,6 +154,7 @@ ODD = {
 }
 
 
+@pytest.mark.compiler
 @pytest.mark.parametrize("case", ODD)
 def test_odd_transmissions_export_and_pass_their_own_test(examples, tmp_path, case):
     if shutil.which("make") is None or shutil.which("cc") is None:
@@ -166,6 +170,7 @@ def test_odd_transmissions_export_and_pass_their_own_test(examples, tmp_path, ca
     assert (tmp_path / "structured_text" / "tff_capstan.st").exists() == ("pull_spread" not in friction)
 
 
+@pytest.mark.compiler
 def test_equal_input_gives_equal_bytes_and_no_date(examples, finger_files):
     again = export_project(load_scenario(examples / "finger.toml"), profile_N=np.full(3, 30.0)).files
     assert again == finger_files()
@@ -228,6 +233,7 @@ def test_a_prefix_that_is_no_good_c_name_is_refused(bad):
         check_prefix(bad)
 
 
+@pytest.mark.compiler
 def test_the_command_exports_the_agreed_files(examples, tmp_path):
     out = tmp_path / "c"
     arguments = [
@@ -251,6 +257,7 @@ def test_the_command_exports_the_agreed_files(examples, tmp_path):
     assert not (tmp_path / "d").exists()
 
 
+@pytest.mark.compiler
 def test_two_exports_build_under_one_cmake_project(examples, tmp_path):
     for tool in ("cmake", "cc", "make"):
         if shutil.which(tool) is None:

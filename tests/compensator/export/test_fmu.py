@@ -27,6 +27,8 @@ from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.tendon.inverse import invert
 from tendonff.ocp.tendon.simulate import simulate
 
+pytestmark = pytest.mark.compiler
+
 fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed")
 NAMES = {
     Kind.INVERSE: ("reference", "force"),

@@ -25,6 +25,8 @@ from tendonff.ocp.step.target_joints import tanh_fraction
 from tendonff.ocp.tendon.inverse import invert
 from tendonff.ocp.tendon.simulate import simulate
 
+pytestmark = pytest.mark.compiler
+
 TOLERANCE_N = {Precision.DOUBLE: 1e-9, Precision.FLOAT: 0.02}
 ROWS = 1200
 

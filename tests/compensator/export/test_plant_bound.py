@@ -19,6 +19,8 @@ from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.step import target
 
+pytestmark = pytest.mark.compiler
+
 
 def test_golden_rows_end_before_a_step_that_the_plant_may_give_up(examples):
     """Sticking and slipping at low tension: some steps need more than the bound, and no two compilers agree on all."""

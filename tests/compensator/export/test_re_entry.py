@@ -13,6 +13,8 @@ from tendonff.compensator.export.text.c_text import c_sources
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.ocp.codegen.precision import Precision
 
+pytestmark = pytest.mark.compiler
+
 
 @pytest.mark.parametrize("coulomb_N", [0.0, 4.0])
 @pytest.mark.parametrize("precision", Precision)

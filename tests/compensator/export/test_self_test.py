@@ -62,6 +62,7 @@ def test_a_module_that_is_worse_than_none_is_left_out_and_said(small_moves, tmp_
         assert (tmp_path / "d" / f"tff_{module}.c").exists()
 
 
+@pytest.mark.compiler
 def test_nothing_is_exported_where_all_modules_do_harm(finger, monkeypatch):
     from tendonff.compensator.export import c_project
 
@@ -84,6 +85,7 @@ def test_the_judgement_is_an_independent_simulation_of_each_force(finger):
     assert still.score.rmse == pytest.approx(float(np.sqrt(np.mean((tension - tension[0]) ** 2))), rel=0.02)
 
 
+@pytest.mark.compiler
 def test_a_module_is_judged_by_what_it_answers_live_and_the_drive_lets_through(examples):
     """The last reversal, which `design` does not begin, is in its answer; a drive's speed limit is not, but binds."""
     problem = Problem.of(load_scenario(examples / "bowden.toml"))
@@ -167,6 +169,7 @@ MUTANTS = {
 }
 
 
+@pytest.mark.compiler
 @pytest.mark.parametrize("precision", [Precision.DOUBLE, pytest.param(Precision.FLOAT, marks=pytest.mark.nightly)])
 def test_the_self_test_passes_and_dies_with_every_safety_mutant(exported, precision, tmp_path):
     if shutil.which("cc") is None:
@@ -196,6 +199,7 @@ def test_the_self_test_passes_and_dies_with_every_safety_mutant(exported, precis
     assert alive == []
 
 
+@pytest.mark.compiler
 def test_what_single_precision_loses_is_measured_and_said(exported, finger):
     """finger_fast loses little; a chain of light, stiff links at a tiny step loses much, and its report says so."""
     losses = json.loads(exported[Precision.FLOAT].files["design.json"])["float_loss"]

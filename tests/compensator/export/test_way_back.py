@@ -10,6 +10,8 @@ import pytest
 from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.scenario.scenario import load_scenario
 
+pytestmark = pytest.mark.compiler
+
 FLAGS = ("-std=c99", "-O0", "-Wall", "-Wextra", "-Werror")
 
 

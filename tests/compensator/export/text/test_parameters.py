@@ -21,6 +21,8 @@ from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.tendon.inverse import invert
 
+pytestmark = pytest.mark.compiler
+
 ROWS = 1600
 DRIVER = """
 long play_{kind}(long n, const tff_real *given, long change, const tff_parameters *with, tff_real *answer)

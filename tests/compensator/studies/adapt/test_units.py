@@ -110,6 +110,7 @@ def test_the_units_are_valid(adaptive, tmp_path, kind, fmi):
         assert variables["mu"] == ("parameter", "tunable")
 
 
+@pytest.mark.compiler
 @pytest.mark.parametrize("example", ["finger_adaptive", "finger_moving"])
 def test_the_adaptive_unit_finds_the_friction_of_a_plant(adaptive, examples, tmp_path, example):
     """Measurements of a rig with 20 % more friction: what the tuner of Python says too."""

@@ -90,6 +90,7 @@ def test_the_spread_covers_what_a_finer_step_changes(finger, result):
         assert 0 < difference <= result.entry(name, design, Level.ELASTIC).spread_percent_of_range
 
 
+@pytest.mark.compiler
 def test_stick_slip_shows_as_spread_and_is_warned_of(examples):
     result = compare(short(load_scenario(examples / "finger_stribeck.toml")))
     stiff = result.entry("inverse", Level.PRESLIDING, Level.ELASTIC)

@@ -22,7 +22,7 @@ from tendonff.compensator.studies.design.run import Design, design
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters.uncertainty import Uncertainty
 
-WITHOUT_STRIBECK = ["finger", "bowden", "surgical"]
+WITHOUT_STRIBECK = ["finger", *(pytest.param(name, marks=pytest.mark.compiler) for name in ("bowden", "surgical"))]
 COLUMNS = [
     "time_s",
     "reference_N",
@@ -87,7 +87,13 @@ def test_the_finger_can_be_designed_on_every_level(examples, level):
         assert result.on_level(compensator, level).score.rmse_percent_of_range <= 0.3
 
 
-@pytest.mark.parametrize("name", [*WITHOUT_STRIBECK, "finger_fast", "finger_stribeck"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *WITHOUT_STRIBECK,
+        *(pytest.param(name, marks=pytest.mark.compiler) for name in ("finger_fast", "finger_stribeck")),
+    ],
+)
 def test_every_profile_but_the_uncompensated_respects_the_actuator(output, examples, name):
     profile = pd.read_csv(output("design", name).folder / "profile.csv")
     scenario = load_scenario(examples / f"{name}.toml")
@@ -100,6 +106,7 @@ def test_every_profile_but_the_uncompensated_respects_the_actuator(output, examp
         assert np.abs(np.diff(force)).max() <= actuator.force_rate_max_N_per_s * step * (1 + 1e-6)
 
 
+@pytest.mark.compiler
 def test_where_the_rate_limit_binds_the_optimal_profile_beats_the_clipped_inverse(output, percent):
     errors = {c: percent("finger_fast", c) for c in ("inverse", "capstan", "optimal")}
     assert errors["optimal"] <= 0.6 * min(errors["inverse"], errors["capstan"])
@@ -138,6 +145,7 @@ def test_a_refined_plant_reads_the_profile_as_linear_between_its_rows(examples):
     assert 0 < np.sqrt(np.mean(difference**2)) < 5e-4 * np.ptp(coarse.output_N)
 
 
+@pytest.mark.compiler
 def test_the_command_writes_everything_in_the_contract(output):
     made = output("design", "finger")
     profile = pd.read_csv(made.folder / "profile.csv")
@@ -184,6 +192,7 @@ def test_a_compensator_that_is_worse_than_none_is_called_so(examples):
     assert worse == {"frictionless", "capstan", "inverse", "table"}
 
 
+@pytest.mark.compiler
 @pytest.mark.usefixtures("unpainted")
 def test_a_reference_out_of_reach_gets_the_best_profile_and_is_refused_where_design_is_strict(
     examples, tmp_path, capsys
