@@ -301,7 +301,6 @@ def check_motion(sections: tuple[Section, ...], length_m: float | None, motion: 
 
 
 @functools.lru_cache(maxsize=64)
-@functools.lru_cache(maxsize=64)
 def cut_path(
     sections: tuple[Section, ...], count: int, radius_m: float | None = None, motion: JointMotion | None = None
 ) -> CutPath:

@@ -4,7 +4,6 @@ Drive {force, position} x path {arc, sections, moving joints} x reference {once,
 compared with a simulation written out here, period after period from rest, with the servo as the spring that it is.
 """
 
-import itertools
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -73,30 +72,18 @@ ONCE = SineReference(
     initial_tension_N=30.0, amplitudes_N=(10.0,), frequencies_Hz=(1.25,), duration_s=0.8, fade_in_s=0.2
 )
 CYCLE = WaypointReference(times_s=(0.0, 0.3, 0.8), tensions_N=(20.0, 42.0, 20.0), shape=Shape.SMOOTH, periodic=True)
-# Every two of the features meet.
-PAIRWISE = {
-    ("force", "arc", "once"),
-    ("force", "sections", "periodic"),
-    ("force", "moving", "once"),
-    ("position", "arc", "periodic"),
-    ("position", "sections", "once"),
-    ("position", "moving", "periodic"),
-}
-
-
-def marks(each: tuple[str, str, str]) -> list[pytest.MarkDecorator]:
-    without = [pytest.mark.compiler] if each[-1] == "periodic" else []  # two minutes each without
-    return without if each in PAIRWISE else [*without, pytest.mark.nightly]
-
-
-ALL = [
-    pytest.param(each, marks=marks(each), id="-".join(each))
-    for each in itertools.product(Drive, PATHS, ("once", "periodic"))
-]
 MOTION = SineJoint(amplitudes_rad=(0.3,), frequencies_Hz=(1.25,))
 
 
-@pytest.fixture(scope="module", params=ALL)
+@pytest.fixture(
+    scope="module",
+    params=[
+        pytest.param((drive, path, reference), marks=marks, id=f"{drive}-{path}-{reference}")
+        for drive in Drive
+        for path in PATHS
+        for reference, marks in (("once", ()), ("periodic", pytest.mark.compiler))  # two minutes each without
+    ],
+)
 def scenario(request: pytest.FixtureRequest, generic: Transmission) -> Scenario:
     drive, path, reference = request.param
     servo = SERVO_N_PER_M if drive is Drive.POSITION else None
