@@ -9,6 +9,7 @@ and the last link are the half pieces at the ends::
 Wrap angles and lengths of the sections are affine in the joint angles, so those of pieces and links are too.
 """
 
+import functools
 import math
 from dataclasses import dataclass
 from enum import StrEnum
@@ -299,6 +300,7 @@ def check_motion(sections: tuple[Section, ...], length_m: float | None, motion: 
             )
 
 
+@functools.lru_cache(maxsize=64)
 def cut_path(
     sections: tuple[Section, ...], count: int, radius_m: float | None = None, motion: JointMotion | None = None
 ) -> CutPath:

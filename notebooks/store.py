@@ -11,7 +11,6 @@ import sys
 from pathlib import Path
 
 import nbformat
-from nbclient import NotebookClient
 from PIL import Image
 
 FOLDER = Path(__file__).resolve().parent
@@ -28,6 +27,8 @@ def executed(path: Path) -> nbformat.NotebookNode:
     ----------
     path : Path
     """
+    from nbclient import NotebookClient  # the rest of this file needs no kernel
+
     notebook = nbformat.read(path, as_version=4)
     NotebookClient(notebook, timeout=600, resources={"metadata": {"path": str(FOLDER)}}).execute()
     notebook.metadata = nbformat.from_dict({"kernelspec": _KERNEL, "language_info": {"name": "python"}})

@@ -5,16 +5,18 @@ import json
 import os
 import re
 import runpy
+import shlex
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+import typer
 from selenium.webdriver.support.ui import WebDriverWait
 
 import tendonff as tf
-from tendonff.compensator.cli import run
+from tendonff.compensator.cli import app, run
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.ocp.codegen.compiler import find_compiler
 
@@ -114,7 +116,7 @@ def test_the_examples_of_the_documentation_run(code, tmp_path, monkeypatch):
 TUTORIAL = ROOT / "docs" / "tutorials" / "bowden.md"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_commands_of_the_tutorial_lead_from_the_data_sheet_to_tested_c(tmp_path, run_commands_of):
     """The stand-in rig has mu = 0.13 where the scenario says 0.10; identification finds it."""
     if find_compiler() is None or shutil.which("make") is None:
@@ -132,6 +134,19 @@ def test_the_commands_of_the_tutorial_lead_from_the_data_sheet_to_tested_c(tmp_p
     found = load_scenario(tmp_path / "fit" / "fitted.toml").transmission.friction
     assert found.mu_dynamic == pytest.approx(0.13, rel=0.01)
     assert "self test passed" in said
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_the_command_line_takes_every_command_of_the_pages(page):
+    """Name, arguments, options and their values; nothing is run."""
+    group = typer.main.get_command(app)
+    text = page.read_text(encoding="utf-8")
+    for block in re.findall(r"^```sh\n(.*?)^```", text, re.MULTILINE | re.DOTALL):
+        for line in block.replace("\\\n", " ").splitlines():
+            words = shlex.split(line, comments=True)
+            if words[:1] == ["tendonff"]:
+                command = group.commands[words[1]]
+                command.make_context(words[1], words[2:])
 
 
 @pytest.fixture
@@ -187,8 +202,6 @@ def test_the_table_of_moving_paths_is_what_the_package_gives():
 
 
 def test_every_command_is_in_the_documentation():
-    from tendonff.compensator.cli import app
-
     commands = {command.name or command.callback.__name__.replace("_", "-") for command in app.registered_commands}
     text = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
     assert not [name for name in commands if f"tendonff {name} " not in text]

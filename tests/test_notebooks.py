@@ -1,9 +1,13 @@
 """Notebooks are stored with their outputs: those of a fresh run, with words for their pictures."""
 
+import contextlib
+import io
 import re
 import runpy
 from pathlib import Path
 
+import matplotlib as mpl
+import matplotlib.pyplot as plt
 import nbformat
 import pytest
 
@@ -23,25 +27,51 @@ def numbers(text: str) -> list[float]:
     return [float(found.replace(",", "")) for found in NUMBER.findall(text) if found.count(".") < 2]
 
 
+def agree(cell: nbformat.NotebookNode, text: str, pictures: int) -> None:
+    """Words alike, numbers to 2 % (other processors round otherwise); only words where numbers vary by nature."""
+    assert words(text) == words(STORE["texts"](cell)), cell.source
+    if STORE["VARIES"] not in cell.metadata.get("tags", ()):
+        assert numbers(text) == pytest.approx(numbers(STORE["texts"](cell)), rel=0.02), cell.source
+    assert pictures == len(STORE["pictures"](cell)), cell.source
+
+
 @pytest.mark.compiler
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::RuntimeWarning", "ignore::DeprecationWarning", "ignore::UserWarning")
 @pytest.mark.parametrize(
     "path",
     [pytest.param(path, marks=pytest.mark.nightly) if path.stem in LONG else path for path in NOTEBOOKS],
     ids=lambda path: path.stem,
 )
-def test_a_fresh_run_prints_what_is_stored_and_draws_as_many_pictures(path: Path) -> None:
-    """Words alike, numbers to 2 % (other processors round otherwise); only words where numbers vary by nature."""
+def test_the_cells_print_what_is_stored_and_make_as_many_pictures(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Run here one after the other, as Jupyter does, with nothing painted."""
+    monkeypatch.chdir(path.parent)
+    shown: list[int] = []
+
+    def show() -> None:
+        shown.extend(plt.get_fignums())
+        plt.close("all")
+
+    monkeypatch.setattr(plt, "show", show)
+    names: dict[str, object] = {"__name__": "__main__"}
+    with mpl.rc_context():
+        for cell in nbformat.read(path, as_version=4).cells:
+            if cell.cell_type == "code":
+                said = io.StringIO()
+                with contextlib.redirect_stdout(said):
+                    exec(compile(cell.source.replace("%matplotlib inline\n", ""), path.stem, "exec"), names)  # noqa: S102
+                show()
+                agree(cell, said.getvalue(), len(shown))
+                shown.clear()
+
+
+@pytest.mark.nightly
+@pytest.mark.compiler
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_in_jupyter_a_fresh_run_prints_and_draws_what_is_stored(path: Path) -> None:
     stored = nbformat.read(path, as_version=4)
-    fresh = STORE["executed"](path)
-    for old, new in zip(stored.cells, fresh.cells, strict=True):
-        if old.cell_type != "code":
-            continue
-        assert words(STORE["texts"](new)) == words(STORE["texts"](old)), old.source
-        if STORE["VARIES"] not in old.metadata.get("tags", ()):
-            assert numbers(STORE["texts"](new)) == pytest.approx(numbers(STORE["texts"](old)), rel=0.02), old.source
-        assert len(STORE["pictures"](new)) == len(STORE["pictures"](old)), old.source
+    for old, new in zip(stored.cells, STORE["executed"](path).cells, strict=True):
+        if old.cell_type == "code":
+            agree(old, STORE["texts"](new), len(STORE["pictures"](new)))
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)

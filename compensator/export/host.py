@@ -18,9 +18,7 @@ from tendonff.ocp.errors import CodeError
 
 _FLAGS = ("-std=c99", "-O0", "-shared", "-fPIC", "-ffp-contract=off", "-fno-math-errno")
 _CONTRACTED = ("-std=c99", "-O2", "-shared", "-fPIC", "-ffp-contract=fast", "-fno-math-errno")  # where it optimises
-_ANY_OF_THIS = (
-    "-march=native",
-)  # products and sums in one, where this processor can; not every compiler knows the word
+_NATIVE = "-march=native"  # with products and sums in one, where the processor can; not every compiler knows the word
 _INCLUDE = re.compile(r'^#include "([^"]+)"$', re.MULTILINE)
 _DRIVER = """
 void run_{module}(long n, double start, const {prefix}_real *given, const {prefix}_real *joint, {prefix}_real *answer,
@@ -97,7 +95,7 @@ def compile_on_host(
             (folder / name).write_text(text, encoding="utf-8")
         compiled = ["driver.c", *(name for name in sources if name.endswith(".c"))]
         files = ["-o", "code.so", *compiled, "-lm"]
-        tries = ([*_CONTRACTED, *_ANY_OF_THIS], _CONTRACTED) if contracted else (_FLAGS,)
+        tries = ((*_CONTRACTED, _NATIVE), _CONTRACTED) if contracted else (_FLAGS,)
         complaint: str | None = None
         for flags in tries:
             complaint = run_compiler(compiler, [*flags, *files], folder)

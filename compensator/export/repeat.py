@@ -15,9 +15,7 @@ from tendonff.ocp.codegen.precision import Precision
 FLOAT_SHARE = 1e-3
 """Of the range: rows that need a larger tolerance in single precision are not compared."""
 
-_FEW = (
-    0.5  # share of rows below which means are compared instead: of steps so short that rounding makes noise of forces
-)
+_FEW = 0.5  # share of rows below which means are compared: at such short steps rounding makes noise of forces
 _FEWEST = 0.25  # below which all rows are compared all the same: leaving out nearly all would test nothing
 _MEAN_OF = 8  # rows; what rounding makes of a reference is differentiated twice, and so is next to nothing in a mean
 

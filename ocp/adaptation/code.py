@@ -51,10 +51,11 @@ class TunedChain:
     parameters: tuple[Tunable, ...]
 
     @classmethod
+    @functools.lru_cache(maxsize=32)
     def of(
         cls, transmission: Transmission, level: Level, parameters: tuple[Tunable, ...], segments: int | None = None
     ) -> "TunedChain":
-        """Chain of a transmission."""
+        """Chain of a transmission; for the same numbers the same object, whose code is compiled once."""
         return cls(
             whole=whole_of(transmission, level), chain=Chain.of(transmission, level, segments), parameters=parameters
         )

@@ -126,7 +126,13 @@ def test_simulate_gives_what_is_stored(example, level, command, golden):
 
 
 @pytest.mark.compiler
-@pytest.mark.parametrize(("example", "precision"), EXPORTS)
+@pytest.mark.parametrize(
+    ("example", "precision"),
+    [
+        pytest.param(*each, marks=pytest.mark.nightly) if each[0] in {"bowden", "finger_fast"} else each
+        for each in EXPORTS
+    ],
+)
 def test_export_c_gives_what_is_stored(example, precision, output, golden):
     """All arrays (golden vectors, profile, table); of one export every text, so that changes are seen."""
     stored = golden(f"{example}/export-c-{precision}")

@@ -55,7 +55,7 @@ def numbers(kind, name, values):
     ("example", "sensor", "parameters"),
     [
         ("finger", Sensor.OUTPUT_TENSION, (Tunable.MU,)),
-        ("finger", Sensor.ACTUATOR_POSITION, BOTH),
+        pytest.param("finger", Sensor.ACTUATOR_POSITION, BOTH, marks=pytest.mark.nightly),
         ("finger_moving", Sensor.ACTUATOR_POSITION, (Tunable.MU,)),
         ("finger_moving", Sensor.OUTPUT_TENSION, APART),
         ("finger_moving", Sensor.ACTUATOR_POSITION, BOTH),

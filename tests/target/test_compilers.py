@@ -44,7 +44,7 @@ def test_strict_compilers_have_nothing_to_say_in_c_and_in_cplusplus(toolbox, exp
     toolbox.run(compiler, *LANGUAGES[compiler], *STRICT, *sources, cwd=tmp_path)
 
 
-@pytest.mark.parametrize("precision", Precision)
+@pytest.mark.parametrize("precision", [Precision.FLOAT, pytest.param(Precision.DOUBLE, marks=pytest.mark.nightly)])
 def test_a_copied_folder_passes_its_own_test_elsewhere(toolbox, exported, precision, tmp_path):
     toolbox.need("make", "cc")
     folder = shutil.copytree(exported(precision), tmp_path / "elsewhere")
@@ -79,7 +79,7 @@ def test_cmake_builds_and_tests_the_folder(toolbox, exported, tmp_path):
     assert toolbox.run(tmp_path / "tff_example").stdout.startswith("time_s,reference_N,force_N,tension_N,status\n")
 
 
-@pytest.mark.parametrize("precision", Precision)
+@pytest.mark.parametrize("precision", [Precision.FLOAT, pytest.param(Precision.DOUBLE, marks=pytest.mark.nightly)])
 def test_sanitizers_find_nothing_in_fuzzed_input_and_limits_hold(toolbox, exported, precision, tmp_path):
     toolbox.need("gcc")
     folder = exported(precision)

@@ -46,7 +46,7 @@ FIRST_RELEASE = {"m4f": {6: 924, 12: 1644, 40: 5006}, "m7": {6: 845, 12: 1499, 4
 
 @pytest.mark.each_value
 @pytest.mark.parametrize("board", ["m4f", "m7"])
-@pytest.mark.parametrize("segments", [6, 12, 40])
+@pytest.mark.parametrize("segments", [6, pytest.param(12, marks=pytest.mark.nightly), 40])
 def test_joints_cost_at_most_three_tenths_of_what_the_inverse_took_in_the_first_release(
     toolbox, inverse, board, segments, record_property
 ):

@@ -138,7 +138,7 @@ def test_the_choice_is_the_least_error_of_what_is_quiet_enough(finger):
 @pytest.mark.parametrize(
     ("stream", "largest_percent"),
     [
-        (Stream(), 0.4),
+        pytest.param(Stream(), 0.4, marks=pytest.mark.nightly),
         pytest.param(Stream(resolution_N=LSB), 0.4, marks=pytest.mark.nightly),
         pytest.param(Stream(preview_s=0.03), 0.3, marks=pytest.mark.nightly),
         (Stream(preview_s=0.03, resolution_N=LSB), 0.3),

@@ -45,7 +45,7 @@ def found(rig, log, *, static_only=False, **doubts):
     return identify(replace(rig, measurement=replace(rig.measurement, **doubts)), [log], static_only=static_only)
 
 
-@pytest.mark.parametrize("static_only", [True, False])
+@pytest.mark.parametrize("static_only", [True, pytest.param(False, marks=pytest.mark.nightly)])
 def test_a_gain_that_is_off_is_in_the_intervals_once_its_doubt_is_said(rig, log, silent, static_only):
     """The ratio of the gains is added to one exponent and taken off the other: half of it at least, in mu theta."""
     said = found(rig, log, static_only=static_only, gain_uncertainty=0.03)

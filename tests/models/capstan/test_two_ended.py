@@ -81,7 +81,7 @@ def test_the_profile_is_that_of_a_chain_under_random_ramps_of_both_ends(law: Two
     assert moved > 10
 
 
-@pytest.mark.parametrize("seed", [1, 5])
+@pytest.mark.parametrize("seed", [pytest.param(1, marks=pytest.mark.nightly), 5])
 def test_a_far_end_that_is_moved_has_the_tension_of_the_chain(law: TwoEndedLaw, seed: int) -> None:
     """Exact while the ends go straight; where the sliding turns within a step, of first order in the step."""
     rms = []

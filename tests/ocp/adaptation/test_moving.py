@@ -74,8 +74,7 @@ def blind(tuner: SelfTuner, plant: MovingPlant, sensor: Sensor) -> float:
     ("sensor", "mu"),
     [
         (Sensor.ACTUATOR_POSITION, 0.8),
-        pytest.param(Sensor.ACTUATOR_POSITION, 1.2, marks=pytest.mark.nightly),
-        (Sensor.OUTPUT_TENSION, 1.2),
+        *(pytest.param(sensor, 1.2, marks=pytest.mark.nightly) for sensor in Sensor),  # exported they are met too
     ],
 )
 def test_friction_that_is_20_percent_off_is_found_while_joints_move(finger, sensor, mu, record_property):

@@ -62,7 +62,7 @@ def test_estimates_are_kept_over_a_restart(exported, finger, blind):
     assert np.abs(forces[:, 0] - forces[:, 1]).max() > 0.1
 
 
-@pytest.mark.parametrize("precision", Precision)
+@pytest.mark.parametrize("precision", [Precision.FLOAT, pytest.param(Precision.DOUBLE, marks=pytest.mark.nightly)])
 def test_the_whole_folder_passes_its_own_test(examples, tmp_path, precision):
     if shutil.which("make") is None or shutil.which("cc") is None:
         pytest.skip("make or cc is not installed")

@@ -213,7 +213,7 @@ with executor_of("{address}") as executor:
 """
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.usefixtures("unpainted")
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="this system has no SIGKILL")
 def test_a_sweep_on_a_cluster_of_processes_that_was_killed_equals_one_that_ran_through(tmp_path: Path) -> None:
