@@ -9,7 +9,7 @@ import numpy as np
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.compensators.score import scale_of
-from tendonff.compensator.export.golden import Course
+from tendonff.compensator.export.golden import Course, easy_rows
 from tendonff.compensator.export.repeat import FLOAT_SHARE, Compared, repeated_rows
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.scenario.settings import Adaptation
@@ -52,6 +52,7 @@ class AdaptiveGolden:
     low_N: FloatArray
     high_N: FloatArray
     joint_rad: FloatArray  # shape (rows, joints); joint angles that its steps take, those at their ends
+    easy: int  # rows before a step of its model that is split or takes long, in which exported code may do otherwise
 
     def given(self, reference_N: FloatArray, nudge: int = 0) -> FloatArray:
         """Inputs of the steps, shape (rows, 2): references, and measurements that round otherwise for each `nudge`."""
@@ -175,9 +176,11 @@ def adaptive_golden(
         rig = SimulatedRig(tuned.with_factors({_main(settings): factor}), step, 1, start)
         run = tuner_of().run(rig, reference_N, np.zeros(len(reference_N)))
         measured = rounded(run.measured, precision)
-        golden = AdaptiveGolden(measured=measured, force_N=measured, low_N=low, high_N=high, joint_rad=ahead)
+        golden = AdaptiveGolden(measured=measured, force_N=measured, low_N=low, high_N=high, joint_rad=ahead, easy=0)
         force, *others = (answers(golden.given(reference_N, nudge)) for nudge in range(NUDGES))
-        return float(repeated_rows(force, others, most).mean()), replace(golden, force_N=force)
+        easy = easy_rows(tuned.chain, force, step, start)
+        repeated = repeated_rows(force, others, most)[:easy]
+        return float(repeated.sum()) / len(force), replace(golden, force_N=force, easy=easy)
 
     tried: list[tuple[float, AdaptiveGolden]] = []
     for factor in _RIGS:
@@ -198,6 +201,8 @@ def adaptive_test(
     """Values for the self test of tuner and interval; answers of the exported code are none where it was not run."""
     tuning, tolerance = tuning_of(problem, settings), _tolerance_N(problem, course, precision)
     repeated = repeated_rows(golden.force_N, found, 0.5 * tolerance)
+    if not len(found):
+        repeated[golden.easy :] = False
     return {
         "golden": golden,
         "compared": Compared(tolerance=tolerance, expected=np.where(repeated, golden.force_N, np.nan)),
