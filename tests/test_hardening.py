@@ -240,7 +240,7 @@ def results_of(folder):
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 @pytest.mark.parametrize(
-    "number", [signal.SIGTERM, signal.SIGKILL, pytest.param(signal.SIGINT, marks=pytest.mark.nightly)]
+    "number", [signal.SIGINT, signal.SIGKILL, pytest.param(signal.SIGTERM, marks=pytest.mark.nightly)]
 )
 def test_a_stopped_design_leaves_what_was_there(examples, tmp_path, number):
     """Stopped while it computes: Ctrl-C and an ended job clean up and say so; a killed one at least leaves no half."""
