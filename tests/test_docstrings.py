@@ -13,7 +13,12 @@ import pytest
 import tendonff as tf
 
 ROOT = Path(__file__).resolve().parents[1]
-FUNCTIONS = [name for name in tf.__all__ if inspect.isfunction(getattr(tf, name))]
+COMPILED = {"invert_joint", "simulate_joint", "suggest_routine"}  # a joint runs in compiled C only
+FUNCTIONS = [
+    pytest.param(name, marks=pytest.mark.compiler if name in COMPILED else ())
+    for name in tf.__all__
+    if inspect.isfunction(getattr(tf, name))
+]
 SLOW = doctest.register_optionflag("SKIP")  # an example that takes longer; all run where TENDONFF_ALL_EXAMPLES is set
 
 

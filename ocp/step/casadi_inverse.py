@@ -90,7 +90,8 @@ class CasadiInverse:
     def invert(self, x: Array, time_s: float, reference: Array, record: bool) -> InverseRows:
         """See `protocol.Inverse`."""
         if not len(reference):
-            return InverseRows(force_N=np.empty(0), least_tension_N=np.empty(0), states=None, x=x)
+            states = np.empty((0, len(x))) if record else None
+            return InverseRows(force_N=np.empty(0), least_tension_N=np.empty(0), states=states, x=x)
         times = time_s + self._step_s * np.arange(-1.0, len(reference) + 1)
         moves = path_moves(self._chain, self._chain.path_at(times).table(), self._step_s, fresh=True)
         pair, force, least = self._first(np.concatenate([x, x]), reference[0], moves[:, 0])
@@ -99,10 +100,10 @@ class CasadiInverse:
             rest = self._next.mapaccum("invert_run", len(reference) - 1)(pair, reference[1:], moves[:, 1:])
             for whole, part in zip((pairs, forces, leasts), rest, strict=True):
                 whole.append(part)
-        states = np.hstack([np.asarray(p) for p in pairs])[: len(x)].T
+        kept = np.hstack([np.asarray(p) for p in pairs])[: len(x)].T
         return InverseRows(
             force_N=np.hstack([np.asarray(f).ravel() for f in forces]),
             least_tension_N=np.hstack([np.asarray(f).ravel() for f in leasts]),
-            states=states if record else None,
-            x=states[-1],
+            states=kept if record else None,
+            x=kept[-1],
         )

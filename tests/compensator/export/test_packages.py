@@ -115,6 +115,7 @@ def controller(folder, built, modules):
     return built / "controller"
 
 
+@pytest.mark.compiler
 def test_the_ros_2_controller_takes_the_joints_that_move_the_path_from_their_states(examples, tmp_path):
     if shutil.which("g++") is None or shutil.which("gcc") is None:
         pytest.skip("g++ is not installed")

@@ -87,6 +87,7 @@ def test_what_is_wrong_is_named_with_the_way_out(finger, old, new, text):
     assert text in str(error.value)
 
 
+@pytest.mark.compiler
 def test_friction_and_load_are_tuned_on_a_path_that_moves(finger):
     head, _, rest = finger.partition("[path]")
     _, _, rest = rest.partition("[tendon]")

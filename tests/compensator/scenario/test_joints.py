@@ -150,6 +150,7 @@ def test_joints_of_a_file_need_joints_in_the_scenario(moving_finger, examples, c
     assert "--joints needs joints" in capsys.readouterr().err
 
 
+@pytest.mark.compiler
 def test_a_table_of_one_pose_is_that_of_the_path_in_this_pose(examples, tmp_path, capsys):
     toml = examples / "finger_moving.toml"
     assert run(["table", str(toml), "--out", str(tmp_path / "none")]) == 2

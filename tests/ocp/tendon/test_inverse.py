@@ -12,7 +12,7 @@ from tendonff.models.parameters import Transmission
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.tendon.inverse import InverseStatus, invert
-from tendonff.ocp.tendon.simulate import simulate
+from tendonff.ocp.tendon.simulate import at_rest, simulate
 
 Array = NDArray[np.float64]
 STEP = 1e-3
@@ -129,6 +129,13 @@ def test_a_reference_that_is_not_a_tension_is_refused(generic: Transmission, bad
 def test_a_step_that_is_not_positive_is_refused(generic: Transmission) -> None:
     with pytest.raises(ParameterError, match="step_s must be a finite number > 0, got -1"):
         invert(Chain.of(generic, Level.ELASTIC), np.full(5, 30.0), -1.0)
+
+
+@pytest.mark.parametrize("engine", [pytest.param(Engine.COMPILED, marks=pytest.mark.compiler), Engine.CASADI])
+def test_of_one_row_the_states_are_those_of_rest(generic: Transmission, engine: Engine) -> None:
+    chain = Chain.of(generic, Level.ELASTIC)
+    found = invert(chain, np.array([30.0]), STEP, engine=engine, record=True)
+    assert found.recorded == pytest.approx(at_rest(chain, 30.0).vector()[None])
 
 
 def test_states_that_nobody_asked_to_keep_are_refused_by_name(generic: Transmission) -> None:

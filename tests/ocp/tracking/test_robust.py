@@ -26,6 +26,7 @@ def chains(generic: Transmission) -> tuple[Chain, ...]:
     return tuple(Chain.of(with_numbers(generic, values), Level.PRESLIDING) for values in off)
 
 
+@pytest.mark.compiler
 def test_the_robust_profile_is_better_in_the_case_it_is_made_for(chains: tuple[Chain, ...]) -> None:
     def worst_N(force: np.ndarray) -> float:
         outputs = (simulate(chain, force, STEP).output_tension_N for chain in chains)

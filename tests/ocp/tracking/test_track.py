@@ -211,6 +211,7 @@ def test_the_descent_gains_on_the_best_start(generic: Transmission) -> None:
     assert track(chain, reference(), STEP, bounds).rms_error_N < 0.7 * min(errors)
 
 
+@pytest.mark.compiler
 def test_a_start_that_cannot_be_simulated_leaves_the_others(generic: Transmission) -> None:
     """A step of 1e200 N is beyond any solver, and no limit forbids it; the static law is a start too."""
     chain = Chain.of(steady(generic), Level.ELASTIC)

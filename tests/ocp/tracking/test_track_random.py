@@ -23,6 +23,7 @@ from tendonff.ocp.tracking.track import TrackStatus, track
 COUNT = int(os.environ.get("TENDONFF_RANDOM_RIGS", "8"))
 
 
+@pytest.mark.compiler
 @pytest.mark.parametrize("seed", range(COUNT))
 def test_a_random_rig_gets_a_profile_that_holds_or_an_explanation(seed: int) -> None:
     rig, level, reference, step = random_problem(seed)

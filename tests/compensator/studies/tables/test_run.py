@@ -52,6 +52,7 @@ def test_its_first_sentence_is_the_worst_case_over_the_friction_and_not_the_mode
     assert f"{two_digits(worst['frictionless'])} % without friction compensation" in tables.headline
 
 
+@pytest.mark.compiler
 def test_a_table_that_does_harm_is_called_so_and_the_limit_named(finger):
     slow = replace(finger.transmission.actuator, force_rate_max_N_per_s=40.0)
     made = make_tables(replace(finger, transmission=replace(finger.transmission, actuator=slow)), level=Level.ELASTIC)
@@ -96,6 +97,7 @@ def test_the_csv_has_the_agreed_columns_no_empty_cell_and_reads_back(tables):
         assert [float(row["tension_since_reversal_N"]) for row in ours] == travelled.ravel().tolist()
 
 
+@pytest.mark.compiler
 def test_angles_and_rates_become_further_columns(finger):
     tables = make_tables(
         finger, level=Level.VISCOELASTIC, bound_N=0.5, angles_rad=(1.0, 3.0), rates_N_per_s=(5.0, 50.0)
@@ -109,6 +111,7 @@ def test_angles_and_rates_become_further_columns(finger):
     assert ratios[2] == pytest.approx(np.exp(0.2 * 3.0), abs=0.03)
 
 
+@pytest.mark.compiler
 def test_every_branch_has_five_references_and_two_tables_have_names_of_their_own(finger, tmp_path):
     """Two scenarios in one file of C: other guards, and with other prefixes no name twice."""
     stiffer = replace(finger.transmission.load, stiffness_N_per_m=2000.0)
