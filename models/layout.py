@@ -3,6 +3,7 @@
 Python takes slices and names from `StateLayout`, generated C its offsets; a law with states of its own changes both.
 """
 
+import functools
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -55,9 +56,7 @@ class StateLayout:
 
     def part(self, name: str) -> slice:
         """Slice of a block."""
-        a, b = self.offset(name)
-        length = next(k * self.count + more for block, k, more in self.blocks if block == name)
-        return slice(a * self.count + b, a * self.count + b + length)
+        return _parts(self)[name]
 
     @property
     def cuts(self) -> tuple[int, ...]:
@@ -72,6 +71,13 @@ class StateLayout:
         links = (f"{name}_{k}" for name in ("e", *self.link_states) for k in range(1, n + 2))
         masses = (f"{name}_{k}" for name in self.friction_states for k in range(1, n + 1))
         return (*v, *self.end_states, *links, *masses, "q_a", "q_l")
+
+
+@functools.lru_cache(maxsize=64)
+def _parts(layout: StateLayout) -> dict[str, slice]:
+    stops = np.cumsum([per_mass * layout.count + more for _, per_mass, more in layout.blocks]).tolist()
+    starts = [0, *stops[:-1]]
+    return {block[0]: slice(*each) for block, *each in zip(layout.blocks, starts, stops, strict=True)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

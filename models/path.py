@@ -252,8 +252,18 @@ class CutPath:
         numbers = [(s.angle_rad, s.angle_per_rad, s.length_per_rad_m) for s in self.sections]
         return np.array(numbers, dtype=np.float64).T
 
-    def at(self, joints: dict[str, Array] | None = None, far_m: Array | None = None) -> PathRows:
-        """The path for joint angles by name, each of shape (rows,) [rad]; default: one row with all of them zero.
+    @cached_property
+    def at_zero(self) -> PathRows:
+        """The path with all joint angles zero, in one row."""
+        return self.at({})
+
+    @cached_property
+    def run_end(self) -> NDArray[np.intc]:
+        """For each mass, the first one of the next section, shape (N,)."""
+        return np.searchsorted(self.section_of, self.section_of, side="right").astype(np.intc)
+
+    def at(self, joints: dict[str, Array], far_m: Array | None = None) -> PathRows:
+        """The path for joint angles by name, each of shape (rows,) [rad]; without any, one row with all of them zero.
 
         `far_m`, shape (rows,), is what a joint does to the far end's position.
         """

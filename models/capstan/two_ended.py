@@ -58,7 +58,7 @@ class TwoEndedLaw:
         return cls(
             pull_exponent=pull,
             release_exponent=release,
-            length_share=1 / cut.at().ratio[0],
+            length_share=1 / cut.at_zero.ratio[0],
             adhesion_N=transmission.friction.adhesion_N,
         )
 

@@ -23,7 +23,7 @@ from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import INPUT_NAMES, Array, ChainState, StateLayout, fields_of
 from tendonff.models.parameters import Transmission
-from tendonff.models.path import ANGLE_FLOOR_RAD, JointMotion, PathRows
+from tendonff.models.path import ANGLE_FLOOR_RAD, CutPath, JointMotion, PathRows
 from tendonff.models.tendon.assembly import End, end_force, normal_force, path_force
 from tendonff.models.tendon.elements import Elements, bristle_stiffness_N_per_m, whole_of
 from tendonff.models.tendon.friction import FrictionLaw, LuGreBristle, RubbingEnd
@@ -144,13 +144,7 @@ class Chain:
 
     def path_at(self, time_s: Array) -> PathRows:
         """Where the path is at instants, shape (rows,)."""
-        path = self.elements.path
-        if self.motion is None:
-            still = fields_of(path.at())
-            return PathRows(**{name: np.repeat(value, len(time_s), axis=0) for name, value in still.items()})
-        joints = dict(zip(self.motion.names, self.motion.at(time_s).T, strict=True))
-        far = None if self.far_joint is None else -self.far_joint[1] * joints[self.far_joint[0]]
-        return path.at(joints, far)
+        return path_at(self.elements.path, self.motion, self.far_joint, time_s)
 
     @property
     def layout(self) -> StateLayout:
@@ -180,7 +174,10 @@ class Chain:
             "length_share": e.path.length_share,
             **fields_of(e.contact, "contact_"),
         }
-        return {name: np.broadcast_to(np.asarray(value, float), (self.count,)) for name, value in known.items()}
+        table = np.empty((len(known), self.count))
+        for row, value in zip(table, known.values(), strict=True):
+            row[:] = value
+        return dict(zip(known, table, strict=True))
 
     def rest_state(self, tension_N: float, far_rest_position_m: float = 0.0) -> ChainState:
         """At rest under uniform tension T0, where the joints stand at first: f_s = 0, the far spring carries T0.
@@ -201,6 +198,18 @@ class Chain:
             far_position_m=q_far,
             near=np.zeros(len(self.near.states)),
         )
+
+
+def path_at(path: CutPath, motion: JointMotion | None, far_joint: tuple[str, float] | None, time_s: Array) -> PathRows:
+    """Where a path is at instants, shape (rows,), under the motion of its joints."""
+    if motion is None:
+        if len(time_s) == 1:
+            return path.at_zero
+        still = fields_of(path.at_zero)
+        return PathRows(**{name: np.repeat(value, len(time_s), axis=0) for name, value in still.items()})
+    joints = dict(zip(motion.names, motion.at(time_s).T, strict=True))
+    far = None if far_joint is None else -far_joint[1] * joints[far_joint[0]]
+    return path.at(joints, far)
 
 
 def _actuator_end(transmission: Transmission, level: Level) -> End:

@@ -98,7 +98,7 @@ class Whole:
         from middle to middle, half a piece at the ends. Mass and viscous friction go by length, bristles by wrap angle.
         """
         path = cut_path(self.sections, n, self.radius_m, motion)
-        rows = path.at()
+        rows = path.at_zero
         if len(self.sections) == 1:
             phi, share, contact = self.sections[0].angle_rad / n, 1 / n, self.friction.in_section(self.sections[0])
             friction, mass = contact.on_piece(phi, share, share), self.piece.mass_kg / n

@@ -72,7 +72,7 @@ class TunedChain:
         elements = self.whole.changed(values).divided(self.chain.count, self.chain.motion)
         if own and (mus := {n: f * getattr(elements.contact, n) for n, f in scales.items() if n in _OF_SECTIONS}):
             path, contact = elements.path, replace(elements.contact, **mus)  # type: ignore[type-var]
-            phi = path.at().angle_rad[0]
+            phi = path.at_zero.angle_rad[0]
             friction = contact.on_piece(phi, elements.angle_share(phi), path.length_share)
             elements = replace(elements, contact=contact, friction=friction)
         return replace(self.chain, elements=elements, far=far)

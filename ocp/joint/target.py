@@ -236,7 +236,7 @@ def _tendons(
             for weight, carry, coefficients in weights
         ]
         chain_rows = data.rows("weights", f"weights_{number + 1}_{k + 1}", rows)
-        still = path.at()
+        still = path.at_zero
         place = np.concatenate([still.angle_rad[0], 1 / still.ratio[0], np.zeros(chain.count + 2)])
         per_rad = per_radian(chain, joint, tendon.arm.moment_arm_m or 0.0)
         texts.append(

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.models.layout import ChainInputs
-from tendonff.models.tendon.chain import Chain
+from tendonff.models.path import CutPath, JointMotion
+from tendonff.models.tendon.chain import Chain, path_at
 from tendonff.ocp.codegen.compiler import load_library
 from tendonff.ocp.codegen.partial_evaluation import PartialEvaluator
 from tendonff.ocp.codegen.precision import Precision
@@ -38,8 +39,7 @@ def chain_struct(chain: Chain) -> ctypes.Structure:
     numbers, elements = chain.numbers(), chain.elements
     of_masses = np.ascontiguousarray(np.stack(list(chain.of_masses().values())))
     inner, ends = link_ratios(elements.ratio)
-    section_of = elements.path.section_of
-    run_end = np.searchsorted(section_of, section_of, side="right").astype(np.intc)
+    run_end = elements.path.run_end
     struct = _struct_type(tuple(numbers))(
         *(chain.count, 0.0, 0.0, 0.0, inner, ends, of_masses.ctypes.data, run_end.ctypes.data),
         *(elements.path.total_angle_rad, chain.far_joint is not None, *numbers.values()),
@@ -74,8 +74,21 @@ def places_of(chain: Chain, time_s: float, step_s: float, rows: int) -> list[Arr
     """
     if not chain.moving:
         return []
-    table = np.ascontiguousarray(chain.path_at(time_s + step_s * np.arange(-1.0, rows + 1)).table())
-    return [table]
+    return [_places(chain.elements.path, chain.motion, chain.far_joint, time_s, step_s, rows)]
+
+
+@functools.lru_cache(maxsize=2)  # the search for the steady state of a cycle runs one period over and over
+def _places(
+    path: CutPath,
+    motion: JointMotion | None,
+    far_joint: tuple[str, float] | None,
+    time_s: float,
+    step_s: float,
+    rows: int,
+) -> Array:
+    table = np.ascontiguousarray(path_at(path, motion, far_joint, time_s + step_s * np.arange(-1.0, rows + 1)).table())
+    table.flags.writeable = False
+    return table
 
 
 def host_source(

@@ -37,7 +37,7 @@ def test_a_straight_has_no_mass_and_lies_in_one_link() -> None:
     path = cut_path(FINGER, 5)
     assert path.section_of.tolist() == [0, 0, 1, 1, 3]
     lengths = [0.009, 0.018, 0.009 + 0.00675, 0.0135, 0.00675 + 0.03 + 0.009, 0.009]
-    assert 1 / path.at().ratio[0] == pytest.approx(np.array(lengths) / 0.111)
+    assert 1 / path.at_zero.ratio[0] == pytest.approx(np.array(lengths) / 0.111)
 
 
 def test_masses_go_where_the_tendon_ever_touches() -> None:
@@ -52,7 +52,7 @@ def test_masses_go_where_the_tendon_ever_touches() -> None:
 def test_without_lengths_they_go_by_the_angles() -> None:
     path = cut_path((Section(name="a", angle_rad=1.0), Section(name="b", angle_rad=2.0)), 3)
     assert path.section_of.tolist() == [0, 1, 1]
-    assert 1 / path.at().ratio[0] == pytest.approx(np.array([0.5, 1.0, 1.0, 0.5]) / 3)
+    assert 1 / path.at_zero.ratio[0] == pytest.approx(np.array([0.5, 1.0, 1.0, 0.5]) / 3)
 
 
 def test_joints_are_linear_between_instants_and_held_or_repeated_beyond() -> None:
