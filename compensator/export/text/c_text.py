@@ -236,7 +236,7 @@ def _context(
     followers = [m for m in modules if not m.plays_back and m not in others]  # of a reference, without delay
     output = max(size, 4) + 8 + 3 * size
     entry = _padded(4 * size + 4, size)
-    past = 2 * count + 4 if precision is Precision.FLOAT else 0
+    past = 2 * count + 3 if precision is Precision.FLOAT else 0
     joints = Joints.of(chain) if chain.moving else None  # else all masses are alike and nothing moves
     moving = joints is not None and bool(joints.names)
     path = {
@@ -260,7 +260,7 @@ def _context(
         "bounds": _padded(4 * size + 4, size),
     }
     if design is not None and "stream" in names:
-        line = design.line + 5 + (2 * (design.ahead + 1) + 2 if ramp else 0)
+        line = design.line + (6 if precision is Precision.FLOAT else 5) + (2 * (design.ahead + 1) + 2 if ramp else 0)
         places = _padded(4, size) + 8 if ramp else 4
         state["stream"] = _padded(output + state["inverse"] + line * size + entry + places, size)
     return _naming(scenario, problem.level, precision, prefix) | {
