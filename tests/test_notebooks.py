@@ -53,6 +53,7 @@ def test_the_cells_print_what_is_stored_and_make_as_many_pictures(path: Path, mo
 
     monkeypatch.setattr(plt, "show", show)
     names: dict[str, object] = {"__name__": "__main__"}
+    plt.close("all")  # what another test left open is no picture of this notebook
     with mpl.rc_context():
         for cell in nbformat.read(path, as_version=4).cells:
             if cell.cell_type == "code":
