@@ -116,7 +116,7 @@ def test_the_examples_of_the_documentation_run(code, tmp_path, monkeypatch):
 TUTORIAL = ROOT / "docs" / "tutorials" / "bowden.md"
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_the_commands_of_the_tutorial_lead_from_the_data_sheet_to_tested_c(tmp_path, run_commands_of):
     """The stand-in rig has mu = 0.13 where the scenario says 0.10; identification finds it."""
     if find_compiler() is None or shutil.which("make") is None:
