@@ -22,6 +22,8 @@ from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.ocp.codegen.precision import Precision
 from tests.compensator.export.structured_text import Block
 
+pytestmark = pytest.mark.compiler
+
 HERE = Path(__file__).parent
 
 
@@ -115,7 +117,6 @@ def controller(folder, built, modules):
     return built / "controller"
 
 
-@pytest.mark.compiler
 def test_the_ros_2_controller_takes_the_joints_that_move_the_path_from_their_states(examples, tmp_path):
     if shutil.which("g++") is None or shutil.which("gcc") is None:
         pytest.skip("g++ is not installed")

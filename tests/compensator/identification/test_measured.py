@@ -102,6 +102,7 @@ def band(scenario, measured_data):
     return identify(scenario, [folder / "dataset4_harmonic.csv"], [folder / "dataset4_step.csv"])
 
 
+@pytest.mark.compiler
 def test_a_band_driven_by_its_drum_is_recognised_as_no_transmission(band, scenario):
     assert not band.described
     assert any("no law explains these files" in w and "driven" in w for w in band.warnings)
@@ -109,6 +110,7 @@ def test_a_band_driven_by_its_drum_is_recognised_as_no_transmission(band, scenar
     assert band.scenario == scenario
 
 
+@pytest.mark.compiler
 def test_an_error_that_says_nothing_is_null_in_the_file(band):
     """Friction of the chain runs to a bound here; its covariance is round-off, 1e10 and more."""
     estimates = band.as_json()["estimates"]
@@ -117,6 +119,7 @@ def test_an_error_that_says_nothing_is_null_in_the_file(band):
         assert estimates[name]["interval_95"] is None
 
 
+@pytest.mark.compiler
 def test_the_ratios_of_the_band_in_gross_sliding_are_reported_for_each_direction(band):
     pull, release = (next(g for g in band.sliding if g.branch is b) for b in (Branch.PULL, Branch.RELEASE))
     assert pull.log_ratio == pytest.approx(4.2, abs=0.15)
