@@ -61,7 +61,7 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.models.tendon.chain import Chain
     from tendonff.models.tendon.interop import as_iosystem, linear_system
     from tendonff.ocp.codegen.precision import Precision
-    from tendonff.ocp.errors import SolveError
+    from tendonff.ocp.errors import CodeError, SolveError
     from tendonff.ocp.joint.invert import invert_joint
     from tendonff.ocp.joint.simulate import simulate_joint
     from tendonff.ocp.joint.start import joint_problem
@@ -79,6 +79,7 @@ __all__ = [
     "Branch",
     "CapstanLaw",
     "Chain",
+    "CodeError",
     "Comparison",
     "Compensator",
     "Design",
@@ -208,7 +209,7 @@ _HOMES = {
     "models.capstan.two_ended": ("TwoEndedLaw",),
     "ocp.tendon.batch": ("SimulationJob", "simulate_batch"),
     "ocp.codegen.precision": ("Precision",),
-    "ocp.errors": ("SolveError",),
+    "ocp.errors": ("CodeError", "SolveError"),
     "ocp.tendon.inverse": ("invert",),
     "ocp.joint.invert": ("invert_joint",),
     "ocp.joint.simulate": ("simulate_joint",),
