@@ -99,6 +99,7 @@ def exported(finger_fast):
     return export_project(scenario, precision=Precision.FLOAT, profile_N=np.ones(3))
 
 
+@pytest.mark.compiler
 def test_preview_for_the_largest_jump_comes_near_the_optimum_on_a_plant_apart(finger_fast, exported, record_property):
     """3.6 % without preview, 0.34 % for the optimal profile, which shakes the bristles loose before the turn."""
     sources = {name: text for name, text in exported.files.items() if name.startswith("tff_")}
