@@ -22,7 +22,7 @@ from tendonff.compensator.identification.joint.log import read_logs
 from tendonff.compensator.identification.joint.parameters import JointNumber, Values
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.studies.watch.chart import courses_of
-from tendonff.compensator.studies.watch.windows import Window, first_values, fit_window
+from tendonff.compensator.studies.watch.windows import Window, fit_window
 from tendonff.models.joint.closed_form import GrossSliding, data_sheet
 from tests.hand_in_use import HandInUse, known
 from tests.hidden_loop import hidden, scenario
@@ -37,13 +37,12 @@ def watched(
     """Windows of use, one of 30 s in every so many seconds."""
     mechanism = known(hand.mechanism)
     lost = data_sheet(GrossSliding.of(mechanism, 0.0), 0.0).lost_motion_rad
-    values, found = first_values(mechanism), []
+    found = []
     for k in range(round(hours * 3600 / every_s)):
         used = (k + 1) * every_s
         write_csv(file, hand.log(1000 * seed + k, WINDOW_S, change(used)))
         [part] = read_logs(scenario(), [file], Measurement())
-        window, values = fit_window(part, mechanism, values, used, lost)
-        found.append(window)
+        found.append(fit_window(part, mechanism, used, lost))
     return found
 
 

@@ -158,4 +158,5 @@ def main() -> None:
             raise
         say("interrupted; nothing was written")
         code = EXIT_INTERRUPTED
+    interrupts.ended()
     leave(EXIT_INTERRUPTED if interrupts.stopped() else code)

@@ -1,12 +1,13 @@
 """Ctrl-C and an ended job: they leave nothing half written, and nothing written afterwards."""
 
 import signal
+import sys
 import threading
 from types import FrameType
 
 _STOPPED = threading.Event()
-_DEFERRED = getattr(signal, "SIGALRM", None)  # asks again after an import; Windows has none
-_AGAIN_S = 0.02
+_DEFERRED = getattr(signal, "SIGALRM", None)  # asks again; Windows has none
+_AGAIN_S, _LOST_S = 0.02, 2.0  # after an import; after an interrupt that may be lost
 
 
 class Interrupted(Exception):  # noqa: N818 - an interrupt, like KeyboardInterrupt, and no error
@@ -16,10 +17,12 @@ class Interrupted(Exception):  # noqa: N818 - an interrupt, like KeyboardInterru
 def _stop(number: int, frame: FrameType | None) -> None:
     again = _STOPPED.is_set() and number != _DEFERRED
     _STOPPED.set()
-    if _DEFERRED is not None and not again and _imports(frame):
+    if _DEFERRED is not None and not again:
+        imports = _imports(frame)
         signal.signal(_DEFERRED, _stop)
-        signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
-        return
+        signal.setitimer(signal.ITIMER_REAL, _AGAIN_S if imports else _LOST_S)
+        if imports or (number == _DEFERRED and sys.exc_info()[0] is not None):  # what was raised is on its way
+            return
     raise KeyboardInterrupt
 
 
@@ -34,6 +37,12 @@ def install() -> None:
     """Handle SIGINT and SIGTERM alike, so that an ended job removes its temporary files too."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _stop)
+
+
+def ended() -> None:
+    """Ask no more: the command has ended."""
+    if _DEFERRED is not None and stopped():
+        signal.setitimer(signal.ITIMER_REAL, 0)
 
 
 def stopped() -> bool:

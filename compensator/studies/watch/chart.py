@@ -4,6 +4,8 @@ Every window gives friction, pre-tension and gear friction with errors that belo
 product of friction and pre-tension well, and each alone poorly; a push against a stop determines both. So each
 hypothesis, a change d of the logarithms, is judged with the whole covariance C: the sum grows by d' C^-1 (z - d/2), is
 never below zero, and raises the alarm at `LEVEL`. What one window adds is limited, so one that is wrong raises none.
+The error of the base is shared by all windows, so no sum averages it out: where few windows are the base, half of the
+change, which a window must exceed to add anything, gives way to so many standard errors of the base.
 """
 
 import math
@@ -25,6 +27,9 @@ LEVEL, MOST_EACH = 15.0, 5.0
 
 FLOOR = np.array([0.03, 0.03, 0.08])
 """Standard errors of a window that no scatter within the base shows: temperature, posture."""
+
+BASE_ERRORS = 2.5
+"""Standard errors of the base that a window must be away from it, at least, to count for a change."""
 
 SURE, DRAWS, LONGEST_S = 0.95, 400, 8 * 3600.0
 """A change is shown where so large a share of drawn courses with it raises the alarm; of how many; use at most."""
@@ -170,7 +175,9 @@ def _course(
 ) -> Course:
     aim, column = drift.direction, WATCHED.index(drift.number)
     weight = np.array([np.linalg.solve(c, aim) for c in covariance])
-    gain = ((moved - aim / 2) * weight).sum(axis=1)
+    shared = np.mean(covariance[:first], axis=0) * math.pi / 2 / first  # of a median
+    least = np.maximum(weight @ aim / 2, BASE_ERRORS * np.sqrt(np.einsum("ki,ij,kj->k", weight, shared, weight)))
+    gain = (moved * weight).sum(axis=1) - least
     total = np.concatenate([np.zeros(first), _sums(gain[first:])])
     begun = list(range(len(used)))
     for k in range(first, len(used)):
@@ -199,7 +206,7 @@ def _course(
         total=total / LEVEL,
         alarm=alarm,
         judged_s=float(used[-1] - used[first - 1]),
-        sure_s=_sure_windows(aim, covariance, weight, first) * float(used[-1]) / len(used),
+        sure_s=_sure_windows(aim, weight, least, shared, first) * float(used[-1]) / len(used),
     )
 
 
@@ -212,17 +219,17 @@ def _sums(gain: Array) -> Array:
     return total
 
 
-def _sure_windows(aim: Array, covariance: Sequence[Array], weight: Array, first: int) -> float:
+def _sure_windows(aim: Array, weight: Array, least: Array, shared: Array, first: int) -> float:
     """Windows after those of the base by which a change would almost surely raise the alarm; infinite if none do.
 
-    Drawn: the change, with the errors of windows like these, and with that of the base, a median, which all share.
+    Drawn: the change, with the errors of windows like these, and with that of the base, which all share.
     """
     draw = np.random.default_rng(0)
-    base = np.mean(covariance[:first], axis=0) * math.pi / 2 / first
-    shared = draw.multivariate_normal(np.zeros(len(aim)), base, DRAWS)
-    like = weight[first:] if first < len(weight) else weight
+    base = draw.multivariate_normal(np.zeros(len(aim)), shared, DRAWS)
+    like = np.arange(first, len(weight)) if first < len(weight) else np.arange(len(weight))
     many = like[np.arange(round(LONGEST_S / WINDOW_S)) % len(like)]
-    mean = (many @ aim)[:, None] / 2
-    gain = mean + np.sqrt(2 * mean) * draw.standard_normal((len(many), DRAWS)) - many @ shared.T
+    mean = (weight[many] @ aim)[:, None]
+    scattered = mean + np.sqrt(mean) * draw.standard_normal((len(many), DRAWS)) - weight[many] @ base.T
+    gain = scattered - least[many, None]
     raised = np.maximum.accumulate(_sums(gain) >= LEVEL, axis=0).mean(axis=1) >= SURE
     return float(np.argmax(raised) + 1) if raised.any() else math.inf

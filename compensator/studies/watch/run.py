@@ -13,7 +13,7 @@ from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.studies.watch.chart import courses_of
 from tendonff.compensator.studies.watch.output import Watch
-from tendonff.compensator.studies.watch.windows import Window, first_values, fit_window, windows_of
+from tendonff.compensator.studies.watch.windows import Window, fit_window, windows_of
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.closed_form import GrossSliding, data_sheet
 
@@ -60,14 +60,13 @@ def watch(
     lost = data_sheet(law, 0.0).lost_motion_rad * mechanism.drive.gear_ratio * abs(law.tendons[0].arm_m)
     lost /= law.tendons[0].drum_m
     found: list[Window] = []
-    used, values = 0.0, first_values(mechanism)
+    used = 0.0
     with threadpool_limits(limits=1, user_api="blas"):
         for done, file in enumerate(files):
             [log] = read_logs(scenario, [file], how or Measurement())
             parts = list(windows_of(log, mechanism))
             for k, part in enumerate(parts):
                 used += len(part.torque_N_m) * part.run.step_s
-                window, values = fit_window(part, mechanism, values, used, lost)
-                found.append(window)
+                found.append(fit_window(part, mechanism, used, lost))
                 progress(done * 100 + 100 * (k + 1) // len(parts), 100 * len(files))
     return Watch(scenario=scenario, windows=tuple(found), courses=courses_of(found), inputs=files)

@@ -21,7 +21,7 @@ LEAST_STROKE_SHARE = 3.0
 """A window in which the motor moves by less than so many lost motions tells nothing."""
 
 WATCHED = (N.MU, N.TENSION, N.COULOMB)
-STEPS = 8
+STEPS, TOLERANCE = 15, 1e-4
 MOST_PERCENT = 6.0
 """A window whose torque is left with more than this share of its range was touched by something else."""
 
@@ -70,38 +70,35 @@ def windows_of(log: JointLog, mechanism: Mechanism, window_s: float = WINDOW_S) 
             return
 
 
-def fit_window(
-    part: JointLog, mechanism: Mechanism, start: Mapping[JointNumber, float], used_s: float, lost_rad: float
-) -> tuple[Window, dict[JointNumber, float]]:
-    """Fit a window; also all values of the fit, from which the next may start."""
+def fit_window(part: JointLog, mechanism: Mechanism, used_s: float, lost_rad: float) -> Window:
+    """Fit a window, from the identified values: from those of the window before, a wrong minimum would be inherited."""
     nothing = Window(name=part.name, used_s=used_s, values={}, covariance=np.zeros((3, 3)))
-    kept = dict(start)
+    start = first_values(mechanism)
     if float(np.ptp(part.run.motor_rad)) < LEAST_STROKE_SHARE * lost_rad:
-        return replace(nothing, why="the motor hardly moves"), kept
+        return replace(nothing, why="the motor hardly moves")
     law = MechanismLaw(mechanism=mechanism, logs=(part,), fixed={})
     try:
-        solution = law.fit(start, most=STEPS, tolerance=1e-3)
+        solution = law.fit(start, most=STEPS, tolerance=TOLERANCE)
         values = {N(name): value for name, value in solution.values.items()}
         [(torque, _)] = law.errors(values)
         covariance = covariance_of(law, solution)
     except (SolveError, ParameterError) as error:
-        return replace(nothing, why=str(error)), kept
-    least = {n: 0.05 * first_values(mechanism)[n] for n in WATCHED}
+        return replace(nothing, why=str(error))
+    least = {n: 0.05 * start[n] for n in WATCHED}
     percent = 100 * float(np.sqrt(np.mean(torque[part.counted] ** 2))) / max(float(np.ptp(part.torque_N_m)), 1e-300)
     if percent > MOST_PERCENT:
-        return replace(nothing, percent=percent, why="something else moved the joint"), kept
+        return replace(nothing, percent=percent, why="something else moved the joint")
     places = [list(values).index(n) for n in WATCHED]
     size = np.array([max(values[n], least[n]) for n in WATCHED])
     own = covariance[np.ix_(places, places)] / np.outer(size, size)
     if not np.isfinite(own).all():
-        return replace(nothing, percent=percent, why="the motor moves too little"), kept
+        return replace(nothing, percent=percent, why="the motor moves too little")
     watched = {n: float(x) for n, x in zip(WATCHED, size, strict=True)}
-    fitted = replace(nothing, values=watched, covariance=own, percent=percent)
-    return fitted, values
+    return replace(nothing, values=watched, covariance=own, percent=percent)
 
 
 def first_values(mechanism: Mechanism) -> dict[JointNumber, float]:
-    """Start of the first window's fit: what is watched, and the load, which may change."""
+    """Start of a window's fit: what is watched, and the load, which may change."""
     coulomb = max(N.COULOMB.of(mechanism), 1e-4)
     return {
         N.MU: N.MU.of(mechanism),

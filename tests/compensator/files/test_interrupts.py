@@ -17,6 +17,7 @@ def _handlers(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     interrupts.install()
     yield
+    interrupts.ended()
     interrupts._STOPPED.clear()
     for number, handler in before.items():
         signal.signal(number, handler)
@@ -71,4 +72,29 @@ def test_a_second_interrupt_does_not_wait(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(KeyboardInterrupt):
         importlib.import_module("interrupted_twice")
-    signal.setitimer(signal.ITIMER_REAL, 0)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="this system has no SIGALRM")
+def test_an_interrupt_that_is_lost_while_it_computes_comes_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(interrupts, "_LOST_S", 0.05)
+    thing = _Dropped()
+    reference = weakref.ref(thing, lambda _: signal.raise_signal(signal.SIGINT))
+    del thing
+    assert reference() is None
+    with pytest.raises(KeyboardInterrupt):
+        time.sleep(10)
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="this system has no SIGALRM")
+def test_what_an_interrupt_leaves_to_clean_up_is_not_interrupted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(interrupts, "_LOST_S", 0.02)
+    cleaned = False
+    with pytest.raises(KeyboardInterrupt):
+        try:
+            signal.raise_signal(signal.SIGINT)
+        finally:
+            time.sleep(0.2)
+            cleaned = True
+            interrupts.ended()
+    assert cleaned

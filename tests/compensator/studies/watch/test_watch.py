@@ -62,6 +62,15 @@ def test_no_alarm_in_three_days_without_drift(covariance):
         assert course(24, lambda _: np.zeros(3), covariance, seed) == (None, None, None)
 
 
+def test_the_error_of_a_base_of_one_window_raises_no_alarm():
+    """All later windows share it, so that no number of them averages it out; one course in seven alarmed."""
+    covariance, alarmed = np.diag([0.06, 0.06, 0.15]) ** 2, 0
+    for seed in range(60):
+        first, *later = drawn(1, lambda _: np.zeros(3), covariance, seed)
+        alarmed += any(c.alarm for c in courses_of([replace(first, name="first"), *later]))
+    assert alarmed <= 2
+
+
 def test_one_window_that_is_far_off_raises_none():
     alarms = course(1, lambda t: DRIFTS[0].direction * 3 * (t == 1200), SURE)
     assert alarms == (None, None, None)
