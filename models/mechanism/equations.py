@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from tendonff.models.fidelity import Level
 from tendonff.models.mechanism.mechanism import CutMechanism, CutTendon, Mechanism
@@ -181,7 +182,8 @@ def _tendon(tendon: CutTendon, q: Places, every_q: ca.SX, every_w: ca.SX, pose: 
         e_rate = e_rate + pose.gained_rate
     f = tendon_force(link.unclipped_force(e, e_rate, links))
     f_f = friction.state_force(masses) + friction.viscous_force(v)
-    acceleration = path_force(f[:-1], f[1:], f_f) / ca.DM(elements.piece.mass_kg)
+    mass = elements.piece.mass_kg
+    acceleration = path_force(f[:-1], f[1:], f_f) / (ca.DM(mass) if isinstance(mass, np.ndarray) else mass)
     rubbing = friction.rate(v, masses, normal_force(f[:-1], f[1:], elements.piece.adhesion_N))
     if pose is not None:  # contact that is lost takes its bristle force along
         lost = ca.fmin(pose.angle_rate, 0) / ca.fmax(pose.angle_rad, ANGLE_FLOOR_RAD)

@@ -111,7 +111,7 @@ class Mechanism:
         Inputs are the actuator's force, or its command behind a servo, and the force of the surroundings on the load.
         """
         actuator, load, friction = transmission.actuator, transmission.load, transmission.friction
-        dry = ()
+        dry: tuple[DryFriction, ...] = ()
         if actuator.coulomb_N:
             dry = (
                 DryFriction(
@@ -130,8 +130,9 @@ class Mechanism:
         if actuator.drive is DriveKind.POSITION and actuator.servo_stiffness_N_per_m is not None:
             drive = Servo(body="actuator", stiffness=actuator.servo_stiffness_N_per_m)
         joints = led_joints(transmission.motion, transmission.joints)
+        far, ends, contact = Arm(body="load", metres_per_unit=1.0), list[Body](), list[Drive]()
         if load.joint is not None:
-            far, ends, contact = Arm(body=load.joint, metres_per_unit=-(load.moment_arm_m or 0.0)), (), ()
+            far = Arm(body=load.joint, metres_per_unit=-(load.moment_arm_m or 0.0))
         else:
             hung = Body(
                 name="load",
@@ -139,7 +140,7 @@ class Mechanism:
                 inertia=load.mass_kg,
                 loads=(Damper(damping=load.damping_N_s_per_m), Spring(stiffness=load.stiffness_N_per_m)),
             )
-            far, ends, contact = Arm(body="load", metres_per_unit=1.0), (hung,), (Force(body="load"),)
+            ends, contact = [hung], [Force(body="load")]
         tendon = Tendon(
             name="tendon",
             path=transmission.path,

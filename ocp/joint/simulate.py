@@ -6,10 +6,12 @@ from enum import StrEnum
 import numpy as np
 
 from tendonff.models.errors import ParameterError
-from tendonff.ocp.codegen.engine import Engine
+from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.joint.invert import as_rows, engine_of, motor_torques
-from tendonff.ocp.joint.protocol import Array, JointMemory, JointProblem
+from tendonff.ocp.integrate.integrator import Accuracy, Method
+from tendonff.ocp.integrate.joint import IntegratedJoint
+from tendonff.ocp.joint.invert import as_rows, engine_of, motor_torques, require_step
+from tendonff.ocp.joint.protocol import Array, JointMemory, JointProblem, JointRows, JointRunner
 from tendonff.ocp.joint.start import start_memory
 
 
@@ -86,6 +88,9 @@ def simulate_joint(
     led_rad: Array | None = None,
     memory: JointMemory | None = None,
     engine: Engine = Engine.AUTO,
+    method: Method = Method.BDF2,
+    rtol: float = 1e-6,
+    atol: float = 1e-9,
 ) -> JointSimulation:
     """Turn the motors, and see what the joint does.
 
@@ -103,6 +108,13 @@ def simulate_joint(
     memory : JointMemory, optional
         Start from here instead of from rest.
     engine : Engine, optional
+        The step of a joint exists in compiled C alone: CASADI, or AUTO where no compiler works, stands for the method
+        "idas".
+    method : {"bdf2", "cvodes", "idas", "collocation"}, optional
+        How it advances: by the step of this package, or by an integrator of CasADi on `mechanism_equations`, a hundred
+        times slower.
+    rtol, atol : float, optional
+        Relative and absolute tolerance of an integrator, for every state in its SI unit.
 
     Raises
     ------
@@ -121,7 +133,7 @@ def simulate_joint(
     >>> bool(abs(run.angle_rad).max() < 1e-3)
     True
     """
-    runner = engine_of(problem, step_s, engine)
+    runner = _runner(problem, step_s, engine, Method(method), Accuracy(rtol=rtol, atol=atol))
     motor = np.asarray(motor_rad, dtype=np.float64)
     motor = motor[:, None] if motor.ndim == 1 else motor
     motors = 1 if problem.loop else len(problem.chains)
@@ -142,7 +154,7 @@ def simulate_joint(
     drum = np.vstack([first.tension_N, rows.drum_N])
     torque = float(problem.mechanism.joint.static_torque_N_m(first.z[1])) + float(contact[0])
     lowest = np.concatenate([[float(first.tension_N.min())], rows.lowest_N])
-    outcome, message = _outcome(len(motor), lowest, rows.residual_N, step_s)
+    outcome, message = _outcome(len(motor), lowest, rows, step_s)
     return JointSimulation(
         outcome=outcome,
         message=message,
@@ -160,11 +172,25 @@ def simulate_joint(
     )
 
 
-def _outcome(rows: int, lowest: Array, residual: float, step_s: float) -> tuple[JointOutcome, str]:
+def _runner(problem: JointProblem, step_s: float, engine: Engine, method: Method, accuracy: Accuracy) -> JointRunner:
+    require_step(step_s)
+    if method is Method.BDF2 and resolve_engine(engine) is not Engine.COMPILED:
+        method = Method.IDAS
+    return (
+        engine_of(problem, step_s, engine)
+        if method is Method.BDF2
+        else IntegratedJoint(problem, step_s, method, accuracy)
+    )
+
+
+def _outcome(rows: int, lowest: Array, last: JointRows, step_s: float) -> tuple[JointOutcome, str]:
+    if len(lowest) < rows and last.reason is not None:
+        return JointOutcome.FAILED, f"simulation stopped before t = {len(lowest) * step_s:.6g} s: {last.reason}"
     if len(lowest) < rows:
         return JointOutcome.FAILED, (
             f"simulation stopped at t = {len(lowest) * step_s:.6g} s: the step did not converge although it was split; "
-            f"worst balance {residual:.3g} N; check the motor angle there for jumps, or use a step below {step_s:g} s"
+            f"worst balance {last.residual_N:.3g} N; check the motor angle there for jumps, or use a step below "
+            f"{step_s:g} s"
         )
     slack = lowest <= 0
     if slack.any():

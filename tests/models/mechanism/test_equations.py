@@ -234,7 +234,7 @@ def path_length(mechanism: Mechanism, places: dict[str, float]) -> Array:
     found = []
     for tendon in mechanism.tendons:
         sections = sum(s.length_per_rad_m * places[s.joint] for s in tendon.path.sections if s.joint is not None)
-        near, far = (float(ca.evalf(end.travel_m(places))) for end in (tendon.near, tendon.far))  # type: ignore[arg-type]
+        near, far = (float(ca.evalf(end.travel_m(places))) for end in (tendon.near, tendon.far))
         found.append(near - far + sections)
     return np.array(found)
 
