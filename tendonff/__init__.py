@@ -63,6 +63,8 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.models.tendon.chain import Chain
     from tendonff.ocp.codegen.precision import Precision
     from tendonff.ocp.errors import CodeError, SolveError
+    from tendonff.ocp.integrate.integrate import Integration, integrate
+    from tendonff.ocp.integrate.method import Method
     from tendonff.ocp.joint.invert import invert_joint
     from tendonff.ocp.joint.simulate import simulate_joint
     from tendonff.ocp.joint.start import joint_problem
@@ -93,6 +95,7 @@ __all__ = [
     "Friction",
     "Identification",
     "InputError",
+    "Integration",
     "JointAdaptationStudy",
     "JointComparison",
     "JointDesign",
@@ -102,6 +105,7 @@ __all__ = [
     "Load",
     "Mechanism",
     "MechanismEquations",
+    "Method",
     "Observation",
     "Observer",
     "ObserverStatus",
@@ -142,6 +146,7 @@ __all__ = [
     "export_joint_fmu",
     "identify",
     "identify_joint",
+    "integrate",
     "invert",
     "invert_joint",
     "joint_problem",
@@ -215,6 +220,8 @@ _HOMES = {
     "ocp.codegen.precision": ("Precision",),
     "ocp.errors": ("CodeError", "SolveError"),
     "ocp.tendon.inverse": ("invert",),
+    "ocp.integrate.integrate": ("Integration", "integrate"),
+    "ocp.integrate.method": ("Method",),
     "ocp.joint.invert": ("invert_joint",),
     "ocp.joint.simulate": ("simulate_joint",),
     "ocp.joint.start": ("joint_problem",),

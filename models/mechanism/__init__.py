@@ -1,6 +1,6 @@
 """Mechanisms of any bodies, tendons and drives: their parts, and their equations on one page."""
 
-from tendonff.models.mechanism.equations import MechanismEquations, mechanism_equations
+from tendonff.models.mechanism.equations import MechanismEquations, equations_of, mechanism_equations
 from tendonff.models.mechanism.loads import Damper, DryFriction, Gravity, LoadLaw, Spring, Stops
 from tendonff.models.mechanism.mechanism import CutMechanism, CutTendon, Mechanism
 from tendonff.models.mechanism.parts import Arm, Attachment, Body, Drive, Force, Lead, Servo, Table, Tendon, Unit
@@ -27,6 +27,7 @@ __all__ = [
     "Table",
     "Tendon",
     "Unit",
+    "equations_of",
     "mechanism_equations",
     "rest_state",
 ]

@@ -35,6 +35,14 @@ def beyond_stops(q: ca.SX, low: ca.SX, high: ca.SX) -> ca.SX:
     return at_least(q - high, 0.0) - at_least(low - q, 0.0)
 
 
+def require_number(
+    name: str, value: ca.SX, *, above: float | None = None, least: float | None = None, hint: str
+) -> None:
+    """Refuse a number outside its range; a symbol of CasADi's may be any number."""
+    if not isinstance(value, ca.SX):
+        require(name, value, above=above, least=least, hint=hint)
+
+
 class LoadLaw(Protocol):
     """Load of a body with the coordinate q and the speed w."""
 
@@ -77,10 +85,10 @@ class _Stateless:
 class Damper(_Stateless):
     """Viscous damping: b w, b = `damping` >= 0 [N s/m or N m s/rad]."""
 
-    damping: float
+    damping: ca.SX
 
     def __post_init__(self) -> None:
-        require("damping", self.damping, least=0, hint="leave the damper out for none")
+        require_number("damping", self.damping, least=0, hint="leave the damper out for none")
 
     def force(self, q: ca.SX, w: ca.SX, states: States) -> ca.SX:  # noqa: ARG002
         """Force against the motion [N or N m]."""
@@ -91,12 +99,12 @@ class Damper(_Stateless):
 class Spring(_Stateless):
     """Spring to the frame: k (q - rest), k = `stiffness` >= 0 [N/m or N m/rad], rest in the body's unit."""
 
-    stiffness: float
-    rest: float = 0.0
+    stiffness: ca.SX
+    rest: ca.SX = 0.0
 
     def __post_init__(self) -> None:
-        require("stiffness", self.stiffness, least=0, hint="leave the spring out for none")
-        require("rest", self.rest, hint="leave it out for 0")
+        require_number("stiffness", self.stiffness, least=0, hint="leave the spring out for none")
+        require_number("rest", self.rest, hint="leave it out for 0")
 
     def force(self, q: ca.SX, w: ca.SX, states: States) -> ca.SX:  # noqa: ARG002
         """Force towards the rest position [N or N m]."""
@@ -107,12 +115,12 @@ class Spring(_Stateless):
 class Gravity(_Stateless):
     """Weight of a body that turns: g sin(q - zero), amplitude g [N m], `zero_rad` where it needs no torque."""
 
-    amplitude_N_m: float
-    zero_rad: float = 0.0
+    amplitude_N_m: ca.SX
+    zero_rad: ca.SX = 0.0
 
     def __post_init__(self) -> None:
-        require("amplitude_N_m", self.amplitude_N_m, hint="leave gravity out for none")
-        require("zero_rad", self.zero_rad, hint="leave it out for 0")
+        require_number("amplitude_N_m", self.amplitude_N_m, hint="leave gravity out for none")
+        require_number("zero_rad", self.zero_rad, hint="leave it out for 0")
 
     def force(self, q: ca.SX, w: ca.SX, states: States) -> ca.SX:  # noqa: ARG002
         """Torque that holds it [N m]."""
@@ -123,12 +131,12 @@ class Gravity(_Stateless):
 class Stops(_Stateless):
     """Elastic stops: k (max(q - high, 0) - max(low - q, 0)), k = `stiffness` > 0; far away where there is none."""
 
-    stiffness: float
+    stiffness: ca.SX
     low: float = -NOWHERE
     high: float = NOWHERE
 
     def __post_init__(self) -> None:
-        require("stiffness", self.stiffness, above=0, hint="60 to 200 N m/rad for a finger")
+        require_number("stiffness", self.stiffness, above=0, hint="60 to 200 N m/rad for a finger")
         if not self.low < self.high:
             raise ParameterError(f"a stop's low must be below its high, got {self.low:g} and {self.high:g}; swap them")
 
@@ -151,14 +159,14 @@ class DryFriction:
 
     states: ClassVar[tuple[str, ...]] = ("dry",)
 
-    coulomb: float
-    bristle_stiffness: float
-    soft_bristle_stiffness: float
+    coulomb: ca.SX
+    bristle_stiffness: ca.SX
+    soft_bristle_stiffness: ca.SX
 
     def __post_init__(self) -> None:
-        require("coulomb", self.coulomb, above=0, hint="leave dry friction out for none")
+        require_number("coulomb", self.coulomb, above=0, hint="leave dry friction out for none")
         for name in ("bristle_stiffness", "soft_bristle_stiffness"):
-            require(name, getattr(self, name), above=0, hint="1e3 to 1e7 N/m are usual")
+            require_number(name, getattr(self, name), above=0, hint="1e3 to 1e7 N/m are usual")
 
     def at(self, level: Level) -> "DryFriction":
         """The law with the level's bristle."""

@@ -1,7 +1,9 @@
 """Any mechanism of bodies, tendons and drives; topology is data."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+import casadi as ca
 import numpy as np
 
 from tendonff.models import parameters
@@ -160,22 +162,38 @@ class Mechanism:
         """The same with other ranges of some bodies [m or rad], by their names."""
         return replace(self, bodies=tuple(replace(b, span=spans.get(b.name, b.span)) for b in self.bodies))
 
-    def cut(self, level: Level, segments: int | None = None) -> CutMechanism:
-        """The mechanism at a level, with `segments` masses on each tendon; default: each path's own."""
+    def cut(
+        self,
+        level: Level,
+        segments: int | None = None,
+        numbers: Mapping[str, Mapping[str, ca.SX]] | None = None,
+    ) -> CutMechanism:
+        """The mechanism at a level, its tendons divided.
+
+        Parameters
+        ----------
+        level : Level
+        segments : int, optional
+            Number of masses on each tendon; default: each path's own.
+        numbers : mapping of str to mapping of str to ca.SX, optional
+            Other numbers or symbols of tendons by name, by the names of the fields of `Whole`, such as
+            `mu_dynamic_pull`: what sensitivities may be taken over.
+        """
+        changed = numbers or {}
         return CutMechanism(
             bodies=tuple(body.at(level) for body in self.bodies),
-            tendons=tuple(self._cut(tendon, level, segments) for tendon in self.tendons),
+            tendons=tuple(self._cut(tendon, level, segments, changed.get(tendon.name, {})) for tendon in self.tendons),
             drives=self.drives,
         )
 
-    def _cut(self, tendon: Tendon, level: Level, segments: int | None) -> CutTendon:
+    def _cut(self, tendon: Tendon, level: Level, segments: int | None, numbers: Mapping[str, ca.SX]) -> CutTendon:
         followed = tuple(dict.fromkeys(s.joint for s in tendon.path.sections if s.joint is not None))
         spans = np.array([self.body(name).span for name in followed], dtype=np.float64).reshape(-1, 2).T
         motion = JointMotion(names=followed, time_s=np.arange(2.0), angle_rad=spans) if followed else None
         count = tendon.path.segments if segments is None else segments
         if not count >= 1:
             raise ParameterError(f"segments must be >= 1, got {count}; 6 is a good start")
-        elements = whole_of(tendon, level).divided(count, motion)
+        elements = whole_of(tendon, level).changed(numbers).divided(count, motion)
         return CutTendon(name=tendon.name, elements=elements, near=tendon.near, far=tendon.far)
 
 

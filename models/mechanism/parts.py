@@ -19,10 +19,10 @@ import casadi as ca
 import numpy as np
 
 from tendonff.models import parameters
-from tendonff.models.errors import ParameterError, require
+from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import Array
-from tendonff.models.mechanism.loads import LoadLaw
+from tendonff.models.mechanism.loads import LoadLaw, require_number
 
 Places = dict[str, ca.SX]
 """Coordinate of each body by name [m or rad]."""
@@ -49,7 +49,7 @@ class Body:
     name : str
     unit : Unit
         Metres or radians.
-    inertia : float
+    inertia : float or ca.SX
         Mass [kg] or moment of inertia [kg m2], > 0; without effect where a drive leads the body.
     loads : tuple of LoadLaw, optional
         Dampers, springs, gravity, stops, dry friction.
@@ -59,13 +59,13 @@ class Body:
 
     name: str
     unit: Unit
-    inertia: float
+    inertia: ca.SX
     loads: tuple[LoadLaw, ...] = ()
     span: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "unit", Unit(self.unit))
-        require(f'inertia of "{self.name}"', self.inertia, above=0, hint="kg, or kg m2 where it turns")
+        require_number(f'inertia of "{self.name}"', self.inertia, above=0, hint="kg, or kg m2 where it turns")
         low, high = self.span
         if not -math.inf < low <= high < math.inf:
             raise ParameterError(f'span of "{self.name}" must be two finite numbers in order, got {low:g}, {high:g}')
@@ -86,10 +86,10 @@ class Arm:
     """Constant travel of a tendon's end per unit of a body [m/m or m/rad]: a drum's radius, a moment arm, 1."""
 
     body: str
-    metres_per_unit: float
+    metres_per_unit: ca.SX
 
     def __post_init__(self) -> None:
-        require(f'metres_per_unit of "{self.body}"', self.metres_per_unit, hint="positive towards the near end")
+        require_number(f'metres_per_unit of "{self.body}"', self.metres_per_unit, hint="positive towards the near end")
 
     def travel_m(self, q: ca.SX) -> ca.SX:
         """Travel of the end for a coordinate [m]."""
@@ -247,10 +247,10 @@ class Servo:
     leads: ClassVar[bool] = False
 
     body: str
-    stiffness: float
+    stiffness: ca.SX
 
     def __post_init__(self) -> None:
-        require(f'stiffness of the servo on "{self.body}"', self.stiffness, least=0, hint="from its data sheet")
+        require_number(f'stiffness of the servo on "{self.body}"', self.stiffness, least=0, hint="from its data sheet")
 
     def effort(self, q: ca.SX, w: ca.SX, command: ca.SX) -> ca.SX:  # noqa: ARG002
         """K (command - q) [N or N m]."""

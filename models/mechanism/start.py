@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+import casadi as ca
 import numpy as np
 
 from tendonff.models.layout import Array
@@ -13,7 +14,7 @@ def rest_state(
     tension_N: Mapping[str, float],
     places: Mapping[str, float],
     slack_m: Mapping[str, float] | None = None,
-) -> Array:
+) -> Array | ca.SX:
     """At rest under a tension that is uniform along each tendon, in the order of `MechanismEquations.state`.
 
     Whether bodies stay at rest is the caller's affair: their loads must carry the tensions.
@@ -30,6 +31,7 @@ def rest_state(
     Returns
     -------
     ndarray, shape (states,)
+        Or a column of CasADi's where numbers of the mechanism are symbols.
     """
     parts: list[Array] = [np.array([places[body.name], *np.zeros(1 + len(body.states))]) for body in mechanism.free]
     for tendon in mechanism.tendons:
@@ -38,6 +40,7 @@ def rest_state(
         ratio = elements.path.at(joints).ratio[0]
         stretch, states = elements.link.shortened(ratio).rest(tension_N[tendon.name])
         loose = (slack_m or {}).get(tendon.name, 0.0) / (n + 1)
-        links = [np.asarray(each, dtype=np.float64) - loose for each in (stretch, *states)]
+        links = [each - loose for each in (stretch, *states)]
         parts += [np.zeros(n), *links, np.zeros(n * len(elements.friction.states))]
-    return np.concatenate(parts)
+    symbolic = any(isinstance(part, ca.SX) for part in parts)
+    return ca.vertcat(*parts) if symbolic else np.concatenate(parts)

@@ -7,15 +7,13 @@ with a and b given anew for each. At every sample, where their slopes jump, an i
 import functools
 import io
 from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import dataclass
-from enum import StrEnum
 from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonff.models.errors import ParameterError, require
+from tendonff.ocp.integrate.method import Accuracy, Method
 
 Array = NDArray[np.float64]
 
@@ -24,25 +22,6 @@ _CHUNK = 50
 
 _MOST_HALVINGS = 8
 """Where a step of collocation is not solved, it is halved, at most so often."""
-
-
-class Method(StrEnum):
-    """How a simulation advances in time.
-
-    Attributes
-    ----------
-    BDF2
-        The implicit step of this package, of a fixed length; in compiled C where there is a compiler.
-    CVODES, IDAS
-        Variable order and step, SUNDIALS: backward differences for ordinary and for differential-algebraic equations.
-    COLLOCATION
-        Implicit Runge-Kutta steps of a fixed length, Radau of order 5.
-    """
-
-    BDF2 = "bdf2"
-    CVODES = "cvodes"
-    IDAS = "idas"
-    COLLOCATION = "collocation"
 
 
 class Equations(Protocol):
@@ -67,31 +46,6 @@ class Equations(Protocol):
     @property
     def rate(self) -> ca.SX:
         """Time derivatives of the states."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Accuracy:
-    """Tolerances of an integrator, by SciPy's names, and the steps of one that has none.
-
-    Parameters
-    ----------
-    rtol : float, optional
-        Relative tolerance of the states [-], > 0.
-    atol : float, optional
-        Absolute tolerance of every state in its SI unit, > 0: of elongations [m] above all.
-    elements : int, optional
-        Steps of collocation in a sample, >= 1.
-    """
-
-    rtol: float = 1e-6
-    atol: float = 1e-9
-    elements: int = 1
-
-    def __post_init__(self) -> None:
-        require("rtol", self.rtol, above=0, hint="1e-6 is usual")
-        require("atol", self.atol, above=0, hint="1e-9 is usual")
-        if not self.elements >= 1:
-            raise ParameterError(f"elements must be >= 1, got {self.elements}; 1 is usual")
 
 
 class Integrator:
@@ -220,3 +174,9 @@ def _options(method: Method, accuracy: Accuracy, refinement: int) -> dict[str, A
             "rootfinder_options": quiet | {"line_search": True, "abstol": accuracy.atol, "max_iter": 50},
         }
     return quiet | {"reltol": accuracy.rtol, "abstol": accuracy.atol, "max_num_steps": 200_000}
+
+
+def gave_up(method: Method) -> str:
+    """Why a run by an integrator ends early, in words."""
+    tolerance = "less accurate tolerances" if method is not Method.COLLOCATION else "a smaller step_s"
+    return f"{method} gave up there; check the input for jumps, try {tolerance}, or the method bdf2"

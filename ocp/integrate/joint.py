@@ -10,8 +10,8 @@ from tendonff.models.mechanism.mechanism import CutMechanism, CutTendon
 from tendonff.models.mechanism.parts import Lead
 from tendonff.models.path import JointMotion
 from tendonff.models.tendon.chain import Chain
-from tendonff.ocp.integrate.integrator import Accuracy, Integrator, Method
-from tendonff.ocp.integrate.tendon import gave_up
+from tendonff.ocp.integrate.integrator import Integrator, gave_up
+from tendonff.ocp.integrate.method import Accuracy, Method
 from tendonff.ocp.joint.protocol import Array, JointMemory, JointProblem, JointRows
 
 
@@ -84,7 +84,7 @@ class IntegratedJoint:
         per_rad = np.array(problem.windings_m) / problem.mechanism.drive.gear_ratio
         motors = np.asarray(travel_m, dtype=np.float64) / per_rad
         names = [MOTOR] if problem.loop else [tendon.name for tendon in problem.mechanism.tendons]
-        times = memory.time_s + self._step_s * np.arange(len(travel_m))
+        times = memory.time_s + self._step_s * np.arange(float(len(travel_m)))
         known = dict(zip(motion.names, motion.at(times).T, strict=True)) | dict(zip(names, motors.T, strict=False))
         if angle_rad is not None:
             known[problem.mechanism.joint.name] = np.asarray(angle_rad, dtype=np.float64)

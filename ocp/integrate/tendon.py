@@ -6,7 +6,8 @@ import numpy as np
 from tendonff.models.layout import ChainInputs
 from tendonff.models.mechanism.chain import chain_equations
 from tendonff.models.tendon.chain import Chain
-from tendonff.ocp.integrate.integrator import Accuracy, Array, Integrator, Method
+from tendonff.ocp.integrate.integrator import Array, Integrator, gave_up
+from tendonff.ocp.integrate.method import Accuracy, Method
 from tendonff.ocp.step.protocol import Rows, StepperMemory
 
 
@@ -42,9 +43,3 @@ class IntegratedStepper:
             worst_mass=0,
             reason=None if done == len(inputs) else gave_up(self._method),
         )
-
-
-def gave_up(method: Method) -> str:
-    """Why a run by an integrator ends early, in words."""
-    tolerance = "less accurate tolerances" if method is not Method.COLLOCATION else "a smaller step_s"
-    return f"{method} gave up there; check the input for jumps, try {tolerance}, or the method bdf2"

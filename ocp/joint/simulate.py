@@ -8,8 +8,8 @@ import numpy as np
 from tendonff.models.errors import ParameterError
 from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.integrate.integrator import Accuracy, Method
 from tendonff.ocp.integrate.joint import IntegratedJoint
+from tendonff.ocp.integrate.method import Accuracy, Method
 from tendonff.ocp.joint.invert import as_rows, engine_of, motor_torques, require_step
 from tendonff.ocp.joint.protocol import Array, JointMemory, JointProblem, JointRows, JointRunner
 from tendonff.ocp.joint.start import start_memory
@@ -56,6 +56,8 @@ class JointSimulation:
         Linear solves, and steps that had to be split.
     final : JointMemory
         State after the last good row.
+    method : Method
+        That advanced it.
     """
 
     outcome: JointOutcome
@@ -71,6 +73,7 @@ class JointSimulation:
     iterations: int
     splits: int
     final: JointMemory
+    method: Method = Method.BDF2
 
     def require(self) -> "JointSimulation":
         """Return itself, or raise `SolveError` with the message if it failed."""
@@ -133,7 +136,15 @@ def simulate_joint(
     >>> bool(abs(run.angle_rad).max() < 1e-3)
     True
     """
-    runner = _runner(problem, step_s, engine, Method(method), Accuracy(rtol=rtol, atol=atol))
+    require_step(step_s)
+    if method is Method.BDF2 and resolve_engine(engine) is not Engine.COMPILED:
+        method = Method.IDAS
+    accuracy = Accuracy(rtol=rtol, atol=atol)
+    runner: JointRunner = (
+        engine_of(problem, step_s, engine)
+        if method is Method.BDF2
+        else IntegratedJoint(problem, step_s, Method(method), accuracy)
+    )
     motor = np.asarray(motor_rad, dtype=np.float64)
     motor = motor[:, None] if motor.ndim == 1 else motor
     motors = 1 if problem.loop else len(problem.chains)
@@ -169,17 +180,7 @@ def simulate_joint(
         iterations=rows.iterations,
         splits=rows.splits,
         final=memory,
-    )
-
-
-def _runner(problem: JointProblem, step_s: float, engine: Engine, method: Method, accuracy: Accuracy) -> JointRunner:
-    require_step(step_s)
-    if method is Method.BDF2 and resolve_engine(engine) is not Engine.COMPILED:
-        method = Method.IDAS
-    return (
-        engine_of(problem, step_s, engine)
-        if method is Method.BDF2
-        else IntegratedJoint(problem, step_s, method, accuracy)
+        method=Method(method),
     )
 
 

@@ -12,7 +12,7 @@ from tendonff.models.tendon.chain import Chain
 from tendonff.models.tendon.link import tendon_force
 from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.integrate.integrator import Accuracy, Method
+from tendonff.ocp.integrate.method import Accuracy, Method
 from tendonff.ocp.integrate.tendon import IntegratedStepper
 from tendonff.ocp.step.c_engine import CompiledStepper
 from tendonff.ocp.step.casadi_engine import CasadiStepper
