@@ -16,6 +16,7 @@ from tendonff.models.parameters.drive import Drive
 from tendonff.models.path import JointMotion
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.errors import SolveError
+from tendonff.ocp.integrate.method import Method
 from tendonff.ocp.tendon.periodic import Steadiness, steady_response
 from tendonff.ocp.tendon.simulate import Outcome, Simulation, simulate
 
@@ -93,6 +94,8 @@ class Plant:
         Steps to a row of the profile, which is linear in between, >= 1.
     joints : JointMotion, optional
         Motion of the joints instead of the transmission's.
+    method : Method, optional
+        How it is simulated.
     """
 
     transmission: Transmission
@@ -100,6 +103,7 @@ class Plant:
     segments: int | None = None
     refinement: int = 1
     joints: JointMotion | None = None
+    method: Method = Method.BDF2
 
     @classmethod
     def fine(cls, transmission: Transmission, level: Level) -> "Plant":
@@ -141,14 +145,14 @@ class Plant:
         steadiness = None
         if reference.periodic:
             try:
-                run, steadiness = steady_response(chain, drive, step, initial_tension_N=start)
+                run, steadiness = steady_response(chain, drive, step, initial_tension_N=start, method=self.method)
             except SolveError as error:
                 nothing = np.full(rows, np.nan)
                 return Response(
                     outcome=Outcome.FAILED, message=str(error), output_N=nothing, travel_m=nothing, load_m=nothing
                 )
         else:
-            run = simulate(chain, drive, step, initial_tension_N=start)
+            run = simulate(chain, drive, step, initial_tension_N=start, method=self.method)
         rest = own.rest_state(start)
 
         def column(values: FloatArray, origin: float = 0.0) -> FloatArray:
