@@ -176,7 +176,15 @@ def _options(method: Method, accuracy: Accuracy, refinement: int) -> dict[str, A
     return quiet | {"reltol": accuracy.rtol, "abstol": accuracy.atol, "max_num_steps": 200_000}
 
 
+def evaluated(function: ca.Function, *columns: Array) -> list[Array]:
+    """Outputs of a function for rows of its inputs, a row each; none for no rows."""
+    if not len(columns[0]):
+        return [np.empty((0, function.size1_out(k))) for k in range(function.n_out())]
+    return [np.asarray(each).T for each in function.call([column.T for column in columns])]
+
+
 def gave_up(method: Method) -> str:
     """Why a run by an integrator ends early, in words."""
-    tolerance = "less accurate tolerances" if method is not Method.COLLOCATION else "a smaller step_s"
-    return f"{method} gave up there; check the input for jumps, try {tolerance}, or the method bdf2"
+    accuracy = "less accurate tolerances" if method is not Method.COLLOCATION else "a smaller step_s"
+    others = "bdf2" if method is Method.IDAS else "idas, which gets through slack tendons, or bdf2"
+    return f"{method} gave up there: check the input for jumps, try {accuracy}, or the method {others}"

@@ -10,7 +10,7 @@ from tendonff.models.mechanism.mechanism import CutMechanism, CutTendon
 from tendonff.models.mechanism.parts import Lead
 from tendonff.models.path import JointMotion
 from tendonff.models.tendon.chain import Chain
-from tendonff.ocp.integrate.integrator import Integrator, gave_up
+from tendonff.ocp.integrate.integrator import Integrator, evaluated, gave_up
 from tendonff.ocp.integrate.method import Accuracy, Method
 from tendonff.ocp.joint.protocol import Array, JointMemory, JointProblem, JointRows
 
@@ -57,7 +57,7 @@ class IntegratedJoint:
         rates = np.diff(places, axis=0)[:done] / self._step_s
         at = [page.state, page.place, page.place_rate]
         outputs = ca.Function("outputs", at, [page.tension_N, page.effort[0]])
-        tensions, torque = (np.asarray(each).T for each in outputs.call([states.T, places[1 : done + 1].T, rates.T]))
+        tensions, torque = evaluated(outputs, states, places[1 : done + 1], rates)
         links = np.cumsum([0, *(chain.count + 1 for chain in problem.chains)])
         tension, drum = (tensions[:, [k + edge for k in ends]] for ends, edge in ((links[1:], -1), (links[:-1], 0)))
         angle = states[:, 0] if angle_rad is None else np.asarray(angle_rad, dtype=np.float64)[1 : done + 1]

@@ -6,7 +6,7 @@ import numpy as np
 from tendonff.models.layout import ChainInputs
 from tendonff.models.mechanism.chain import chain_equations
 from tendonff.models.tendon.chain import Chain
-from tendonff.ocp.integrate.integrator import Array, Integrator, gave_up
+from tendonff.ocp.integrate.integrator import Array, Integrator, evaluated, gave_up
 from tendonff.ocp.integrate.method import Accuracy, Method
 from tendonff.ocp.step.protocol import Rows, StepperMemory
 
@@ -28,13 +28,13 @@ class IntegratedStepper:
         states = self._integrator.advance(memory.x, inputs.table(memory.inputs), places)
         done = len(states)
         rates = np.diff(places, axis=0)[:done] / self._step_s
-        tension = np.asarray(self._tension(states.T, places[1 : done + 1].T, rates.T)).T
+        tension = evaluated(self._tension, states, places[1 : done + 1], rates)[0]
         if done:
             last: Array = states[-1]
             memory.x_old, memory.x = (states[-2] if done > 1 else memory.x).copy(), last.copy()
             memory.inputs, memory.time_s = inputs[done - 1 : done], memory.time_s + done * self._step_s
         return Rows(
-            tension_N=tension.reshape(done, self._chain.count + 1),
+            tension_N=tension,
             ends_m=states[:, -2:].copy(),
             states=states if record else None,
             iterations=done,  # at least; the integrators' own steps are not counted
