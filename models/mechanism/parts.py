@@ -83,7 +83,14 @@ class Body:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arm:
-    """Constant travel of a tendon's end per unit of a body [m/m or m/rad]: a drum's radius, a moment arm, 1."""
+    """Constant travel of a tendon's end per unit of a body: a drum's radius, a moment arm, or 1.
+
+    Parameters
+    ----------
+    body : str
+    metres_per_unit : float
+        Travel towards the near end [m/m or m/rad].
+    """
 
     body: str
     metres_per_unit: ca.SX
@@ -198,7 +205,7 @@ class Tendon:
 
 
 class Drive(Protocol):
-    """What acts on a body from outside.
+    """Action on a body from outside.
 
     A drive that `leads` gives its body's motion; any other has one input, and an effort on the body.
     """

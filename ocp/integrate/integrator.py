@@ -37,7 +37,7 @@ class Equations(Protocol):
 
     @property
     def place(self) -> ca.SX:
-        """What else is given as a history, linear between samples."""
+        """Other histories that are given, linear between samples."""
 
     @property
     def place_rate(self) -> ca.SX:
@@ -145,7 +145,7 @@ class Integrator:
 
     @property
     def _refinements(self) -> tuple[int, ...]:
-        """How much shorter the steps of a sample are made in turn, where its method has no step control."""
+        """Factors by which the steps of a sample are shortened in turn, where its method has no step control."""
         return tuple(2**k for k in range(_MOST_HALVINGS + 1)) if self._method is Method.COLLOCATION else (1,)
 
     @functools.cache  # noqa: B019

@@ -7,7 +7,7 @@ from tendonff.models.errors import ParameterError, require
 
 
 class Method(StrEnum):
-    """How a simulation advances in time.
+    """Method of advancing a simulation in time.
 
     Attributes
     ----------

@@ -148,7 +148,7 @@ class JointRows:
 
 
 class JointRunner(Protocol):
-    """What advances a given problem."""
+    """Forward simulation of a given problem."""
 
     def run(self, memory: JointMemory, travel_m: Array, contact_N_m: Array, angle_rad: Array | None) -> JointRows:
         """Advance over travels, shape (rows + 1, tendons), the first at the present instant; the joint led or free."""
