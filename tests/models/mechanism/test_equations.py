@@ -1,11 +1,14 @@
 """The equations of a mechanism on one page."""
 
+import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
+from explicit_finger import Numbers, Strand, respond
 from numpy.typing import NDArray
 
 import tendonff as tf
@@ -328,6 +331,82 @@ def test_a_joint_holds_its_start_as_its_mechanism(name: str, examples: Path) -> 
     out = evaluated(page, state=state)
     assert out["rate"] == pytest.approx(0.0, abs=1e-9 / joint.inertia_kg_m2)
     assert out["effort"][0] == pytest.approx(run.torque_N_m[0], abs=1e-12)
+
+
+def by_hand() -> tuple[list[Strand], Numbers]:
+    """The same finger for the independent plant: masses and links by hand, 3 and 1 for channel and each bend."""
+    nothing, channel, bend, whole = np.zeros(3), 0.2 / 6, 0.02 / 2, 0.26
+    bends, gains = np.zeros((6, 3)), np.zeros((7, 3))
+    for joint in range(3):
+        bends[3 + joint, joint] = 0.5
+        gains[3 + joint : 5 + joint, joint] = -0.004 / 2
+    crossing = Strand(
+        angle=np.array([2 / 3] * 3 + [0.4] * 3),
+        angle_by=bends,
+        length=np.array([channel, *[2 * channel] * 2, channel + bend, *[2 * bend] * 2, bend]) / whole,
+        length_by=gains / whole,
+        gained_by=gains,
+        piece=np.array([2 * channel] * 3 + [2 * bend] * 3) / whole,
+        winding=np.array([0.008, 0, 0]),
+        far=lambda _: 0.0,
+        far_by=lambda _: nothing,
+        tension=TENSIONS["t0"],
+    )
+
+    def plain(name: str, winding: Array, far: Callable[[Array], float], far_by: Callable[[Array], Array]) -> Strand:
+        return replace(
+            crossing,
+            angle=np.full(4, 0.5),
+            angle_by=np.zeros((4, 3)),
+            length=np.array([1, 2, 2, 2, 1]) / 8,
+            length_by=np.zeros((5, 3)),
+            gained_by=np.zeros((5, 3)),
+            piece=np.full(4, 0.25),
+            winding=winding,
+            far=far,
+            far_by=far_by,
+            tension=TENSIONS[name],
+        )
+
+    def dip(q: float) -> float:
+        return 6e-3 * (q + 0.5) + 1e-3 * (q + 0.5) ** 2 if q < 0.3 else 5.4e-3 + 7.6e-3 * (q - 0.3)
+
+    def dip_by(q: float) -> float:
+        return 6e-3 + 2e-3 * (q + 0.5) if q < 0.3 else 7.6e-3
+
+    strands = [
+        crossing,
+        plain(
+            "t1",
+            np.array([-0.007, 0, 0]),
+            lambda q: -0.008 * q[0] - 0.006 * q[1] + dip(q[2]),
+            lambda q: np.array([-0.008, -0.006, dip_by(q[2])]),
+        ),
+        plain("t2", np.array([0, 0.01, 0]), lambda q: -0.007 * q[1], lambda _: np.array([0, -0.007, 0])),
+        plain("t3", np.array([0, 0, 0.01]), lambda q: 0.009 * q[0], lambda _: np.array([0.009, 0, 0])),
+    ]
+    rope = {"mass": 0.004, "k1": 2e4, "k2": 5e3, "tau": 0.3, "c": 2.0, "p": 0.7, "viscous": 0.5}
+    rubbing = {"mu": 0.15, "mu_static": 0.18, "omega": 0.01, "bristle": 3e4, "coulomb": 0.01, "dry": 5.0}
+    held = {"inertia": 2e-5, "damping": 1e-3, "spring": 0.1, "rest": 0.2, "gravity": 0.02, "zero": 0.4}
+    return strands, Numbers(**rope, **rubbing, **held, low=-0.5, high=1.2, stop=60.0)
+
+
+@pytest.mark.parametrize("rows", [10, pytest.param(60, marks=pytest.mark.nightly)])
+def test_a_finger_of_three_joints_and_four_tendons_moves_as_an_independent_plant(rows: int) -> None:
+    """Motors at 5 to 8 Hz from rest; explicit steps of 4 and 2 us, extrapolated."""
+    strands, numbers = by_hand()
+    time = 1e-3 * np.arange(rows + 1)
+    motors = np.column_stack([a * np.sin(2 * np.pi * f * time) for a, f in ((0.6, 6), (0.5, 8), (0.5, 5))])
+    coarse, fine = (respond(strands, numbers, motors, 1e-3, each) for each in (250, 500))
+    plant = 2 * fine - coarse
+    mechanism = finger()
+    page = mechanism_equations(mechanism, Level.PRESLIDING)
+    at_zero = {body.name: 0.0 for body in mechanism.bodies}
+    start = rest_state(mechanism.cut(Level.PRESLIDING), TENSIONS, at_zero)
+    run = tf.integrate(page, start, np.zeros((rows + 1, 3)), 1e-3, places=motors, rtol=1e-8, atol=1e-11).require()
+    angles = run.states[:, page.rows("mcp_rad", "pip_rad", "dip_rad")]
+    assert np.ptp(plant, axis=0).min() > math.radians(10)
+    assert np.abs(angles - plant).max() < math.radians(1e-4)
 
 
 def test_a_table_of_lengths_goes_on_straight_beyond_its_ends() -> None:

@@ -3,6 +3,7 @@
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -66,7 +67,7 @@ def tendons(generic: Transmission) -> dict[str, tuple[Chain, Array]]:
     return chains
 
 
-def simulated(chain: Chain, force: Array, refinement: int = 1, **options: object) -> Simulation:
+def simulated(chain: Chain, force: Array, refinement: int = 1, **options: Any) -> Simulation:
     """From rest under the first force, of a servo under 30 N; rows as TIME."""
     start = 30.0 if chain.near.stiffness_N_per_m else float(force[0])
     inner = np.arange(200 * refinement + 1) / refinement
@@ -155,7 +156,7 @@ def test_sensitivities_are_those_of_differences(method: Method, within: float, g
     symbols, values = (ca.SX.sym("mu"), ca.SX.sym("k")), np.array([0.2, 2e4])
     force = np.column_stack([wave(30.0, 15.0), np.zeros(201)])
 
-    def run(mu: ca.SX, k: ca.SX, **over: object) -> tf.Integration:
+    def run(mu: ca.SX, k: ca.SX, **over: Any) -> tf.Integration:
         numbers = {"tendon": {"mu_dynamic_pull": mu, "mu_static_pull": mu, "stiffness_N_per_m": k}}
         cut = Mechanism.of(generic).cut(Level.PRESLIDING, numbers=numbers)
         start = rest_state(cut, {"tendon": 30.0}, {"actuator": 0.0, "load": 30.0 / generic.load.stiffness_N_per_m})
@@ -190,7 +191,7 @@ def joint_rigs(examples: Path, swing_rad: float = 0.1) -> dict[str, tuple[JointP
     return found
 
 
-def turned(problem: JointProblem, motor: Array, refinement: int = 1, **options: object) -> JointSimulation:
+def turned(problem: JointProblem, motor: Array, refinement: int = 1, **options: Any) -> JointSimulation:
     inner = np.arange(200 * refinement + 1) / refinement
     rows = np.column_stack([np.interp(inner, np.arange(201), column) for column in motor.T])
     return tf.simulate_joint(problem, rows, STEP / refinement, **options)
