@@ -409,6 +409,28 @@ def test_a_finger_of_three_joints_and_four_tendons_moves_as_an_independent_plant
     assert np.abs(angles - plant).max() < math.radians(1e-4)
 
 
+def test_a_finger_is_a_system_of_python_control_and_its_linearisation() -> None:
+    """Matrices against differences of the nonlinear system, at rest, where its tendons stick."""
+    mechanism = finger()
+    page = mechanism_equations(mechanism, Level.ELASTIC)
+    rest = rest_state(mechanism.cut(Level.ELASTIC), TENSIONS, PLACES)
+    state = np.concatenate([rest, [PLACES[name] for name in ("m1", "m2", "m3")]])
+    system, linear = tf.as_iosystem(page, name="finger"), tf.linear_system(page, state)
+    assert linear.input_labels == system.input_labels
+    assert linear.output_labels == system.output_labels
+    assert system.input_labels[-1] == "m3_rad_per_s"
+    force, rng = np.zeros(6), np.random.default_rng(5)
+    still = [k for k, name in enumerate(system.state_labels) if not name.endswith("per_s")]
+    change = np.zeros(len(state))
+    change[still] = 1e-9 * rng.standard_normal(len(still))
+    for nonlinear, by_state in ((system.dynamics, linear.A), (system.output, linear.C)):
+        up, down = (np.asarray(nonlinear(0.0, state + sign * change, force)) for sign in (1, -1))
+        expected = by_state @ change
+        assert (up - down) / 2 == pytest.approx(expected, rel=1e-4, abs=1e-5 * np.abs(expected).max())
+    with pytest.raises(ParameterError, match=r"state must have .* numbers"):
+        tf.linear_system(page, rest)
+
+
 def test_a_table_of_lengths_goes_on_straight_beyond_its_ends() -> None:
     table, q = finger().tendons[1].far.arms[2], ca.SX.sym("q")
     travel = ca.Function("travel", [q], [table.travel_m(q), ca.gradient(table.travel_m(q), q)])

@@ -197,6 +197,7 @@ def turned(problem: JointProblem, motor: Array, refinement: int = 1, **options: 
     return tf.simulate_joint(problem, rows, STEP / refinement, **options)
 
 
+@pytest.mark.compiler
 @pytest.mark.parametrize("rig", ["hand_joint", nightly("instrument_pair")])
 def test_a_tendon_of_a_joint_may_go_slack(rig: str, examples: Path) -> None:
     """Under a swing of 0.4 rad at 7 Hz; cvodes and collocation may give up there."""
@@ -208,6 +209,7 @@ def test_a_tendon_of_a_joint_may_go_slack(rig: str, examples: Path) -> None:
     assert apart(run.tension_N, exact.tension_N[::20]) < 5e-3
 
 
+@pytest.mark.compiler
 @pytest.mark.parametrize("rig", ["hand_joint", nightly("instrument_pair"), "one and a spring"])
 def test_a_joint_integrated_is_what_the_compiled_step_tends_to(rig: str, examples: Path) -> None:
     problem, motor = joint_rigs(examples)[rig]
@@ -221,6 +223,7 @@ def test_a_joint_integrated_is_what_the_compiled_step_tends_to(rig: str, example
             assert apart(getattr(run, name), getattr(exact, name)[::20]) < 2e-3, (method, name)
 
 
+@pytest.mark.compiler
 def test_a_led_joint_gives_its_torque_by_any_method(examples: Path) -> None:
     problem, motor = joint_rigs(examples)["hand_joint"]
     led = problem.start_rad + 0.05 * wave(0.0, 1.0)
@@ -229,6 +232,7 @@ def test_a_led_joint_gives_its_torque_by_any_method(examples: Path) -> None:
     assert apart(turned(problem, motor, method=Method.IDAS, led_rad=led).torque_N_m, exact) < 2e-3
 
 
+@pytest.mark.compiler
 def test_a_joint_goes_on_by_the_compiled_step_where_an_integrator_ended(examples: Path) -> None:
     problem, motor = joint_rigs(examples)["hand_joint"]
     half = tf.simulate_joint(problem, motor[:101], STEP, method=Method.IDAS)
@@ -237,6 +241,7 @@ def test_a_joint_goes_on_by_the_compiled_step_where_an_integrator_ended(examples
         assert rest.angle_rad[-1] == pytest.approx(turned(problem, motor, 20).angle_rad[-1], abs=2e-3)
 
 
+@pytest.mark.compiler
 def test_a_joint_needs_no_compiler(examples: Path) -> None:
     problem, motor = joint_rigs(examples)["instrument_pair"]
     run = turned(problem, motor, engine=Engine.CASADI)
@@ -276,6 +281,7 @@ def test_every_example_is_simulated_alike_by_every_method(name: str, method: Met
     assert apart(run.output_tension_N, by_step.output_tension_N) < 5e-4
 
 
+@pytest.mark.compiler
 @pytest.mark.nightly
 @pytest.mark.parametrize("name", ["hand_joint", "instrument_pair"])
 @pytest.mark.parametrize("method", INTEGRATORS)
