@@ -117,56 +117,69 @@ def equations_of(mechanism: CutMechanism, poses: Mapping[str, Pose] | None = Non
     w = {body.name: ca.SX.sym(f"w_{body.name}") for body in free} | _by_name(led, place_rate)
     every_q, every_w = (ca.vertcat(*(of[body.name] for body in mechanism.bodies)) for of in (q, w))
 
+    # what tendons do to bodies: force times what a body takes off the rate of elongation, link by link
     tendons = [_tendon(tendon, q, every_q, every_w, (poses or {}).get(tendon.name)) for tendon in mechanism.tendons]
-    on_bodies = ca.SX.zeros(len(mechanism.bodies)) - sum(
-        (ca.jtimes(tendon.stretching, every_w, tendon.force, True) for tendon in tendons), ca.SX(0)
-    )
-    effort = _by_name(mechanism.bodies, on_bodies)
+    taken = sum((ca.jtimes(part.stretching, every_w, part.force, True) for part in tendons), ca.SX(0))
+    effort = ca.SX.zeros(len(mechanism.bodies)) - taken
 
+    # what drives do to them
     commands = [(drive, ca.SX.sym(f"u_{drive.body}")) for drive in mechanism.drives if not drive.leads]
-    state, rate, names = [], [], []
-    for body in free:
-        own = {load: tuple(ca.SX.sym(name) for name in load.states) for load in body.loads}
-        at = q[body.name], w[body.name]
-        driven = sum((drive.effort(*at, u) for drive, u in commands if drive.body == body.name), ca.SX(0))
-        held = sum((load.force(*at, states) for load, states in own.items()), ca.SX(0))
-        acceleration = (driven + effort[body.name] - held) / body.inertia
-        loads = [rate for load, states in own.items() for rate in load.rate(at[1], states)]
-        state += [*at, *(symbol for states in own.values() for symbol in states)]
-        rate += [at[1], acceleration, *loads]
-        unit = body.unit
-        loaded = (f"{body.name}_{state}_{unit.effort}" for state in body.states)
-        names += [f"{body.name}_{unit}", f"{body.name}_{unit}_per_s", *loaded]
-    for tendon in tendons:
-        state, rate, names = [*state, *tendon.state], [*rate, *tendon.rate], [*names, *tendon.names]
+    on_body = _by_name(mechanism.bodies, effort)
+    for drive, u in commands:
+        on_body[drive.body] = on_body[drive.body] + drive.effort(q[drive.body], w[drive.body], u)
+
+    parts = [*(_body(body, q[body.name], w[body.name], on_body[body.name]) for body in free), *tendons]
+    units = {body.name: body.unit for body in mechanism.bodies}
     return MechanismEquations(
-        state=ca.vertcat(*state),
+        state=ca.vertcat(*(column for part in parts for column in part.state)),
         inputs=ca.vertcat(ca.SX(0, 1), *(u for _, u in commands)),
         place=place,
         place_rate=place_rate,
-        rate=ca.vertcat(*rate),
-        tension_N=ca.vertcat(*(tendon.force for tendon in tendons)),
-        effort=on_bodies,
+        rate=ca.vertcat(*(column for part in parts for column in part.rate)),
+        tension_N=ca.vertcat(*(part.force for part in tendons)),
+        effort=effort,
         position=every_q,
-        state_names=tuple(names),
-        input_names=tuple(d.command_name(_of(mechanism.bodies, d.body).unit) for d, _ in commands),
+        state_names=tuple(name for part in parts for name in part.names),
+        input_names=tuple(drive.command_name(units[drive.body]) for drive, _ in commands),
         place_names=tuple(f"{body.name}_{body.unit}" for body in led),
         tension_names=tuple(f"{t.name}_tension_{k}_N" for t in mechanism.tendons for k in range(1, t.count + 2)),
-        effort_names=tuple(f"{body.name}_effort_{body.unit.effort}" for body in mechanism.bodies),
-        position_names=tuple(f"{body.name}_{body.unit}" for body in mechanism.bodies),
+        effort_names=tuple(f"{name}_effort_{unit.effort}" for name, unit in units.items()),
+        position_names=tuple(f"{name}_{unit}" for name, unit in units.items()),
     )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Tendon:
+class _Part:
+    """States of a body or a tendon, their rates and names."""
+
     state: list[ca.SX]
     rate: list[ca.SX]
     names: list[str]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _TendonPart(_Part):
     stretching: ca.SX  # rates of elongation [m/s]
     force: ca.SX
 
 
-def _tendon(tendon: CutTendon, q: Places, every_q: ca.SX, every_w: ca.SX, pose: Pose | None) -> _Tendon:
+def _body(body: Body, q: ca.SX, w: ca.SX, effort: ca.SX) -> _Part:
+    """A body that moves by its balance, under all that acts on it but its loads."""
+    own = [tuple(ca.SX.sym(name) for name in load.states) for load in body.loads]
+    loads = list(zip(body.loads, own, strict=True))
+    held = sum((load.force(q, w, states) for load, states in loads), ca.SX(0))
+    return _Part(
+        state=[q, w, *(state for states in own for state in states)],
+        rate=[w, (effort - held) / body.inertia, *(rate for load, x in loads for rate in load.rate(w, x))],
+        names=[
+            f"{body.name}_{body.unit}",
+            f"{body.name}_{body.unit}_per_s",
+            *(f"{body.name}_{state}_{body.unit.effort}" for state in body.states),
+        ],
+    )
+
+
+def _tendon(tendon: CutTendon, q: Places, every_q: ca.SX, every_w: ca.SX, pose: Pose | None) -> _TendonPart:
     """Masses and links of one tendon; where the path is at rest and all masses are alike, no pose is needed."""
     elements, n, name = tendon.elements, tendon.count, tendon.name
     if pose is None and not (elements.uniform and elements.path.still):
@@ -194,7 +207,7 @@ def _tendon(tendon: CutTendon, q: Places, every_q: ca.SX, every_w: ca.SX, pose: 
     of_links = [f"{name}_e_{k}_m" for k in range(1, n + 2)]
     own = [f"{name}_{state}_{k}" for state in link.states for k in range(1, n + 2)]
     own += [f"{name}_{state}_{k}" for state in friction.states for k in range(1, n + 1)]
-    return _Tendon(
+    return _TendonPart(
         state=[v, e, *links, *masses],
         rate=[acceleration, e_rate, *link.rate(e, links), *rubbing],
         names=[*of_masses, *of_links, *own],
@@ -217,10 +230,6 @@ def _pose(path: CutPath, q: Places, every_q: ca.SX, every_w: ca.SX) -> Pose:
         angle_rate=ca.jtimes(angle, every_q, every_w),
         gained_rate=ca.jtimes(of_links, every_q, every_w),
     )
-
-
-def _of(bodies: tuple[Body, ...], name: str) -> Body:
-    return next(body for body in bodies if body.name == name)
 
 
 def _by_name(bodies: tuple[Body, ...], column: ca.SX) -> dict[str, Any]:

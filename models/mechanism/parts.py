@@ -69,6 +69,8 @@ class Body:
         low, high = self.span
         if not -math.inf < low <= high < math.inf:
             raise ParameterError(f'span of "{self.name}" must be two finite numbers in order, got {low:g}, {high:g}')
+        if len(set(self.states)) < len(self.states):
+            raise ParameterError(f'"{self.name}" has two dry frictions; make one of them, with the sum of both')
 
     def at(self, level: Level) -> "Body":
         """The body at a fidelity level."""

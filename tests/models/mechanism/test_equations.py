@@ -299,6 +299,17 @@ def test_a_body_between_loads_and_tendons_obeys_its_balance() -> None:
     assert out["rate"][dry] == pytest.approx(5.0 * (0.4 - 0.006 * 0.4 / 0.01), rel=1e-12)  # the soft bristle
 
 
+def test_two_loads_that_are_alike_both_count() -> None:
+    damper = Damper(damping=0.01)
+    dry = DryFriction(coulomb=0.01, bristle_stiffness=50.0, soft_bristle_stiffness=5.0)
+    body = Body(name="wheel", unit=Unit.RADIAN, inertia=0.5, loads=(damper, damper, dry))
+    page = mechanism_equations(Mechanism(bodies=(body,), tendons=(), drives=()), Level.ELASTIC)
+    out = evaluated(page, state=np.array([0.0, 2.0, 0.003]))
+    assert out["rate"][1] == pytest.approx(-(2 * 0.01 * 2.0 + 0.003) / 0.5)
+    with pytest.raises(ParameterError, match='"wheel" has two dry frictions; make one of them'):
+        replace(body, loads=(dry, dry))
+
+
 def test_every_row_has_a_name_with_its_unit() -> None:
     page = mechanism_equations(finger(), Level.PRESLIDING)
     for column, names in (
