@@ -35,7 +35,7 @@ def hand(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for key in ("resolution_rad", "command_interval_s"):
         text = "".join(line for line in text.splitlines(keepends=True) if not line.startswith(key))
     (folder / "hand.toml").write_text(text, "utf-8")
-    with (folder / "said.txt").open("w", encoding="utf-8") as said, contextlib.redirect_stdout(said):
+    with (folder / "said.txt").open("w", encoding="utf-8") as said, contextlib.redirect_stderr(said):
         assert run(["design", str(folder / "hand.toml"), "--out", str(folder / "out"), "--check", "idas"]) == 0
     return folder
 
