@@ -19,6 +19,7 @@ from tendonff.compensator.joint.scenario.scenario import sample_joint
 from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
+from tendonff.models.joint.description import describe
 from tendonff.models.mechanism import Mechanism, equations_of, rest_state
 from tendonff.models.parameters import Path as TendonPath
 from tendonff.models.parameters import Transmission
@@ -171,6 +172,33 @@ def test_sensitivities_are_those_of_differences(method: Method, within: float, g
             largest = np.abs(by_difference[:, column]).max()
             assert np.abs(slopes[:, column, k] - by_difference[:, column]).max() < within * largest
             assert largest > 0
+
+
+def test_sensitivities_of_a_joint_are_those_of_differences(examples: Path) -> None:
+    """A loop that turns: over friction of one tendon and the inertia of the joint."""
+    scenario = tf.load_joint_scenario(examples / "hand_joint.toml")
+    motion = sample_joint(scenario).motion
+    loop = describe(scenario.mechanism, motion)
+    motor = 0.1 * (1 - np.cos(2 * np.pi * 10 * TIME[:101]))[:, None]
+    start_rad = float(motion.angle_rad[0, 0])
+
+    def run(mu: ca.SX, inertia: ca.SX, **over: Any) -> tf.Integration:
+        bodies = tuple(replace(b, inertia=inertia) if b.name == loop.bodies[0].name else b for b in loop.bodies)
+        name = loop.tendons[0].name
+        numbers = {name: {"mu_dynamic_pull": mu, "mu_static_pull": mu}}
+        cut = replace(loop, bodies=bodies).cut(Level.PRESLIDING, numbers=numbers)
+        tensions = dict.fromkeys((tendon.name for tendon in cut.tendons), 5.0)
+        start = rest_state(cut, tensions, {b.name: start_rad if b in cut.free else 0.0 for b in cut.bodies})
+        zero = np.zeros((101, 1))
+        return tf.integrate(equations_of(cut), start, zero, STEP, places=motor, method=Method.COLLOCATION, **over)
+
+    symbols, values = (ca.SX.sym("mu"), ca.SX.sym("J")), np.array([0.15, scenario.mechanism.joint.inertia_kg_m2])
+    slopes = run(*symbols, over=ca.vertcat(*symbols), at=values).require().slopes[:, 0]
+    for k, value in enumerate(values):
+        d = 1e-4 * value * np.eye(2)[k]
+        up, down = (run(*(values + sign * d)).require().states[:, 0] for sign in (1, -1))
+        by_difference = (up - down) / (2e-4 * value)
+        assert np.abs(slopes[:, k] - by_difference).max() < 1e-3 * np.abs(by_difference).max()
 
 
 def joint_rigs(examples: Path, swing_rad: float = 0.1) -> dict[str, tuple[JointProblem, Array]]:
