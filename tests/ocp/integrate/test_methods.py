@@ -289,6 +289,8 @@ def test_the_command_line_takes_a_method(examples: Path, tmp_path: Path) -> None
         assert done.exit_code == 0, done.output
         tables.append(np.genfromtxt(out, delimiter=",", names=True)["tension_7_N"])
     assert 0 < apart(tables[1], tables[0]) < 5e-3
+    done = CliRunner().invoke(app, ["simulate", str(scenario), *given, "--check"])
+    assert "--check halves the fixed step, which --method idas does not have" in str(done.exception)
 
 
 @pytest.mark.nightly
