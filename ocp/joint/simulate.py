@@ -115,7 +115,7 @@ def simulate_joint(
         "idas".
     method : {"bdf2", "cvodes", "idas", "collocation"}, optional
         How it advances: by the step of this package, or by an integrator of CasADi on `mechanism_equations`, a hundred
-        times slower.
+        times slower or more.
     rtol, atol : float, optional
         Relative and absolute tolerance of an integrator, for every state in its SI unit.
 
