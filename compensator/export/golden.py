@@ -13,6 +13,7 @@ from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.compensators.score import scale_of
 from tendonff.compensator.compensators.stream import StreamDesign, quantised, smoothed, stream_force
 from tendonff.compensator.compensators.table import CompensationTable
+from tendonff.compensator.export.joint_jumps import has_jump, largest_starts_rad
 from tendonff.compensator.export.modules import exportable
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.models.capstan import CapstanLaw
@@ -168,7 +169,7 @@ def _moving(problem: Problem, rows: NDArray[np.int_], count: int, precision: Pre
     motion = problem.chain.motion
     if motion is None:
         return problem.chain
-    there_and_back = np.concatenate([rows, rows[::-1]])
+    there_and_back = np.concatenate([rows, rows[-2:0:-1]])  # no sample twice: a joint that starts at once has jumped
     chosen = np.resize(there_and_back, count)
     chosen[-2:] = chosen[-3:-2]
     time = np.arange(count, dtype=np.float64) * problem.reference.step_s
@@ -241,7 +242,7 @@ def golden_vectors(
 ) -> Golden:
     """Golden vectors along the scenario's own reference, then over reversals, then over jumps; live ones with a stream.
 
-    The reference is thinned so that its whole course fits, and the reversals are quick. Where the tendon cannot follow
+    The reference is thinned so that its whole course fits, and the reversals are quick. Where tendon or joints cannot follow
     that, the course is the beginning of the reference as it is, with reversals no faster than its own motion.
     """
     tension = problem.reference.tension_N
@@ -250,7 +251,9 @@ def golden_vectors(
     samples = np.arange(len(tension))
     chain = _moving(problem, samples[::stride], len(reference), precision)
     exact = invert(chain, reference, problem.reference.step_s, initial_tension_N=float(reference[0]))
-    if exact.status is not InverseStatus.EXACT:
+    starts_rad = largest_starts_rad(problem.chain, problem.reference.step_s)
+    torn = chain.motion is not None and has_jump(chain.motion.angle_rad, starts_rad)
+    if exact.status is not InverseStatus.EXACT or torn:
         stride, slow = 1, tension[:_ROWS]
         usual = float(np.abs(np.diff(tension)).max())
         reversals = to_and_fro(slow, step_N=usual, rows=_GENTLE_ROWS)
