@@ -2,13 +2,13 @@
 
     python benchmarks/call_sequences.py
 
-Largest change of the output from call to call where `_step` and `_step_dt` alternate, over that where every call is
-`_step_dt` at the same times; and on the finger that moves, how far the output is from that of a module which lost nothing.
+Largest change of the output from call to call where `_step` and `_step_dt` alternate, and where every call is
+`_step_dt` at the same times; and on the finger that moves, how far the force is from that of a module that lost nothing.
 """
 
 import ctypes
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from pathlib import Path
@@ -110,18 +110,18 @@ class Modules:
         problem = Problem.of(scenario)
         known = {module.name: module for module in c_modules(scenario, with_stream=True)}
         self.names = tuple(name for name in names if name in known)
-        self.problem = problem
+        self.problem, self.scenario = problem, scenario
         self.time_s = problem.reference.time_s
         motion = problem.chain.motion
         self.course = (problem.reference.tension_N, *(() if motion is None else motion.at(self.time_s).T))
         chosen = [known[name] for name in dict.fromkeys(("inverse", *self.names))]
         further: dict[str, object] = {}
-        if STREAM in chosen:
-            choice = choose_stream(problem, scenario.stream)
-            assert choice is not None
-            further["stream"] = choice.picked.design
+        self.stream, self.table = None, None
+        if STREAM in chosen and (choice := choose_stream(problem, scenario.stream)) is not None:
+            further["stream"] = self.stream = choice.picked.design
         if "table" in self.names:
-            further |= table_context(table_of(problem), Precision.DOUBLE)
+            built = table_of(problem)
+            self.table, further = built.table, further | table_context(built, Precision.DOUBLE)
         sources = c_sources(scenario, problem, chosen, Precision.DOUBLE, "tff", further)
         self.width = 4 + len(scenario.joints)
         angles = ", &row[4]" if scenario.joints else ""

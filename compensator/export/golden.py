@@ -242,8 +242,8 @@ def golden_vectors(
 ) -> Golden:
     """Golden vectors along the scenario's own reference, then over reversals, then over jumps; live ones with a stream.
 
-    The reference is thinned so that its whole course fits, and the reversals are quick. Where tendon or joints cannot follow
-    that, the course is the beginning of the reference as it is, with reversals no faster than its own motion.
+    The reference is thinned so that its whole course fits, and the reversals are quick. Where tendon or joints cannot
+    follow that, the course is the beginning of the reference as it is, with reversals no faster than its own motion.
     """
     tension = problem.reference.tension_N
     stride = max(1, -(-len(tension) // _ROWS))
