@@ -3,7 +3,7 @@
     python benchmarks/call_sequences.py
 
 Largest change of the output from call to call where `_step` and `_step_dt` alternate, and where every call is
-`_step_dt` at the same times; and on the finger that moves, how far the force is from that of a module that lost nothing.
+`_step_dt` at the same times; and on the finger that moves, how far the force is from that of one that lost nothing.
 """
 
 import ctypes

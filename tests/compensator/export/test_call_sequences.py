@@ -1,4 +1,4 @@
-"""Calls of exported C in any order, against the Python model and against each other: what one leaves, the next finds."""
+"""Calls of exported C in any order, against the Python model and each other: what one leaves, the next finds."""
 
 from dataclasses import replace
 
