@@ -200,6 +200,25 @@ def test_the_self_test_passes_and_dies_with_every_safety_mutant(exported, precis
 
 
 @pytest.mark.compiler
+def test_a_profile_alone_passes_its_own_test_with_either_compiler(finger, monkeypatch, tmp_path):
+    """No data and no function of the self test are left over, where modules that follow a reference do harm."""
+    from tendonff.compensator.export import c_project
+
+    if shutil.which("make") is None:
+        pytest.skip("make is not installed")
+
+    def only_the_profile(problem, forces):
+        return tuple(replace(e, fault="" if e.module in ("none", "profile") else "bad") for e in judge(problem, forces))
+
+    monkeypatch.setattr(c_project, "judge", only_the_profile)
+    export_project(finger, profile_N=sample_reference(finger).tension_N).write(tmp_path)
+    for compiler in filter(shutil.which, ("gcc", "clang")):
+        command = ["make", "-s", "clean", "test", f"CC={compiler}", "CFLAGS=-O0"]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.compiler
 def test_what_single_precision_loses_is_measured_and_said(exported, finger):
     """finger_fast loses little; a chain of light, stiff links at a tiny step loses much, and its report says so."""
     losses = json.loads(exported[Precision.FLOAT].files["design.json"])["float_loss"]
