@@ -32,8 +32,8 @@ _LIVE_ROWS = 500
 _OTHER_ROWS = 160
 _OTHER_ADHESION, _MOST_ADHESION_N = 0.1, 900.0  # more of it: share of the tension, and what every record accepts
 _OTHER_RELEASE = 0.9
-NUDGE, GROWTH = 1e-9, 1.0
-"""Relative change of the force from row to row, and how much larger its effect may get before comparing ends."""
+NUDGE, GROWTH = 1e-9, 100.0
+"""Relative change of the force, up or down in each row, and the growth of its effect at which comparing ends."""
 
 _TOGETHER = 8
 """Rows that are tried at once: most need two evaluations."""
@@ -183,8 +183,7 @@ def _repeatable(problem: Problem, course: Course) -> Course:
     And as far as no step takes long, which the exported plant with its bounded work may give up.
     """
     force, plant, start = course.plant_force_N, course.columns["plant"], float(course.reference_N[0])
-    nudged = force + NUDGE * float(np.abs(force).max()) * np.where(np.arange(len(force)) % 2, 1, -1)
-    other = respond(problem, nudged, start, course.chain)
+    other = respond(problem, nudged(force, float(np.abs(force).max())), start, course.chain)
     rows = min(len(other.tension_N), len(plant))
     apart = np.abs(other.output_tension_N[:rows] - plant[:rows]) > GROWTH * NUDGE * course.scale_N
     chain, driven = _drive(problem, force, start, course.chain)
@@ -192,6 +191,11 @@ def _repeatable(problem: Problem, course: Course) -> Course:
         int(np.argmax(apart)) if apart.any() else rows, easy_rows(chain, driven, problem.reference.step_s, start)
     )
     return replace(course, columns={**course.columns, "plant": plant[: max(kept, 2)]})
+
+
+def nudged(values: FloatArray, scale: float) -> FloatArray:
+    """Inputs that are off by chance from row to row, as roundings are; a regular pattern would move hardly anything."""
+    return values + NUDGE * scale * np.random.default_rng(0).choice((-1.0, 1.0), len(values))
 
 
 def easy_rows(chain: Chain, force_N: FloatArray, step_s: float, start_N: float) -> int:
