@@ -4,7 +4,8 @@ Run: python benchmarks/mutants.py examples/finger.toml [--precision float] [--co
 
 Safety mutants (limits, rate, clamps, guards, status bits, data) are listed below and must all die. Random mutants
 change one operator or constant of a module; one that survives counts as observable where its outputs on a random
-sequence of references, jumps, holds and bad inputs differ from the original's by more than rounding.
+sequence of calls, jumps, holds and bad inputs differ from the original's by more than rounding. They are drawn from all
+modules of the scenario: those of examples/finger_adaptive.toml and of one whose joints move are all there are.
 """
 
 import argparse
@@ -180,14 +181,18 @@ def main() -> int:
     parser.add_argument("--precision", choices=("double", "float"), default="double")
     parser.add_argument("--count", type=int, default=90)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--random-only", action="store_true", help="leave out the safety mutants")
     parser.add_argument("--only", default="", help="safety mutants whose name holds this")
     parser.add_argument("--first", type=int, default=0, help="random mutants to pass over, of the same seed")
     options = parser.parse_args()
     scenario = tf.load_scenario(options.scenario)
-    exported = tf.export_c(scenario, precision=tf.Precision(options.precision), force_export=True)
+    profile = tf.sample_reference(scenario).tension_N if options.random_only else None
+    exported = tf.export_c(scenario, precision=tf.Precision(options.precision), profile_N=profile, force_export=True)
     tension = tf.sample_reference(scenario).tension_N
     span = (float(tension.min()), float(tension.max()), float(tension[0]))
     defines = tuple(f"-D{n}={v!r}" for n, v in zip(("LOW", "HIGH", "START"), span, strict=True))
+    defines += (f"-DJOINTS={len(scenario.joints)}",)
+    defines += tuple(f"-DWITH_{Path(name).stem[4:].upper()}" for name in exported.files if name.endswith(".c"))
     relative = 1e-4 if options.precision == "float" else 1e-8
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch) / "code"
@@ -204,7 +209,8 @@ def main() -> int:
             return program is not None and passes(program)
 
         alive = []
-        listed = [m for m in safety(exported.files, options.precision) if options.only in m.what]
+        listed = [] if scenario.joints else list(safety(exported.files, options.precision))
+        listed = [m for m in listed if options.only in m.what and not options.random_only]
         for mutant in listed:
             if survives(mutant):
                 alive.append(mutant.what)

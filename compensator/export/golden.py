@@ -32,6 +32,10 @@ _LIVE_ROWS = 500
 _OTHER_ROWS = 160
 _OTHER_ADHESION, _MOST_ADHESION_N = 0.1, 900.0  # more of it: share of the tension, and what every record accepts
 _OTHER_RELEASE = 0.9
+_LONGER_ROWS = 120
+LONGER = 1.5
+"""Length of the longer steps, in samples."""
+
 NUDGE, GROWTH = 1e-9, 100.0
 """Relative change of the force, up or down in each row, and the growth of its effect at which comparing ends."""
 
@@ -84,6 +88,8 @@ class Golden:
     live: Course | None = None
     # the end of the course with other friction; None on a path in sections or one that moves
     other: "Other | None" = None
+    # the beginning of the course in steps of another length; None of a position drive
+    longer: Course | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,6 +168,20 @@ def _other(problem: Problem, course: Course, precision: Precision) -> Other | No
     if followed.inversion.status is not InverseStatus.EXACT:
         return None
     return Other(mu_release=release, adhesion_N=adhesion, course=_answered(followed, None, precision))
+
+
+def _longer(problem: Problem, course: Course) -> Course:
+    """The beginning of the course as if its samples were further apart."""
+    rows = slice(_LONGER_ROWS)
+    step, reference, chain = LONGER * problem.reference.step_s, course.reference_N[rows], course.chain
+    if (motion := chain.motion) is not None:
+        time = np.arange(len(reference), dtype=np.float64) * step
+        chain = replace(chain, motion=replace(motion, time_s=time, angle_rad=motion.angle_rad[rows], period_s=None))
+    start = float(reference[0])
+    exact = invert(chain, reference, step, initial_tension_N=start)
+    force = problem.limits.apply(exact.force_N, step, start)
+    scale = float(np.abs(exact.force_N).max())
+    return Course(reference_N=reference, plant_force_N=force, columns={"inverse": force}, scale_N=scale, chain=chain)
 
 
 def _moving(problem: Problem, rows: NDArray[np.int_], count: int, precision: Precision) -> Chain:
@@ -273,6 +293,7 @@ def golden_vectors(
         jumps=_answered(_following(problem, jumps, at_jumps), table, precision),
         live=None if stream is None else _live(problem, stream, reference, chain, precision),
         other=_other(problem, course, precision),
+        longer=None if servo_of(problem) is not None else _longer(problem, course),
     )
 
 
