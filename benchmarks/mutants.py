@@ -10,6 +10,7 @@ modules of the scenario: those of examples/finger_adaptive.toml and of one whose
 
 import argparse
 import hashlib
+import math
 import random
 import re
 import shutil
@@ -163,15 +164,13 @@ def answers(program: Path) -> list[list[float]]:
     return [[float(word) for word in line.split()] for line in said.splitlines()]
 
 
-def differ(one: list[list[float]], two: list[list[float]], relative: float) -> bool:
-    """Whether two sequences of outputs differ by more than rounding."""
-    if len(one) != len(two):
-        return True
-    return any(
-        not abs(a - b) <= relative * (1 + abs(a))
-        for x, y in zip(one, two, strict=True)
-        for a, b in zip(x, y, strict=True)
-    )
+def difference(one: list[list[float]], two: list[list[float]]) -> float:
+    """Largest difference of two sequences of outputs, relative to 1 and each; infinite where one ends or is NaN."""
+    if len(one) != len(two) or any(len(x) != len(y) for x, y in zip(one, two, strict=True)):
+        return math.inf
+    pairs = ((a, b) for x, y in zip(one, two, strict=True) for a, b in zip(x, y, strict=True))
+    apart = [0.0 if a == b else abs(a - b) / (1 + abs(a)) for a, b in pairs]
+    return math.inf if any(map(math.isnan, apart)) else max(apart, default=0.0)
 
 
 def main() -> int:
@@ -220,8 +219,9 @@ def main() -> int:
         for mutant in random_mutants(exported.files, options.count, options.seed, options.first):
             if survives(mutant):
                 program = build(folder, "driver.c", "driver", defines)
-                if program is not None and differ(expected, answers(program), relative):
-                    seen.append(mutant.what)
+                apart = 0.0 if program is None else difference(expected, answers(program))
+                if apart > relative:
+                    seen.append(f"{mutant.what} ({apart:.2g})")
                 else:
                     equal += 1
             else:
