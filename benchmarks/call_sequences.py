@@ -34,7 +34,7 @@ FOLLOWERS = ("inverse", "stream", "adaptive", "capstan", "table")
 
 
 class Op(IntEnum):
-    """What a call does; the comment is what `value` means to it."""
+    """Kind of a call, and the meaning of its `value`."""
 
     STEP = 0
     STEP_DT = 1  # time since the last call [s]
@@ -57,7 +57,7 @@ class Call:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answers:
-    """What a module said after each call, shape (calls,)."""
+    """Answers of a module after each call, shape (calls,)."""
 
     output: Array  # [N], of a position drive [m]
     force: Array  # [N]
@@ -82,8 +82,8 @@ void run_{module}(long n, const double *rows, double *answers)
         case 0: given = tff_{module}_step(&self, reference{arguments}); break;
         case 1: given = tff_{module}_step_dt(&self, row[2], reference{arguments}); break;
         case 2: tff_{module}_missed(&self, (int32_t)row[2]); given = answers[4 * (k - 1)]; break;
-        case 3: tff_{module}_init(&self, reference); given = {told}; break;
-        case 4: tff_{module}_init_at(&self, reference, row[2]{angles}); given = {told}; break;
+        case 3: tff_{module}_init(&self, reference); given = {kept}; break;
+        case 4: tff_{module}_init_at(&self, reference, row[2]{angles}); given = {kept}; break;
         default:
             tff_parameters_init(&own);
             own.mu_pull *= row[2];
@@ -131,7 +131,7 @@ class Modules:
                 width=self.width,
                 arguments=(", row[3]" if name == "adaptive" else "") + angles,
                 angles=angles if name == "adaptive" else "",
-                told=self._told(name),
+                kept=self._kept(name),
             )
             for name in self.names
         )
@@ -139,14 +139,14 @@ class Modules:
         assert code is not None, "needs a C compiler"
         self.code: HostCode = code
 
-    def _told(self, name: str) -> str:
-        """What a module commands without a step."""
+    def _kept(self, name: str) -> str:
+        """Expression of what a module commands without a step."""
         if self.problem.transmission.actuator.drive is not Drive.POSITION:
             return "self.output.force"
         return "self.inverse.command" if name == "stream" else "self.command"
 
     def answers(self, name: str, calls: Sequence[Call]) -> Answers:
-        """What a module says; the first call must be a start."""
+        """Answers of a module; the first call must be a start."""
         rows = np.full((len(calls), self.width), math.nan)
         for row, c in zip(rows, calls, strict=True):
             row[: 4 + len(c.joints_rad)] = (c.op, c.reference, c.value, c.measured, *c.joints_rad)
@@ -185,7 +185,7 @@ def wanted_at(modules: Modules, time_s: float, op: Op = Op.STEP) -> Call:
 
 
 class Gap(IntEnum):
-    """What is lost for some samples while the rig moves on."""
+    """Kind of a gap of some samples, in which the rig moves on."""
 
     TOLD = 0  # calls, and `_missed` says how many
     PAUSE = 1  # calls, and the next `_step_dt` says how long

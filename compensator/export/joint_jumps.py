@@ -1,4 +1,4 @@
-"""Joint angles that no motion explains: an encoder that was stuck, or calls that nobody counted."""
+"""Joint angles that no motion explains: an encoder that was stuck, or uncounted missed calls."""
 
 import math
 
