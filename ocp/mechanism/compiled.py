@@ -13,6 +13,7 @@ from tendonff.ocp.mechanism.problem import Array, MechanismMemory, MechanismProb
 from tendonff.ocp.step.c_engine import ReportStruct, chain_struct, host_source, library_of, pointer
 from tendonff.ocp.step.laws import ElementLaws
 
+MOST_EQUATIONS = 2 * 24 + 16  # of bodies.c.j2
 _MS = 1e-3  # time that `Sharing.change_weight` is for [s]
 
 
@@ -168,7 +169,7 @@ class CompiledMechanism:
             *(self._laws, ctypes.c_int(joints), records, ctypes.c_int(count), ctypes.c_double(self._step_s)),
             *(ctypes.c_long(rows), ctypes.c_int(memory.fresh), *map(pointer, (given, efforts, self._scale))),
             ctypes.byref(how),
-            *map(pointer, (z, z_old, travel, tension, drum, slack, lowest)),
+            *map(pointer, (z, z_old, travel, tension, drum, slack, lowest, memory.worth)),
             ctypes.byref(evaluations),
         )
         del kept

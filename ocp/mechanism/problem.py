@@ -136,6 +136,8 @@ class MechanismMemory:
         Position of each near end where the motors stand at zero.
     tension_N : ndarray, shape (tendons,)
         At the far ends.
+    worth : ndarray, shape (64,)
+        What it would save to ask for less of each torque and closure [-].
     time_s : float
         When that is.
     fresh : bool
@@ -148,6 +150,7 @@ class MechanismMemory:
     z_old: Array
     start_m: Array
     tension_N: Array
+    worth: Array
     time_s: float = 0.0
     fresh: bool = True
 
@@ -160,6 +163,7 @@ class MechanismMemory:
             z_old=self.z_old.copy(),
             start_m=self.start_m.copy(),
             tension_N=self.tension_N.copy(),
+            worth=self.worth.copy(),
             time_s=self.time_s,
             fresh=self.fresh,
         )
@@ -190,4 +194,5 @@ def rest(problem: MechanismProblem) -> MechanismMemory:
         z_old=z.copy(),
         start_m=np.array([state.near_position_m for state in states]),
         tension_N=np.array(problem.tension_N, dtype=np.float64),
+        worth=np.zeros(64),
     )
