@@ -1,6 +1,6 @@
 """A mechanism of bodies and tendons cut into chains, and its state."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -183,7 +183,7 @@ def far_m(problem: MechanismProblem, strand: Strand, position: Array) -> float:
 def rest(problem: MechanismProblem) -> MechanismMemory:
     """At rest at the start."""
     states = [
-        strand.chain.rest_state(float(tension), far_m(problem, strand, problem.start))
+        _posed(strand.chain, problem).rest_state(float(tension), far_m(problem, strand, problem.start))
         for strand, tension in zip(problem.strands, problem.tension_N, strict=True)
     ]
     z = np.column_stack([np.zeros(problem.bodies), problem.start, np.zeros(problem.bodies)])
@@ -196,3 +196,14 @@ def rest(problem: MechanismProblem) -> MechanismMemory:
         tension_N=np.array(problem.tension_N, dtype=np.float64),
         worth=np.zeros(64),
     )
+
+
+def _posed(chain: Chain, problem: MechanismProblem) -> Chain:
+    """The chain with the bodies where they stand at the start, which decides the lengths of its links."""
+    motion = chain.motion
+    if motion is None:
+        return chain
+    at = dict(zip(motion.names, motion.at(np.zeros(1))[0], strict=True)) | dict(
+        zip(problem.names[: problem.joints], problem.start, strict=False)
+    )
+    return replace(chain, motion=motion.held(np.array([at[name] for name in motion.names])))
