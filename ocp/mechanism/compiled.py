@@ -6,15 +6,17 @@ from typing import Any
 
 import numpy as np
 
+from tendonff.models.joint.balance import Followed
 from tendonff.models.layout import fields_of
+from tendonff.models.mechanism import Arm, Tendon
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.joint.laws import JOINT_NUMBERS, joint_torque, link_back, path_mass_back, representative
 from tendonff.ocp.mechanism.problem import Array, MechanismMemory, MechanismProblem
 from tendonff.ocp.step.c_engine import ReportStruct, chain_struct, host_source, library_of, pointer
 from tendonff.ocp.step.laws import ElementLaws
 
-MOST_EQUATIONS = 2 * 24 + 16  # of bodies.c.j2
-_MS = 1e-3  # time that `Sharing.change_weight` is for [s]
+_MS = 1e-3
+"""Time that `Sharing.change_weight` is for [s]."""
 
 
 class _Effect(ctypes.Structure):
@@ -28,7 +30,7 @@ class _Effect(ctypes.Structure):
 
 class _Tendon(ctypes.Structure):
     _fields_ = (
-        *((name, ctypes.c_void_p) for name in ("chain", "places", "effects")),
+        *((name, ctypes.c_void_p) for name in ("chain", "home", "effects")),
         ("start_m", ctypes.c_double),
         *((name, ctypes.c_void_p) for name in ("x", "x_old", "memory")),
     )
@@ -89,71 +91,78 @@ class CompiledMechanism:
 
     def __init__(self, problem: MechanismProblem, step_s: float) -> None:
         self._problem, self._step_s = problem, step_s
-        self._library = library_of(representative(tuple(strand.chain for strand in problem.strands)), _source)
+        chains = problem.chains()
+        self._counts = [chain.count for chain in chains]
+        self._library = library_of(representative(chains), _source)
         self._library.tff_bodies_invert.restype = ctypes.c_long
         self._library.tff_bodies_run.restype = ctypes.c_long
-        self._chains = [chain_struct(strand.chain) for strand in problem.strands]
-        self._laws = (_Body * problem.bodies)(*(_Body(*fields_of(law).values()) for law in problem.laws))
-        self._scale = np.array(problem.scale, dtype=np.float64)
+        self._chains = [chain_struct(chain) for chain in chains]
+        self._laws = (_Body * problem.bodies)(*(_Body(*fields_of(law).values()) for law in problem.laws()))
+        self._scale = problem.scale_m()
         self._partner = np.array(problem.partner, dtype=np.intc)
         self._alone = np.array(problem.alone, dtype=np.intc)
-        self._winding = np.array(problem.winding_m, dtype=np.float64)
+        self._winding = problem.winding_m
         self._kept: list[Any] = []
-        self._effects = [self._effects_of(k) for k in range(len(problem.strands))]
+        pairs = list(zip(problem.mechanism.tendons, chains, strict=True))
+        self._effects = [self._effects_of(tendon, chain) for tendon, chain in pairs]
+        self._homes = [_home(chain) for chain in chains]
 
-    def _effects_of(self, k: int) -> Any:
-        strand = self._problem.strands[k]
+    def _effects_of(self, tendon: Tendon, chain: Chain) -> Any:
         records = (_Effect * self._problem.bodies)()
-        for b, effect in enumerate(strand.effects):
-            per = None if effect.per is None else np.ascontiguousarray(effect.per, dtype=np.float64)
-            lengths = effect.lengths
-            knots = None if lengths is None else lengths.angle_rad
-            cubics = None if lengths is None else lengths.travel_pieces
+        near, far = ({arm.body: arm for arm in end.arms} for end in (tendon.near, tendon.far))
+        for b, name in enumerate(self._problem.names):
+            followed, arm = Followed.of(chain, name), far.get(name)
+            per = np.concatenate(
+                [
+                    *(followed.angle_per_rad, followed.length_per_rad, followed.gained_per_rad_m),
+                    [arm.metres_per_unit if isinstance(arm, Arm) else 0.0],
+                ]
+            )
+            drum = near.get(name)
+            table = None if arm is None or isinstance(arm, Arm) else arm
+            knots = None if table is None else table.knots
+            cubics = None if table is None else np.ascontiguousarray(table.cubics)
+            touched = arm is not None or followed.any
             self._kept += [per, knots, cubics]
             records[b] = _Effect(
-                effect.near_m,
-                *(pointer(each).value for each in (per, knots, cubics)),
-                0 if lengths is None else len(lengths.angle_rad) - 1,
-                per is not None and not per[:-1].any(),
+                drum.metres_per_unit if isinstance(drum, Arm) else 0.0,
+                *(pointer(each).value for each in (per if touched else None, knots, cubics)),
+                0 if table is None else len(table.cubics),
+                not followed.any,
             )
         return records
 
-    def _tendons(self, memory: MechanismMemory, rows: int) -> tuple[Any, list[Any]]:
+    def _tendons(self, memory: MechanismMemory) -> tuple[Any, list[Any]]:
         """Records of the tendons, and what must outlive them."""
-        kept: list[Any] = []
-        strands, bodies = self._problem.strands, self._problem.bodies
-        records = (_Tendon * len(strands))()
-        times = memory.time_s + self._step_s * np.arange(-1.0, rows + 1)
-        for k, strand in enumerate(strands):
-            chain, motion = strand.chain, strand.chain.motion
-            joints = {} if motion is None else dict(zip(motion.names, motion.at(times).T, strict=True))
-            path = chain.elements.path.at(joints)
-            places = np.column_stack([path.angle_rad, 1 / path.ratio, path.gained_m, np.zeros(len(path.ratio))])
-            places = np.ascontiguousarray(np.broadcast_to(places, (len(times), places.shape[1])))
-            work = np.empty(self._library.tff_strand_reals(ctypes.c_int(chain.count), ctypes.c_int(bodies)))
-            kept += [places, work]
-            records[k] = _Tendon(
-                ctypes.addressof(self._chains[k]),
-                places.ctypes.data,
-                ctypes.addressof(self._effects[k]),
-                float(memory.start_m[k]),
-                *(each.ctypes.data for each in (memory.x[k], memory.x_old[k], work)),
+        bodies = ctypes.c_int(self._problem.bodies)
+        work = [np.empty(self._library.tff_strand_reals(ctypes.c_int(n), bodies)) for n in self._counts]
+        records = (_Tendon * len(work))(
+            *(
+                _Tendon(
+                    ctypes.addressof(self._chains[k]),
+                    self._homes[k].ctypes.data,
+                    ctypes.addressof(self._effects[k]),
+                    float(memory.start_m[k]),
+                    *(each.ctypes.data for each in (memory.x[k], memory.x_old[k], work[k])),
+                )
+                for k in range(len(work))
             )
-        return records, kept
+        )
+        return records, work
 
     def invert(self, memory: MechanismMemory, position: Array, effort: Array) -> InverseRows:
-        """Motors for positions of the joints at the present instant and the ends of the steps that follow.
+        """Motors for positions of the bodies at the present instant and the ends of the steps that follow.
 
         Parameters
         ----------
         memory : MechanismMemory
             Advanced to the last row that was found.
-        position, effort : ndarray, shape (rows + 1, joints)
-            Positions, and torques on what the joints touch.
+        position, effort : ndarray, shape (rows + 1, known)
+            Of all bodies but the motors: positions, and torques on what they touch.
         """
         problem = self._problem
-        rows, count, joints = len(position) - 1, len(problem.strands), problem.joints
-        z, z_old = (np.ascontiguousarray(each[:joints]) for each in (memory.z, memory.z_old))
+        rows, count, known = len(position) - 1, len(self._counts), problem.known
+        z, z_old = (np.ascontiguousarray(each[:known]) for each in (memory.z, memory.z_old))
         given = np.ascontiguousarray(np.vstack([z_old[:, 1], position]))
         efforts = np.ascontiguousarray(effort, dtype=np.float64)
         travel, tension, drum, slack = (np.empty((rows, count)) for _ in range(4))
@@ -164,16 +173,17 @@ class CompiledMechanism:
             *(sharing.least_tension_N, sharing.smooth_N, sharing.change_weight * _MS / self._step_s),
             *(each.ctypes.data for each in (self._winding, self._partner, self._alone, closure)),
         )
-        records, kept = self._tendons(memory, rows)
+        records, kept = self._tendons(memory)
         done = self._library.tff_bodies_invert(
-            *(self._laws, ctypes.c_int(joints), records, ctypes.c_int(count), ctypes.c_double(self._step_s)),
+            *(self._laws, ctypes.c_int(known), ctypes.c_int(problem.driven), records, ctypes.c_int(count)),
+            ctypes.c_double(self._step_s),
             *(ctypes.c_long(rows), ctypes.c_int(memory.fresh), *map(pointer, (given, efforts, self._scale))),
             ctypes.byref(how),
             *map(pointer, (z, z_old, travel, tension, drum, slack, lowest, memory.worth)),
             ctypes.byref(evaluations),
         )
         del kept
-        memory.z[:joints], memory.z_old[:joints] = z, z_old
+        memory.z[:known], memory.z_old[:known] = z, z_old
         self._moved(memory, done, tension)
         return InverseRows(
             travel_m=travel[:done],
@@ -184,16 +194,19 @@ class CompiledMechanism:
             evaluations=evaluations.value,
         )
 
-    def run(self, memory: MechanismMemory, position: Array, effort: Array, led: Array) -> RunRows:
-        """Advance over positions of the bodies that are led and torques of all, shape (rows + 1, bodies)."""
+    def run(self, memory: MechanismMemory, position: Array, effort: Array, led: Array | None = None) -> RunRows:
+        """Advance over positions of the bodies that are led, and torques on what bodies touch, shape (rows + 1, bodies).
+
+        `led`, shape (bodies,): which are led; default: those that a drive leads.
+        """
         problem = self._problem
-        rows, count, bodies = len(position) - 1, len(problem.strands), problem.bodies
+        rows, count, bodies = len(position) - 1, len(self._counts), problem.bodies
         given, efforts = (np.ascontiguousarray(each, dtype=np.float64) for each in (position, effort))
-        leads = np.ascontiguousarray(led, dtype=np.intc)
+        leads = np.array(problem.leads if led is None else led, dtype=np.intc)
         out = np.empty((rows, bodies, 2))
         tension, drum, lowest = np.empty((rows, count)), np.empty((rows, count)), np.empty(rows)
         report = ReportStruct()
-        records, kept = self._tendons(memory, rows)
+        records, kept = self._tendons(memory)
         done = self._library.tff_bodies_run(
             *(self._laws, ctypes.c_int(bodies), pointer(leads), records, ctypes.c_int(count)),
             *(ctypes.c_double(self._step_s), ctypes.c_long(rows), ctypes.c_int(memory.fresh)),
@@ -216,5 +229,10 @@ class CompiledMechanism:
     def _moved(self, memory: MechanismMemory, done: int, tension: Array) -> None:
         if done:
             memory.fresh = False
-            memory.time_s += done * self._step_s
             memory.tension_N = tension[done - 1].copy()
+
+
+def _home(chain: Chain) -> Array:
+    """The path with all bodies at zero, shape (3 N + 3,): angles, shares of the links, gained lengths, far end."""
+    rows = chain.elements.path.at({})
+    return np.concatenate([rows.angle_rad[0], 1 / rows.ratio[0], rows.gained_m[0], np.zeros(1)])

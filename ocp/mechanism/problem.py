@@ -1,105 +1,76 @@
-"""A mechanism of bodies and tendons cut into chains, and its state."""
+"""A mechanism of bodies and tendons for the compiled engine: its order of bodies, its start, and its state."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from tendonff.models.errors import ParameterError, require
+from tendonff.models.fidelity import Level
 from tendonff.models.joint.balance import JointLaw
-from tendonff.models.joint.parameters.tendon import LengthTable
+from tendonff.models.mechanism import Arm, Body, Damper, DryFriction, Gravity, Mechanism, Spring, Stops, Tendon
+from tendonff.models.mechanism.geometry import moment_arms
+from tendonff.models.mechanism.loads import NOWHERE, LoadLaw
+from tendonff.models.path import JointMotion
+from tendonff.models.tendon.assembly import End
 from tendonff.models.tendon.chain import Chain
 
 Array = NDArray[np.float64]
 
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Effect:
-    """Effect of a body on a tendon, per unit of the body.
-
-    Attributes
-    ----------
-    near_m : float
-        Travel of the near end: the radius of a drum, negative where the tendon is wound the other way.
-    per : ndarray, shape (3 N + 3,), or None
-        Change of a row of the path: wrap angles, shares of the links in the length, gained lengths, far end's travel.
-    lengths : LengthTable or None
-        Of the far end's travel, instead of the last element of `per`.
-    """
-
-    near_m: float = 0.0
-    per: Array | None = None
-    lengths: LengthTable | None = None
+_LED = End(mass_kg=1.0, damping_N_s_per_m=0.0, stiffness_N_per_m=0.0)
+"""An end whose motion is given: its own numbers have no effect."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Strand:
-    """A tendon cut into a chain, both of whose ends are led.
-
-    Attributes
-    ----------
-    chain : Chain
-        Its motion is that of what no body of the mechanism is.
-    effects : tuple of Effect
-        One for each body.
-    """
-
-    chain: Chain
-    effects: tuple[Effect, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Sharing:
-    """Rule by which tendons share torques that they could share in many ways.
+    """Rule by which tendons share torques that they could share in many ways: the least sum of tensions.
 
-    Attributes
+    Parameters
     ----------
     least_tension_N : float
-        Tension at the far end that each tendon alone on its motor keeps [N], > 0.
-    smooth_N : float
-        Width of the barrier above it [N], > 0: at rest the looser tendons keep the sum of both.
-    change_weight : float
-        Price of a change of `smooth_N` within a millisecond, over that of one newton [-], >= 0.
+        Tension at the far end below which no tendon goes that is alone on its motor [N], >= 0.
+    smooth_N : float, optional
+        Width of a smooth barrier above it [N], > 0: tendons that nothing loads keep the sum of both.
+    change_weight : float, optional
+        Price of changing a tension by 1 N within 1 ms, over that of carrying 1 N [-], >= 0.
     """
 
     least_tension_N: float = 2.0
     smooth_N: float = 1.0
-    change_weight: float = 20.0
+    change_weight: float = 10.0
+
+    def __post_init__(self) -> None:
+        require("least_tension_N", self.least_tension_N, least=0, hint="a tendon cannot push; try 2")
+        require("smooth_N", self.smooth_N, above=0, hint="a quarter of least_tension_N is a good start")
+        require("change_weight", self.change_weight, least=0, hint="0 lets tensions jump at reversals")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MechanismProblem:
-    """Bodies, tendons and drums, from a start at rest.
+    """A mechanism at a level, from a start at rest.
 
     Attributes
     ----------
-    names : tuple of str
-        Of the bodies: joints first, then motors.
-    laws : tuple of JointLaw
-        One for each body.
-    joints : int
-        Number of joints.
-    strands : tuple of Strand
-        One for each tendon.
-    motor_of : tuple of int
-        Motor that each tendon is wound on, counted from 0.
-    winding_m : tuple of float
-        Travel of each tendon at its drum per radian of its motor, with its sign [m].
-    scale : tuple of float
-        A moment arm of each body: torques over it are compared with forces [m].
+    mechanism : Mechanism
+        Its bodies in this order: those whose balance decides tensions, those whose motion is known, motors.
+    level : Level
+    segments : int or None
+        Number of masses of each tendon; None: each path's own.
+    driven, motors : int
+        Number of bodies of the first kind and of the last.
     start : ndarray, shape (bodies,)
-        Where the bodies stand at the start; motors at zero.
+        Coordinates at the start [rad or m]; motors count from there.
     tension_N : ndarray, shape (tendons,)
         At the start, the same along each tendon.
     sharing : Sharing
     """
 
-    names: tuple[str, ...]
-    laws: tuple[JointLaw, ...]
-    joints: int
-    strands: tuple[Strand, ...]
-    motor_of: tuple[int, ...]
-    winding_m: tuple[float, ...]
-    scale: tuple[float, ...]
+    mechanism: Mechanism
+    level: Level
+    segments: int | None
+    driven: int
+    motors: int
     start: Array
     tension_N: Array
     sharing: Sharing = field(default_factory=Sharing)
@@ -107,19 +78,68 @@ class MechanismProblem:
     @property
     def bodies(self) -> int:
         """Number of bodies."""
-        return len(self.laws)
+        return len(self.mechanism.bodies)
+
+    @property
+    def known(self) -> int:
+        """Number of bodies that are no motors."""
+        return self.bodies - self.motors
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the bodies in their order."""
+        return tuple(body.name for body in self.mechanism.bodies)
+
+    @property
+    def leads(self) -> tuple[bool, ...]:
+        """Whether a drive leads each body."""
+        led = {drive.body for drive in self.mechanism.drives if drive.leads}
+        return tuple(name in led for name in self.names)
+
+    @property
+    def motor_of(self) -> tuple[int, ...]:
+        """Motor that winds each tendon, counted from the first motor."""
+        return tuple(self.names.index(winding(tendon).body) - self.known for tendon in self.mechanism.tendons)
+
+    @property
+    def winding_m(self) -> Array:
+        """Travel of each tendon at its drum per unit of its motor, with its sign, shape (tendons,)."""
+        return np.array([winding(tendon).metres_per_unit for tendon in self.mechanism.tendons])
 
     @property
     def partner(self) -> tuple[int, ...]:
         """Tendon before each on the same drum; -1: none."""
+        motors = self.motor_of
         return tuple(
-            max((k for k in range(t) if self.motor_of[k] == motor), default=-1) for t, motor in enumerate(self.motor_of)
+            max((k for k in range(t) if motors[k] == motor), default=-1) for t, motor in enumerate(motors)
         )
 
     @property
     def alone(self) -> tuple[bool, ...]:
         """Whether each tendon is alone on its drum, so that its tension can be chosen."""
         return tuple(self.motor_of.count(motor) == 1 for motor in self.motor_of)
+
+    def chains(self) -> tuple[Chain, ...]:
+        """A chain for each tendon, with all bodies where they stand at the start and both ends led."""
+        names = self.names[: self.known]
+        motion = JointMotion(names=names, time_s=np.zeros(1), angle_rad=self.start[None, : self.known])
+        cut = self.mechanism.cut(self.level, self.segments)
+        return tuple(
+            Chain(elements=tendon.elements, level=self.level, motion=motion, near=_LED, far=_LED)
+            for tendon in cut.tendons
+        )
+
+    def laws(self) -> tuple[JointLaw, ...]:
+        """Numbers of each body's balance."""
+        return tuple(_law_of(body.at(self.level)) for body in self.mechanism.bodies)
+
+    def scale_m(self) -> Array:
+        """A moment arm of each body, shape (bodies,): torques over it are compared with forces."""
+        arms = np.abs(moment_arms(self.mechanism.tendons, self.names[: self.known], self.start[: self.known]))
+        largest = arms.max(axis=0)
+        drums = np.zeros(self.motors)
+        np.maximum.at(drums, np.array(self.motor_of), np.abs(self.winding_m))
+        return np.where((scale := np.concatenate([largest, drums])) > 0, scale, 1.0)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -138,8 +158,6 @@ class MechanismMemory:
         At the far ends.
     worth : ndarray, shape (64,)
         What it would save to ask for less of each torque and closure [-].
-    time_s : float
-        When that is.
     fresh : bool
         There is no earlier state; the next step is implicit Euler.
     """
@@ -151,7 +169,6 @@ class MechanismMemory:
     start_m: Array
     tension_N: Array
     worth: Array
-    time_s: float = 0.0
     fresh: bool = True
 
     def copy(self) -> "MechanismMemory":
@@ -164,27 +181,26 @@ class MechanismMemory:
             start_m=self.start_m.copy(),
             tension_N=self.tension_N.copy(),
             worth=self.worth.copy(),
-            time_s=self.time_s,
             fresh=self.fresh,
         )
 
 
-def far_m(problem: MechanismProblem, strand: Strand, position: Array) -> float:
-    """Far end's position of a tendon for positions of the bodies [m]."""
-    found = 0.0
-    for effect, at in zip(strand.effects, position, strict=True):
-        if effect.lengths is not None:
-            found -= float(effect.lengths.length_at(np.array(at)))
-        elif effect.per is not None:
-            found += float(effect.per[-1] * at)
-    return found
+def winding(tendon: Tendon) -> Arm:
+    """Drum that winds a tendon; ParameterError unless it is one, with a constant radius."""
+    arms = tendon.near.arms
+    if len(arms) != 1 or not isinstance(arms[0], Arm):
+        raise ParameterError(f'tendon "{tendon.name}": its near end needs one drum of constant radius, got {len(arms)}')
+    return arms[0]
 
 
 def rest(problem: MechanismProblem) -> MechanismMemory:
     """At rest at the start."""
+    places = dict(zip(problem.names, map(ca.SX, problem.start.tolist()), strict=True))
     states = [
-        _posed(strand.chain, problem).rest_state(float(tension), far_m(problem, strand, problem.start))
-        for strand, tension in zip(problem.strands, problem.tension_N, strict=True)
+        chain.rest_state(float(tension), float(tendon.far.travel_m(places)))
+        for chain, tendon, tension in zip(
+            problem.chains(), problem.mechanism.tendons, problem.tension_N, strict=True
+        )
     ]
     z = np.column_stack([np.zeros(problem.bodies), problem.start, np.zeros(problem.bodies)])
     return MechanismMemory(
@@ -194,16 +210,41 @@ def rest(problem: MechanismProblem) -> MechanismMemory:
         z_old=z.copy(),
         start_m=np.array([state.near_position_m for state in states]),
         tension_N=np.array(problem.tension_N, dtype=np.float64),
-        worth=np.zeros(64),
+        worth=np.zeros(MOST_EQUATIONS),
     )
 
 
-def _posed(chain: Chain, problem: MechanismProblem) -> Chain:
-    """The chain with the bodies where they stand at the start, which decides the lengths of its links."""
-    motion = chain.motion
-    if motion is None:
-        return chain
-    at = dict(zip(motion.names, motion.at(np.zeros(1))[0], strict=True)) | dict(
-        zip(problem.names[: problem.joints], problem.start, strict=False)
-    )
-    return replace(chain, motion=motion.held(np.array([at[name] for name in motion.names])))
+MOST_EQUATIONS = 2 * 24 + 16
+"""Of bodies.c.j2."""
+
+
+def _law_of(body: Body) -> JointLaw:
+    """The loads of a body in one record; ParameterError where it has one that the compiled engine does not know."""
+    numbers = dict.fromkeys(JointLaw.__dataclass_fields__, 0.0)
+    numbers |= {"inertia_kg_m2": body.inertia, "stop_low_rad": -NOWHERE, "stop_high_rad": NOWHERE}
+    numbers["bristle_N_m_per_rad"] = 1.0
+    known: list[type] = []
+    for load in body.loads:
+        numbers |= _numbers(body.name, load)
+        if type(load) in known:
+            raise ParameterError(f'"{body.name}" has two loads of one kind; the compiled engine takes one of each')
+        known.append(type(load))
+    return JointLaw(**numbers)  # type: ignore[arg-type]
+
+
+def _numbers(name: str, load: LoadLaw) -> dict[str, float]:
+    match load:
+        case Damper():
+            return {"damping_N_m_s_per_rad": load.damping}
+        case Spring():
+            return {"stiffness_N_m_per_rad": load.stiffness, "rest_rad": load.rest}
+        case Gravity():
+            return {"gravity_N_m": load.amplitude_N_m, "gravity_zero_rad": load.zero_rad}
+        case Stops():
+            return {"stop_low_rad": load.low, "stop_high_rad": load.high, "stop_stiffness_N_m_per_rad": load.stiffness}
+        case DryFriction():
+            return {"coulomb_N_m": load.coulomb, "bristle_N_m_per_rad": load.bristle_stiffness}
+        case _:
+            raise ParameterError(
+                f'"{name}" has a load {type(load).__name__}, which the compiled engine does not know; use method="idas"'
+            )
