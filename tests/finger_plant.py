@@ -1,4 +1,4 @@
-"""Several joints on tendons that cross them, without the package's models: many masses, explicit steps of 2 us, in C."""
+"""Several joints on tendons that cross them, without the package's models: many masses, steps of 2 us, in C."""
 
 import ctypes
 from collections.abc import Sequence

@@ -66,4 +66,5 @@ class Geometry:
 
 def moment_arms(tendons: Sequence[Tendon], bodies: Sequence[str], at: Array) -> Array:
     """Moment arms at one place, shape (tendons, bodies) [m]."""
-    return Geometry(tendons=tuple(tendons), bodies=tuple(bodies)).moment_arm_m(np.atleast_2d(at))[0]
+    found: Array = Geometry(tendons=tuple(tendons), bodies=tuple(bodies)).moment_arm_m(np.atleast_2d(at))[0]
+    return found

@@ -195,7 +195,7 @@ class CompiledMechanism:
         )
 
     def run(self, memory: MechanismMemory, position: Array, effort: Array, led: Array | None = None) -> RunRows:
-        """Advance over positions of the bodies that are led, and torques on what bodies touch, shape (rows + 1, bodies).
+        """Advance over positions of bodies that are led and torques on what bodies touch, shape (rows + 1, bodies).
 
         `led`, shape (bodies,): which are led; default: those that a drive leads.
         """

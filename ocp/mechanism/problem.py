@@ -1,6 +1,6 @@
 """A mechanism of bodies and tendons for the compiled engine: its order of bodies, its start, and its state."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import casadi as ca
 import numpy as np
@@ -110,14 +110,16 @@ class MechanismProblem:
     def partner(self) -> tuple[int, ...]:
         """Tendon before each on the same drum; -1: none."""
         motors = self.motor_of
-        return tuple(
-            max((k for k in range(t) if motors[k] == motor), default=-1) for t, motor in enumerate(motors)
-        )
+        return tuple(max((k for k in range(t) if motors[k] == motor), default=-1) for t, motor in enumerate(motors))
 
     @property
     def alone(self) -> tuple[bool, ...]:
         """Whether each tendon is alone on its drum, so that its tension can be chosen."""
         return tuple(self.motor_of.count(motor) == 1 for motor in self.motor_of)
+
+    def starting(self, tension_N: Array) -> "MechanismProblem":
+        """The same with tensions at the start, shape (tendons,)."""
+        return replace(self, tension_N=tension_N)
 
     def chains(self) -> tuple[Chain, ...]:
         """A chain for each tendon, with all bodies where they stand at the start and both ends led."""
@@ -198,9 +200,7 @@ def rest(problem: MechanismProblem) -> MechanismMemory:
     places = dict(zip(problem.names, map(ca.SX, problem.start.tolist()), strict=True))
     states = [
         chain.rest_state(float(tension), float(tendon.far.travel_m(places)))
-        for chain, tendon, tension in zip(
-            problem.chains(), problem.mechanism.tendons, problem.tension_N, strict=True
-        )
+        for chain, tendon, tension in zip(problem.chains(), problem.mechanism.tendons, problem.tension_N, strict=True)
     ]
     z = np.column_stack([np.zeros(problem.bodies), problem.start, np.zeros(problem.bodies)])
     return MechanismMemory(
@@ -229,7 +229,7 @@ def _law_of(body: Body) -> JointLaw:
         if type(load) in known:
             raise ParameterError(f'"{body.name}" has two loads of one kind; the compiled engine takes one of each')
         known.append(type(load))
-    return JointLaw(**numbers)  # type: ignore[arg-type]
+    return JointLaw(**numbers)
 
 
 def _numbers(name: str, load: LoadLaw) -> dict[str, float]:
