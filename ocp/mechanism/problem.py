@@ -6,12 +6,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonff.models.errors import ParameterError, require
+from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.joint.balance import JointLaw
 from tendonff.models.mechanism import Arm, Body, Damper, DryFriction, Gravity, Mechanism, Spring, Stops, Tendon
 from tendonff.models.mechanism.geometry import moment_arms
 from tendonff.models.mechanism.loads import NOWHERE, LoadLaw
+from tendonff.models.mechanism.sharing import Sharing
 from tendonff.models.path import JointMotion
 from tendonff.models.tendon.assembly import End
 from tendonff.models.tendon.chain import Chain
@@ -20,30 +21,6 @@ Array = NDArray[np.float64]
 
 _LED = End(mass_kg=1.0, damping_N_s_per_m=0.0, stiffness_N_per_m=0.0)
 """An end whose motion is given: its own numbers have no effect."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sharing:
-    """Rule by which tendons share torques that they could share in many ways: the least sum of tensions.
-
-    Parameters
-    ----------
-    least_tension_N : float
-        Tension at the far end below which no tendon goes that is alone on its motor [N], >= 0.
-    smooth_N : float, optional
-        Width of a smooth barrier above it [N], > 0: tendons that nothing loads keep the sum of both.
-    change_weight : float, optional
-        Price of changing a tension by 1 N within 1 ms, over that of carrying 1 N [-], >= 0.
-    """
-
-    least_tension_N: float = 2.0
-    smooth_N: float = 1.0
-    change_weight: float = 10.0
-
-    def __post_init__(self) -> None:
-        require("least_tension_N", self.least_tension_N, least=0, hint="a tendon cannot push; try 2")
-        require("smooth_N", self.smooth_N, above=0, hint="a quarter of least_tension_N is a good start")
-        require("change_weight", self.change_weight, least=0, hint="0 lets tensions jump at reversals")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -11,8 +11,9 @@ from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.mechanism import Mechanism
 from tendonff.models.mechanism.geometry import Geometry
+from tendonff.models.mechanism.sharing import Sharing
 from tendonff.models.mechanism.static import local_arms_m
-from tendonff.ocp.mechanism.problem import Array, MechanismProblem, Sharing, winding
+from tendonff.ocp.mechanism.problem import Array, MechanismProblem, winding
 
 MOST_MOVES = 200
 

@@ -15,12 +15,13 @@ from tendonff.models.joint.parameters import Arm as JointArm
 from tendonff.models.joint.parameters import DrivenJoint, JointTendon
 from tendonff.models.mechanism import Arm, Attachment, Body, Damper, Force, Lead, Mechanism, Tendon, Unit
 from tendonff.models.mechanism.geometry import Geometry
+from tendonff.models.mechanism.sharing import Sharing
 from tendonff.models.mechanism.static import local_arms_m
 from tendonff.models.path import Section
 from tendonff.ocp.joint.invert import invert_joint
 from tendonff.ocp.joint.simulate import simulate_joint
 from tendonff.ocp.joint.start import joint_problem
-from tendonff.ocp.mechanism.problem import MechanismProblem, Sharing
+from tendonff.ocp.mechanism.problem import MechanismProblem
 from tendonff.ocp.mechanism.response import MechanismStatus, invert_mechanism, simulate_mechanism
 from tendonff.ocp.mechanism.start import mechanism_problem, unreachable
 
