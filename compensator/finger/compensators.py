@@ -148,7 +148,7 @@ class FingerTask:
     @cached_property
     def doubt(self) -> Doubt[Finger]:
         """Mechanisms that may be the real one, by [robust] or, where it states nothing, assumed."""
-        loops = tuple(f"motors.{name}.drive.pretension_N" for name in self.finger.pretension_N)
+        loops = tuple(f"motors.{m.name}.drive.pretension_N" for m in self.finger.motors if len(m.winds) > 1)
         pretension = (Spread(keys=loops, half_width=ASSUMED_SPREAD),) if loops else ()
         assumed = Uncertainty(mu=ASSUMED_SPREAD, stiffness=ASSUMED_SPREAD, spread=pretension, samples=2)
         return Doubt.of(self.finger, self.scenario.robust, assumed)

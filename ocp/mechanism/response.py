@@ -118,7 +118,7 @@ def invert_mechanism(
         message=message,
         time_s=np.arange(good, dtype=np.float64) * step_s,
         position=given[:good],
-        motor=_motors(problem, travel, slack),
+        motor=motors_of(problem, travel, slack),
         effort=_efforts(problem, drum),
         tension_N=np.vstack([first.tension_N, rows.tension_N]),
         drum_N=drum,
@@ -214,7 +214,7 @@ def _rows(name: str, values: Array, shape: tuple[int | None, int], step_s: float
     return given
 
 
-def _motors(problem: MechanismProblem, travel_m: Array, slack_m: Array) -> Array:
+def motors_of(problem: MechanismProblem, travel_m: Array, slack_m: Array) -> Array:
     """Coordinates of the motors: those of the tendon on each that does not hang."""
     each, motor_of = travel_m / problem.winding_m, np.array(problem.motor_of)
     found = np.zeros((len(each), problem.motors))

@@ -61,6 +61,11 @@ class Motor:
             require(f'drum of "{tendon}" on motor "{self.name}"', abs(radius), above=0, hint="half its diameter")
 
     @property
+    def body(self) -> str:
+        """Name of its body, which differs from those of joints."""
+        return f"motor_{self.name}"
+
+    @property
     def winding_m(self) -> tuple[float, ...]:
         """Travel of each tendon per radian at the motor's shaft [m]."""
         return tuple(radius / self.drive.gear_ratio for radius in self.radii_m)
@@ -110,8 +115,8 @@ class Finger:
 
     @property
     def pretension_N(self) -> dict[str, float]:
-        """Of the motors that wind several tendons, by name."""
-        return {motor.name: motor.drive.pretension_N or 0.0 for motor in self.motors if len(motor.winds) > 1}
+        """Of the motors that wind several tendons, by the names of their bodies."""
+        return {motor.body: motor.drive.pretension_N or 0.0 for motor in self.motors if len(motor.winds) > 1}
 
     def geometry(self) -> Geometry:
         """Lengths, wrap angles and moment arms by the angles of the joints."""
@@ -136,7 +141,7 @@ class Finger:
         named = (section.joint for tendon in self.tendons for section in tendon.path.sections)
         others = tuple(dict.fromkeys(name for name in named if name is not None and name not in self.names))
         motors = tuple(
-            Body(name=motor.name, unit=Unit.RADIAN, inertia=max(motor.drive.inertia_kg_m2, 1e-9))
+            Body(name=motor.body, unit=Unit.RADIAN, inertia=max(motor.drive.inertia_kg_m2, 1e-9))
             for motor in self.motors
         )
         led = (*led_joints(motion, others), *motors)
@@ -148,7 +153,7 @@ class Finger:
 
     def _tendon(self, tendon: JointTendon) -> Tendon:
         near = next(
-            Arm(body=motor.name, metres_per_unit=winding)
+            Arm(body=motor.body, metres_per_unit=winding)
             for motor in self.motors
             for name, winding in zip(motor.winds, motor.winding_m, strict=True)
             if name == tendon.name
