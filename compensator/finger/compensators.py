@@ -71,6 +71,7 @@ class FingerTask:
                 effort=effort,
                 pretension_N=finger.pretension_N,
                 sharing=finger.sharing,
+                following=finger.names[self.scenario.wanted :],
                 segments=masses,
             )
         except ParameterError as error:
@@ -90,6 +91,18 @@ class FingerTask:
             raise SolveError(found.message)
         return found
 
+    @property
+    def wanted_rad(self) -> FloatArray:
+        """Angles of the joints that have a reference, shape (rows, wanted)."""
+        return self.sampled.angle_rad[:, : self.scenario.wanted]
+
+    @cached_property
+    def joints_rad(self) -> FloatArray:
+        """Angles of all joints, shape (rows, joints); of those that follow, where they go without friction."""
+        if self.scenario.wanted == len(self.finger.joints):
+            return self.sampled.angle_rad
+        return self.inverse(without_friction(self.finger)).position[:, : len(self.finger.joints)]
+
     @cached_property
     def inversion(self) -> MechanismRun:
         """The exact inverse of the scenario's mechanism."""
@@ -98,6 +111,8 @@ class FingerTask:
     def check_reach(self) -> None:
         """Refuse a motion whose torques no tensions give, naming joint, pose and torque."""
         problem, sampled = self.problem(self.finger), self.sampled
+        if self.scenario.wanted < len(self.finger.joints):
+            return  # the joints that follow take what the tendons give
         speed = np.gradient(sampled.angle_rad, self.step_s, axis=0)
         inertia = np.array([joint.inertia_kg_m2 for joint in self.finger.joints])
         damping = np.array([joint.damping_N_m_s_per_rad for joint in self.finger.joints])
@@ -155,16 +170,15 @@ class FingerTask:
 
     def expect(self, commands: Mapping[str, FloatArray]) -> Expectation:
         """Errors of commands, by name of the compensator, in all joints of all mechanisms that may be the real one."""
-        middle = 0.5 * (self.sampled.angle_rad.max(axis=0) + self.sampled.angle_rad.min(axis=0))
-        wanted = (self.sampled.angle_rad - middle).ravel()
+        middle = 0.5 * (self.wanted_rad.max(axis=0) + self.wanted_rad.min(axis=0))
+        wanted = (self.wanted_rad - middle).ravel()
 
         def respond(finger: Finger, command: FloatArray) -> tuple[FloatArray, bool]:
             try:
                 run = self.respond(finger, command, VERIFYING_MASSES)
             except (SolveError, ParameterError, InputError):
                 return np.full_like(wanted, np.nan), False
-            joints = run.position[:, : len(finger.joints)]
-            return (joints - middle).ravel(), run.status is MechanismStatus.SLACK
+            return (run.position[:, : self.scenario.wanted] - middle).ravel(), run.status is MechanismStatus.SLACK
 
         bands: dict[str, ErrorBand] = bands_of(self.doubt, wanted, commands, respond, np.ndarray.tobytes)
         return expectation_of(self.doubt, self.level, bands, share_of="the largest joint range", unit=RADIAN)
@@ -172,7 +186,7 @@ class FingerTask:
 
 def linear_motor_rad(task: FingerTask) -> FloatArray:
     """Motors by the lengths of the tendons alone; of several tendons on one motor the mean."""
-    length = task.finger.geometry().length_m(task.sampled.angle_rad)
+    length = task.finger.geometry().length_m(task.joints_rad)
     names = [tendon.name for tendon in task.finger.tendons]
     columns = []
     for motor in task.finger.motors:

@@ -47,13 +47,13 @@ def design_finger(scenario: FingerScenario, *, progress: Progress = silent) -> F
             failed.append(f"{each.label}: {error}")
             continue
         commands[each.name] = command
-        reached = run.position[:, : len(finger.joints)]
+        reached = run.position[:, : scenario.wanted]
         profiles[each.name] = FingerProfile(
             name=each.name,
             motor_rad=command,
             angle_rad=reached,
             tension_N=run.tension_N,
-            error_rad=reached - task.sampled.angle_rad,
+            error_rad=reached - task.wanted_rad,
         )
         parts.done()
     expectation = task.expect(commands)

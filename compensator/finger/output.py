@@ -52,7 +52,10 @@ def profile_columns(result: FingerDesign) -> dict[str, FloatArray]:
     """Columns of `profile.csv`: references by joint, motor angles by motor and compensator, torques, tensions."""
     finger, sampled = result.scenario.mechanism, result.sampled
     columns = {"time_s": sampled.time_s}
-    columns |= {f"reference_{name}_rad": sampled.angle_rad[:, k] for k, name in enumerate(finger.names)}
+    wanted = result.names
+    columns |= {f"reference_{name}_rad": sampled.angle_rad[:, k] for k, name in enumerate(wanted)}
+    for k, name in enumerate(finger.names[len(wanted) :], start=len(wanted)):
+        columns[f"joint_{name}_rad"] = result.inversion.position[:, k]
     for k, motor in enumerate(finger.motors):
         for name in ("linear", "stretch", "inverse"):
             if name in result.profiles:
@@ -76,7 +79,7 @@ def motor_torque_N_m(result: FingerDesign) -> FloatArray:
 
 def summary(result: FingerDesign) -> dict[str, object]:
     """The contents of `summary.json`."""
-    names = result.scenario.mechanism.names
+    names = result.names
     return {
         **summary_head(result.scenario),
         "quantity": "joint_angle",
@@ -105,7 +108,7 @@ def summary(result: FingerDesign) -> dict[str, object]:
 
 
 def _joints_figure(result: FingerDesign) -> Figure:
-    names, time = result.scenario.mechanism.names, result.sampled.time_s
+    names, time = result.names, result.sampled.time_s
     rows = thinned(len(time))
     figure, axes = new_figure(len(names) + 1, 1, share_x=True, height_in=1.5 * (len(names) + 1))
     for k, name in enumerate(names):
@@ -146,7 +149,7 @@ def _motor_figure(result: FingerDesign) -> Figure:
 
 
 def _report(result: FingerDesign, figures: Mapping[str, Figure]) -> Report:
-    names = result.scenario.mechanism.names
+    names = result.names
     shown = [c for c in result.compensators if c.name in result.profiles]
     plant = f"{result.masses} masses a tendon and step/{result.refinement}"
     errors = Table(
@@ -185,7 +188,7 @@ def _sheet(result: FingerDesign) -> Table:
     """Numbers of each tendon at the start, and over the motion."""
     finger, found = result.scenario.mechanism, result.inversion
     geometry = finger.geometry()
-    wrap = geometry.wrap_angle_rad(result.sampled.angle_rad)
+    wrap = geometry.wrap_angle_rad(result.inversion.position[:, : len(finger.joints)])
     rows = [
         (
             tendon.name,

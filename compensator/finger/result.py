@@ -26,7 +26,7 @@ class FingerProfile:
     motor_rad : ndarray, shape (rows, motors)
         Commanded angles.
     angle_rad : ndarray, shape (rows, joints)
-        Of the joints.
+        Of the joints that have a reference.
     tension_N : ndarray, shape (rows, tendons)
         At the far ends.
     error_rad : ndarray, shape (rows, joints)
@@ -87,6 +87,11 @@ class FingerDesign:
     masses: int
     refinement: int
     warnings: tuple[str, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the joints that have a reference."""
+        return self.scenario.mechanism.names[: self.scenario.wanted]
 
     @property
     def recommended(self) -> FingerCompensator:

@@ -48,6 +48,9 @@ class FingerScenario:
         What joints do that sections name and no tendon drives.
     references : dict of str to (JointSine or JointWaypoints)
         By joint; empty where the reference is a file.
+    wanted : int
+        Number of joints with a reference: the first ones of the mechanism. The others follow from their balances, where
+        there are fewer tendons than joints.
     file : str or None
         Of the reference: columns time_s and NAME_rad.
     torques : dict of str to str
@@ -66,6 +69,7 @@ class FingerScenario:
     mechanism: Finger
     others: dict[str, Joint]
     references: dict[str, JointSine | JointWaypoints]
+    wanted: int
     file: str | None
     torques: dict[str, str]
     run: Run
@@ -103,7 +107,7 @@ class SampledFinger:
     ----------
     time_s : ndarray, shape (rows,)
     angle_rad : ndarray, shape (rows, joints)
-        Of the driven joints.
+        Of the driven joints; of those without a reference, where their springs rest.
     effort_N_m : ndarray, shape (rows, joints)
         What their motion needs besides their own numbers.
     motion : JointMotion
@@ -145,6 +149,9 @@ def parse_finger_scenario(text: str, source: str | os.PathLike[str] = "scenario.
     raw = with_base(raw, source, inputs)
     _check_tables(raw, file)
     joints, torques, others = _joints(raw["joints"], file)
+    references, csv = _reference(raw["reference"], tuple(joint.name for joint in joints), file)
+    if csv is None:
+        joints = tuple(sorted(joints, key=lambda joint: joint.name not in references))  # those that follow come last
     names = tuple(joint.name for joint in joints)
     sharing = _sharing(raw, file)
     tendons = _tendons(raw, names, source, inputs)
@@ -153,7 +160,13 @@ def parse_finger_scenario(text: str, source: str | os.PathLike[str] = "scenario.
         mechanism = Finger(joints=joints, tendons=tendons, motors=motors, sharing=sharing)
     except ParameterError as error:
         raise InputError(f"{file}: {error}") from None
-    references, csv = _reference(raw["reference"], names, file)
+    wanted = len(joints) if csv is not None else len(references)
+    if wanted < len(joints) and wanted != len(tendons):
+        missing = ", ".join(f"[reference.joints.{name}]" for name in names[wanted:])
+        raise InputError(
+            f"{file}: missing: {missing}; joints without a reference follow from their springs only where there are as "
+            f"many tendons as wanted joints, got {len(tendons)} tendons"
+        )
     spread, robust = spread_keys(raw.get("robust", {}), file)
     stated = read_table(Uncertainty, robust, file=file, table="robust")
     name = raw.get("name", source.stem)
@@ -165,6 +178,7 @@ def parse_finger_scenario(text: str, source: str | os.PathLike[str] = "scenario.
         mechanism=mechanism,
         others=others,
         references=references,
+        wanted=wanted,
         file=csv,
         torques=torques,
         run=read_table(Run, raw["run"], file=file, table="run"),
@@ -190,7 +204,9 @@ def sample_finger(scenario: FingerScenario) -> SampledFinger:
     else:
         length = max(reference.length_s(folder) for reference in scenario.references.values())
         time = _instants(length, step, file)
-        found = [scenario.references[name].sample(time, folder) for name in names]
+        found = [scenario.references[name].sample(time, folder) for name in names[: scenario.wanted]]
+        still = [np.full(len(time), joint.rest_rad) for joint in scenario.mechanism.joints[scenario.wanted :]]
+        found += still
     angle = np.column_stack(found)
     if not np.ptp(angle, axis=0).any():
         raise InputError(f"{file} [reference]: no joint ever moves, so there is nothing to design; let one move")
@@ -387,11 +403,11 @@ def _reference(
     for name in given:
         if name not in joints:
             raise InputError(f'{file} [reference.joints]: no driven joint "{name}"{suggestion(name, list(joints))}')
-    missing = [name for name in joints if name not in given]
-    if missing:
-        raise InputError(f"{file}: missing: {', '.join(f'[reference.joints.{name}]' for name in missing)}")
+    if not given:
+        raise InputError(f"{file}: missing: [reference.joints.{joints[0]}]; give each joint its reference")
     found = {
         name: read_table(kinds[kind], {**top, **given[name]}, file=file, table=f"reference.joints.{name}")
         for name in joints
+        if name in given
     }
     return found, None

@@ -27,8 +27,7 @@ def draw() -> Figure:
             panel.text(*(at + np.array([0.05, 0.75])), f"$q_{{{name}}}$", ha="left")
         for side, last, colour, name in ((1, 3, VERMILION, "extensor"), (-1, 3, BLUE, "flexors"), (-0.62, 2, BLUE, "")):
             points = [np.array([-1.6, side * 0.42]), joints[0] + side * 0.42 * normal[0]]
-            for k in range(1, last + 1):
-                points.append(joints[k] + side * 0.42 * 0.5 * (normal[k - 1] + normal[k]))
+            points += [joints[k] + side * 0.21 * (normal[k - 1] + normal[k]) for k in range(1, last + 1)]
             points.append(0.5 * (joints[last] + joints[last + 1]) + side * 0.3 * normal[last])
             path = np.array(points)
             panel.plot(*path.T, color=colour, linewidth=1.8)

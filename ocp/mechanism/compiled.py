@@ -51,6 +51,7 @@ class _Sharing(ctypes.Structure):
 class InverseRows:
     """Result of an inverse at the ends of successive steps; fewer rows where a step has no solution."""
 
+    position: Array  # shape (rows, known)
     travel_m: Array  # shape (rows, tendons); at the drum, where the motors stand at zero before
     tension_N: Array  # shape (rows, tendons); at the far end
     drum_N: Array  # shape (rows, tendons)
@@ -163,9 +164,10 @@ class CompiledMechanism:
         problem = self._problem
         rows, count, known = len(position) - 1, len(self._counts), problem.known
         z, z_old = (np.ascontiguousarray(each[:known]) for each in (memory.z, memory.z_old))
-        given = np.ascontiguousarray(np.vstack([z_old[:, 1], position]))
+        given = np.ascontiguousarray(position, dtype=np.float64)
         efforts = np.ascontiguousarray(effort, dtype=np.float64)
         travel, tension, drum, slack = (np.empty((rows, count)) for _ in range(4))
+        out = np.empty((rows, known))
         lowest, evaluations = np.empty(rows), ctypes.c_long()
         tension[:1] = memory.tension_N
         sharing, closure = problem.sharing, np.zeros(count)
@@ -175,17 +177,25 @@ class CompiledMechanism:
         )
         records, kept = self._tendons(memory)
         done = self._library.tff_bodies_invert(
-            *(self._laws, ctypes.c_int(known), ctypes.c_int(problem.driven), records, ctypes.c_int(count)),
+            *(
+                self._laws,
+                ctypes.c_int(known),
+                ctypes.c_int(problem.driven),
+                ctypes.c_int(problem.wanted),
+                records,
+                ctypes.c_int(count),
+            ),
             ctypes.c_double(self._step_s),
             *(ctypes.c_long(rows), ctypes.c_int(memory.fresh), *map(pointer, (given, efforts, self._scale))),
             ctypes.byref(how),
-            *map(pointer, (z, z_old, travel, tension, drum, slack, lowest, memory.worth)),
+            *map(pointer, (z, z_old, out, travel, tension, drum, slack, lowest, memory.worth)),
             ctypes.byref(evaluations),
         )
         del kept
         memory.z[:known], memory.z_old[:known] = z, z_old
         self._moved(memory, done, tension)
         return InverseRows(
+            position=out[:done],
             travel_m=travel[:done],
             tension_N=tension[:done],
             drum_N=drum[:done],

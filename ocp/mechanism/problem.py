@@ -36,6 +36,9 @@ class MechanismProblem:
         Number of masses of each tendon; None: each path's own.
     driven, motors : int
         Number of bodies of the first kind and of the last.
+    wanted : int
+        Number of driven bodies whose motion is wanted, which come first; the others follow from their balances. With
+        some of those, tensions and their positions must be as many as balances and closures of shared drums.
     start : ndarray, shape (bodies,)
         Coordinates at the start [rad or m]; motors count from there.
     tension_N : ndarray, shape (tendons,)
@@ -47,6 +50,7 @@ class MechanismProblem:
     level: Level
     segments: int | None
     driven: int
+    wanted: int
     motors: int
     start: Array
     tension_N: Array

@@ -84,7 +84,8 @@ def invert_mechanism(
     ----------
     problem : MechanismProblem
     position : ndarray, shape (n, known)
-        Of all bodies but the motors at 0, h, 2 h ...; the first where the problem starts [rad or m].
+        Of all bodies but the motors at 0, h, 2 h ...; the first where the problem starts [rad or m]. Not used of those
+        that follow.
     step_s : float
         h [s], > 0.
     effort : ndarray, shape (n, known), or float, optional
@@ -101,7 +102,8 @@ def invert_mechanism(
     """
     given = _rows("position", position, (None, problem.known), step_s)
     touched = _rows("effort", np.broadcast_to(effort, given.shape), given.shape, step_s)
-    if memory is None and np.abs(given[0] - problem.start[: problem.known]).max() > 1e-9:
+    wanted = np.r_[: problem.wanted, problem.driven : problem.known]
+    if memory is None and np.abs(given[0] - problem.start[: problem.known])[wanted].max() > 1e-9:
         raise ParameterError(f"position starts at {given[0]}, the problem at {problem.start[: problem.known]}")
     memory = rest(problem) if memory is None else memory.copy()
     first = memory.copy()
@@ -117,7 +119,7 @@ def invert_mechanism(
         status=status,
         message=message,
         time_s=np.arange(good, dtype=np.float64) * step_s,
-        position=given[:good],
+        position=np.vstack([given[:1], rows.position]),
         motor=motors_of(problem, travel, slack),
         effort=_efforts(problem, drum),
         tension_N=np.vstack([first.tension_N, rows.tension_N]),

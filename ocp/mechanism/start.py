@@ -1,11 +1,11 @@
 """Tensions with which a mechanism rests at its start, and torques that tendons cannot give."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
-from scipy.optimize import linprog
+from scipy.optimize import least_squares, linprog
 
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
@@ -23,6 +23,7 @@ def mechanism_problem(
     level: Level,
     start: Mapping[str, float],
     *,
+    following: Sequence[str] = (),
     effort: Mapping[str, float] | None = None,
     pretension_N: Mapping[str, float] | None = None,
     sharing: Sharing | None = None,
@@ -36,7 +37,9 @@ def mechanism_problem(
         Motors are the bodies that near ends follow.
     level : Level
     start : mapping of str to float
-        Coordinate of each body but the motors [rad or m].
+        Coordinate of each body but the motors [rad or m]; of those that follow, where to look for it first.
+    following : sequence of str, optional
+        Free bodies without a wanted motion, which follow from their balances: fewer tendons than joints.
     effort : mapping of str to float, optional
         What bodies give to what they touch at the start [N m or N].
     pretension_N : mapping of str to float, optional
@@ -52,7 +55,8 @@ def mechanism_problem(
     """
     drums = {winding(tendon).body for tendon in mechanism.tendons}
     led = {drive.body for drive in mechanism.drives if drive.leads}
-    driven = [b for b in mechanism.bodies if b.name not in drums | led]
+    free = [b for b in mechanism.bodies if b.name not in drums | led]
+    driven = [b for b in free if b.name not in following] + [b for b in free if b.name in following]
     known = [b for b in mechanism.bodies if b.name in led - drums]
     motors = [b for b in mechanism.bodies if b.name in drums]
     ordered = Mechanism(bodies=(*driven, *known, *motors), tendons=mechanism.tendons, drives=mechanism.drives)
@@ -63,13 +67,45 @@ def mechanism_problem(
         level=level,
         segments=segments,
         driven=len(driven),
+        wanted=len(driven) - len(following),
         motors=len(motors),
         start=at,
         tension_N=np.zeros(len(mechanism.tendons)),
         sharing=sharing,
     )
     touched = np.array([(effort or {}).get(body.name, 0.0) for body in driven])
+    if following:
+        return _settled(problem, touched)
     return problem.starting(_tensions(problem, held_at(problem, at[: len(driven)]) + touched, pretension_N or {}))
+
+
+def _settled(problem: MechanismProblem, touched: Array) -> MechanismProblem:
+    """At rest where the bodies that follow find their balance: tensions and their positions, without friction."""
+    n, wanted, count = problem.driven, problem.wanted, len(problem.mechanism.tendons)
+    if count + (n - wanted) != n or not all(problem.alone):
+        raise ParameterError(
+            f"{n - wanted} joints follow, so {wanted} tendons alone on their motors must move {wanted} wanted joints, "
+            f"got {count}; give a joint a reference, or none"
+        )
+    geometry = Geometry(tendons=problem.mechanism.tendons, bodies=problem.names[: problem.known])
+    scale, at = problem.scale_m()[:n], problem.start.copy()
+
+    def off(unknown: Array) -> Array:
+        at[wanted:n] = unknown[count:]
+        arms = geometry.moment_arm_m(at[None, : problem.known])[0, :, :n]
+        found: Array = (held_at(problem, at[:n]) + touched - arms.T @ unknown[:count]) / scale
+        return found
+
+    guess = np.concatenate([np.full(count, problem.sharing.least_tension_N), at[wanted:n]])
+    found = least_squares(off, guess, xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    at[wanted:n] = found.x[count:]
+    if np.abs(found.fun).max() > 1e-6 or (found.x[:count] < 0).any():
+        pose = ", ".join(f"{name} {np.degrees(q):.3g} deg" for name, q in zip(problem.names, at[:n], strict=False))
+        raise ParameterError(
+            f"the joints that follow find no balance at the start ({pose}, tensions {found.x[:count]} N); they need "
+            "springs that the tendons work against"
+        )
+    return replace(problem, start=at, tension_N=found.x[:count])
 
 
 def held_at(problem: MechanismProblem, position: Array) -> Array:

@@ -122,3 +122,55 @@ def test_moment_arms_at_the_far_end_are_those_of_sections():
     )
     assert plain.mechanism.geometry().moment_arm_m(np.zeros((1, 3)))[0, 0] == pytest.approx(by_sections)
     assert replace(tendon, arms=plain.mechanism.tendons[0].arms).arm.moment_arm_m == 0.010
+
+
+UNDER = """
+schema = 1
+[joints.a]
+kind = "driven"
+inertia_kg_m2 = 8e-5
+damping_N_m_s_per_rad = 2e-3
+stiffness_N_m_per_rad = 0.12
+rest_rad = -0.3
+[joints.b]
+kind = "driven"
+inertia_kg_m2 = 3e-5
+damping_N_m_s_per_rad = 2e-3
+stiffness_N_m_per_rad = 0.10
+rest_rad = -0.3
+[[tendons]]
+name = "flexor"
+[tendons.path]
+segments = 10
+[[tendons.path.sections]]
+name = "channel"
+angle_rad = 1.5
+length_m = 0.2
+[[tendons.path.sections]]
+name = "at_a"
+angle_rad = 0.3
+length_m = 0.03
+joint = "a"
+length_per_rad_m = -0.010
+[[tendons.path.sections]]
+name = "at_b"
+angle_rad = 0.3
+length_m = 0.03
+joint = "b"
+length_per_rad_m = -0.007
+[drive]
+drum_radius_m = 0.008
+"""
+
+
+@pytest.mark.compiler
+def test_one_tendon_moves_two_springed_joints_of_which_one_is_wanted():
+    rope = SHORT[SHORT.index("[tendon]") : SHORT.index("# A section that follows")]
+    text = UNDER + rope + '[reference]\nkind = "sine"\nduration_s = 0.6\nfade_in_s = 0.3\n'
+    text += "[reference.joints.a]\noffset_rad = 0.6\namplitudes_rad = [0.2]\nfrequencies_Hz = [1.5]\n"
+    text += '[run]\nstep_s = 1e-3\nlevel = "presliding"\n'
+    found = design_finger(parse_finger_scenario(text, EXAMPLE))
+    errors = {name: profile.rms_of_all_rad for name, profile in found.profiles.items()}
+    assert found.names == ("a",)
+    assert errors["inverse"] < errors["linear"] / 10
+    assert np.ptp(found.inversion.position[:, 1]) > 0.05

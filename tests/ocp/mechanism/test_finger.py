@@ -13,7 +13,7 @@ from tendonff.models.fidelity import Level
 from tendonff.models.joint.description import describe
 from tendonff.models.joint.parameters import Arm as JointArm
 from tendonff.models.joint.parameters import DrivenJoint, JointTendon
-from tendonff.models.mechanism import Arm, Attachment, Body, Damper, Force, Lead, Mechanism, Tendon, Unit
+from tendonff.models.mechanism import Arm, Attachment, Body, Damper, Force, Lead, Mechanism, Spring, Tendon, Unit
 from tendonff.models.mechanism.geometry import Geometry
 from tendonff.models.mechanism.sharing import Sharing
 from tendonff.models.mechanism.static import local_arms_m
@@ -241,3 +241,44 @@ def test_a_start_that_no_tensions_hold_is_refused_with_its_pose():
     flexors = Mechanism(bodies=whole.bodies[:-1], tendons=whole.tendons[:3], drives=whole.drives[:3])
     with pytest.raises(ParameterError, match=r"hold the joints at the start \(mcp 40.1 deg"):
         mechanism_problem(flexors, Level.ELASTIC, start_of(WANTED), sharing=SHARING)
+
+
+def springed():
+    """Two joints with springs on one tendon."""
+    path = (
+        Section(name="channel", angle_rad=1.5, length_m=0.2),
+        Section(name="a", angle_rad=0.3, length_m=0.03, joint="a", length_per_rad_m=-0.010),
+        Section(name="b", angle_rad=0.3, length_m=0.03, joint="b", length_per_rad_m=-0.007),
+    )
+    joints = tuple(
+        Body(
+            name=name,
+            unit=Unit.RADIAN,
+            inertia=inertia,
+            loads=(Damper(damping=2e-3), Spring(stiffness=stiffness, rest=-0.3)),
+            span=(0.0, 1.5),
+        )
+        for name, inertia, stiffness in (("a", 8e-5, 0.12), ("b", 3e-5, 0.10))
+    )
+    given = parts("mcp_flexor") | {
+        "name": "flexor",
+        "path": parameters.Path(total_angle_rad=2.1, segments=10, sections=path),
+    }
+    tendon = Tendon(**given, near=Attachment(arms=(Arm(body="motor", metres_per_unit=DRUM_M),)), far=Attachment())
+    motor = Body(name="motor", unit=Unit.RADIAN, inertia=1e-5)
+    return Mechanism(bodies=(*joints, motor), tendons=(tendon,), drives=(Lead(body="motor"),))
+
+
+def test_a_joint_without_a_reference_follows_from_its_spring():
+    """One tendon, two springed joints: the wanted one is exact, the other one is where the simulation puts it."""
+    time = np.arange(601) * STEP_S
+    wanted = 0.5 + 0.2 * (1 - np.cos(2 * np.pi * time / 0.6))
+    under = mechanism_problem(springed(), Level.PRESLIDING, {"a": 0.5, "b": 0.5}, following=("b",))
+    spring = [0.12 * (0.5 + 0.3), 0.10 * (under.start[1] + 0.3)]
+    assert under.tension_N[0] * np.array([0.010, 0.007]) == pytest.approx(spring, rel=1e-9)
+    asked = invert_mechanism(under, np.column_stack([wanted, np.zeros(601)]), STEP_S)
+    assert asked.status is MechanismStatus.DONE
+    found = simulate_mechanism(under, asked.motor, STEP_S)
+    assert np.abs(found.position[:, 0] - wanted).max() < 1e-9
+    assert np.abs(found.position - asked.position).max() < 1e-9
+    assert np.ptp(asked.position[:, 1]) > 0.1
