@@ -10,7 +10,8 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from tendonff.models.layout import INPUT_NAMES, ChainState
-from tendonff.models.tendon.chain import Chain, chain_equations
+from tendonff.models.mechanism.chain import chain_equations
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tendon.crosscheck import SPREAD_LIMIT

@@ -60,8 +60,9 @@ from tendonff.compensator.scenario.sampled.sampling import initial_tension, samp
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs
+from tendonff.models.mechanism.chain import chain_equations
 from tendonff.models.parameters import Transmission
-from tendonff.models.tendon.chain import Chain, chain_equations
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.step import c_engine, render

@@ -57,9 +57,10 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.models.errors import ParameterError, TendonffError
     from tendonff.models.fidelity import Level
     from tendonff.models.joint.parameters import Mechanism
+    from tendonff.models.mechanism.equations import MechanismEquations, mechanism_equations
+    from tendonff.models.mechanism.interop import as_iosystem, linear_system
     from tendonff.models.parameters import Actuator, Friction, Load, Path, Tendon, Transmission
     from tendonff.models.tendon.chain import Chain
-    from tendonff.models.tendon.interop import as_iosystem, linear_system
     from tendonff.ocp.codegen.precision import Precision
     from tendonff.ocp.errors import CodeError, SolveError
     from tendonff.ocp.joint.invert import invert_joint
@@ -100,6 +101,7 @@ __all__ = [
     "Level",
     "Load",
     "Mechanism",
+    "MechanismEquations",
     "Observation",
     "Observer",
     "ObserverStatus",
@@ -147,6 +149,7 @@ __all__ = [
     "load_joint_scenario",
     "load_scenario",
     "make_table",
+    "mechanism_equations",
     "read_centreline",
     "sample_reference",
     "simulate",
@@ -203,7 +206,8 @@ _HOMES = {
     "models.tendon.chain": ("Chain",),
     "models.errors": ("ParameterError", "TendonffError"),
     "models.fidelity": ("Level",),
-    "models.tendon.interop": ("as_iosystem", "linear_system"),
+    "models.mechanism.equations": ("MechanismEquations", "mechanism_equations"),
+    "models.mechanism.interop": ("as_iosystem", "linear_system"),
     "models.joint.parameters": ("Mechanism",),
     "models.parameters": ("Actuator", "Friction", "Load", "Path", "Tendon", "Transmission"),
     "models.capstan.two_ended": ("TwoEndedLaw",),

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tendonff.models.layout import ChainState
+from tendonff.models.mechanism.linearise import Lineariser
 from tendonff.models.tendon.chain import Chain
-from tendonff.models.tendon.linearise import Lineariser
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tendon.inverse import Inversion, invert
 from tendonff.ocp.tendon.simulate import Outcome, simulate

@@ -8,11 +8,11 @@ import pytest
 
 from benchmarks.adaptive import AdaptiveIntegrator
 from tendonff.models.fidelity import Level
+from tendonff.models.mechanism.linearise import Lineariser
 from tendonff.models.parameters import Transmission
 from tendonff.models.tendon.chain import Chain
 from tendonff.models.tendon.elements import whole_of
 from tendonff.models.tendon.friction import RubbingEnd
-from tendonff.models.tendon.linearise import Lineariser
 from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.sensitivity import Parameter, force_sensitivity, parameter_sensitivity
 from tendonff.ocp.tendon.inverse import invert

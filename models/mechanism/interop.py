@@ -17,8 +17,9 @@ import control
 import numpy as np
 
 from tendonff.models.layout import Array, ChainState
-from tendonff.models.tendon.chain import Chain, chain_equations
-from tendonff.models.tendon.linearise import Lineariser
+from tendonff.models.mechanism.chain import chain_equations
+from tendonff.models.mechanism.linearise import Lineariser
+from tendonff.models.tendon.chain import Chain
 
 FORCE_INPUT = "force_N"
 END_INPUTS = (FORCE_INPUT, "actuator_rest_position_m", "load_force_N", "load_rest_position_m")
