@@ -104,6 +104,10 @@ class Arm:
         """Travel of the end for a coordinate [m]."""
         return self.metres_per_unit * q
 
+    def slope_m(self, q: float) -> float:  # noqa: ARG002
+        """Travel per unit of the body at a coordinate [m/m or m/rad]."""
+        return self.metres_per_unit
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Table:
@@ -147,6 +151,13 @@ class Table:
                 else (ca.if_else(before, here, travel), ca.if_else(before, rise, slope))
             )
         return travel + slope * (q - within)
+
+    def slope_m(self, q: float) -> float:
+        """Travel per unit of the body at a coordinate [m/m or m/rad]."""
+        within = min(max(q, float(self.knots[0])), float(self.knots[-1]))
+        k = min(max(int(np.searchsorted(self.knots, within, side="right")) - 1, 0), len(self.cubics) - 1)
+        s, (_, c1, c2, c3) = within - float(self.knots[k]), map(float, self.cubics[k])
+        return c1 + s * (2 * c2 + s * 3 * c3)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

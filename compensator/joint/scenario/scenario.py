@@ -90,6 +90,11 @@ class JointScenario:
         spec = self.reference if self.motion is None else self.motion
         return float(spec.sample(np.zeros(1), self.source.parent)[0])
 
+    @property
+    def is_complete(self) -> bool:
+        """Its text leaves out what has a default."""
+        return False
+
     def to_toml(self) -> str:
         """The text of the file."""
         return self.text
@@ -299,7 +304,7 @@ def _split_joints(raw: object, file: str) -> tuple[DrivenJoint, dict[str, Joint]
     return read_table(DrivenJoint, keys, file=file, table=f"joints.{name}", extra_keys=("kind",)), others
 
 
-def _part(key: str, raw: object, file: str, table: str) -> object:
+def tendon_part(key: str, raw: object, file: str, table: str) -> object:
     """[path], [tendon] or [friction], of all tendons or of one."""
     sections: tuple[object, ...] = ()
     if key == "path":
@@ -339,7 +344,7 @@ def _tendons(raw: Mapping[str, object], joint: str, source: Path, inputs: list[P
                     f"{file} [{where}]: [{key}] is missing; give it for all tendons, or in [tendons.{key}]"
                 )
             at = f"{where}.{key}" if key in row else key
-            parts[key] = _part(key, row.get(key, raw.get(key)), file, at)
+            parts[key] = tendon_part(key, row.get(key, raw.get(key)), file, at)
         try:
             arm = _arm(row, joint, source, where, inputs)
             found.append(JointTendon(name=name, arms=(arm,), **parts))  # type: ignore[arg-type]
