@@ -42,6 +42,8 @@ from tendonff.models.path import ANGLE_FLOOR_RAD, JointMotion, Section
 from tendonff.models.tendon.assembly import end_force, normal_force, path_force
 from tendonff.models.tendon.chain import Chain, laws_at
 from tendonff.models.tendon.link import tendon_force
+from tendonff.ocp.mechanism.problem import MechanismProblem
+from tendonff.ocp.mechanism.response import simulate_mechanism
 
 Array = NDArray[np.float64]
 
@@ -440,6 +442,36 @@ def test_a_finger_is_a_system_of_python_control_and_its_linearisation() -> None:
         assert (up - down) / 2 == pytest.approx(expected, rel=1e-4, abs=1e-5 * np.abs(expected).max())
     with pytest.raises(ParameterError, match=r"state must have .* numbers"):
         tf.linear_system(page, rest)
+
+
+@pytest.mark.compiler
+def test_the_compiled_step_of_a_finger_tends_to_the_page() -> None:
+    """At 5 to 8 Hz; sections, a table, a shared drum, stops and dry friction."""
+    mechanism, level = finger(), Level.PRESLIDING
+    problem = MechanismProblem(
+        mechanism=mechanism,
+        level=level,
+        segments=None,
+        driven=3,
+        wanted=3,
+        motors=3,
+        start=np.zeros(6),
+        tension_N=np.array(list(TENSIONS.values())),
+    )
+    time = 1e-3 * np.arange(61)
+    motors = np.column_stack([a * np.sin(2 * np.pi * f * time) for a, f in ((0.6, 6), (0.5, 8), (0.5, 5))])
+    page = mechanism_equations(mechanism, level)
+    start = rest_state(mechanism.cut(level), TENSIONS, {body.name: 0.0 for body in mechanism.bodies})
+    run = tf.integrate(page, start, np.zeros((61, 3)), 1e-3, places=motors).require()
+    exact = run.states[:, page.rows("mcp_rad", "pip_rad", "dip_rad")]
+    errors = []
+    for parts in (1, 10, 50):
+        inner = np.arange(60 * parts + 1) / parts
+        rows = np.column_stack([np.interp(inner, np.arange(61), column) for column in motors.T])
+        found = simulate_mechanism(problem, rows, 1e-3 / parts).position[::parts]
+        errors.append(float(np.abs(found - exact).max()))
+    assert errors[0] > 20 * errors[1] > 20 * 10 * errors[2]
+    assert errors[2] < math.radians(0.005)
 
 
 def test_a_table_of_lengths_goes_on_straight_beyond_its_ends() -> None:
