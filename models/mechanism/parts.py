@@ -106,7 +106,7 @@ class Arm:
 
     def slope_m(self, q: float) -> float:  # noqa: ARG002
         """Travel per unit of the body at a coordinate [m/m or m/rad]."""
-        return self.metres_per_unit
+        return float(self.metres_per_unit)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
