@@ -64,15 +64,15 @@ def score(reference: FloatArray, output: FloatArray) -> Score:
     )
 
 
-def is_worse(score: Score, uncompensated: Score, reference_N: FloatArray) -> bool:
+def is_worse(score: Score, uncompensated: Score, wanted: FloatArray) -> bool:
     """Whether a compensator does harm: its error is above that of the reference itself as force, by more than 1 %.
 
     A millionth of the range of the reference is rounding.
     """
-    return score.rmse > 1.01 * uncompensated.rmse + 1e-6 * scale_of(reference_N)
+    return score.rmse > 1.01 * uncompensated.rmse + 1e-6 * scale_of(wanted)
 
 
-def harm_warnings(scores: Mapping[str, Score], reference_N: FloatArray) -> list[str]:
+def harm_warnings(scores: Mapping[str, Score], wanted: FloatArray) -> list[str]:
     """Compensators, by name, that do harm; "none" is what they are compared with, and without it there are none."""
     nothing = scores.get("none")
     if nothing is None:
@@ -81,7 +81,7 @@ def harm_warnings(scores: Mapping[str, Score], reference_N: FloatArray) -> list[
         f"{name}: RMS error {score.rmse_percent_of_range:.3g} % of range, more than the reference applied directly "
         f"({nothing.rmse_percent_of_range:.3g} %): do not use it for this reference and these limits"
         for name, score in scores.items()
-        if is_worse(score, nothing, reference_N)
+        if is_worse(score, nothing, wanted)
     ]
 
 
@@ -97,16 +97,16 @@ class Verified:
     response : Response
         What the plant does.
     score : Score
-        Error of the output tension.
-    position_error_m : tuple of float or None
-        Root mean square and largest error of the load's position [m], where that is the reference.
+        Error of what is delivered.
+    delivered : ndarray, shape (n,)
+        Output tension [N] at the rows of the reference, or the load's position [m] where that is the reference.
     """
 
     compensator: str
     plant: Plant
     response: Response
     score: Score
-    position_error_m: tuple[float, float] | None
+    delivered: FloatArray
 
     @property
     def output_N(self) -> FloatArray:
@@ -127,13 +127,13 @@ class Verified:
 def verify(plant: Plant, compensator: str, profile: Profile, reference: Reference) -> Verified:
     """Simulate a plant under a profile and score what arrives; SolveError if the simulation fails."""
     response = plant.respond(profile, reference).require()
-    off = None if reference.position_m is None else response.load_m - reference.position_m
+    delivered = response.delivered(reference)
     return Verified(
         compensator=compensator,
         plant=plant,
         response=response,
-        score=score(reference.tension_N, response.output_N),
-        position_error_m=None if off is None else (float(np.sqrt(np.mean(off**2))), float(np.max(np.abs(off)))),
+        score=score(reference.wanted, delivered),
+        delivered=delivered,
     )
 
 
