@@ -89,7 +89,7 @@ def summary(result: Design) -> dict[str, object]:
             "expected_error_N": error if math.isfinite(error) else None,
             "stretches": [asdict(stretch) for stretch in result.stick_slip.stretches],
         },
-        **({} if result.ignored is None else {"ignored_motion": result.ignored.ignored.named(unit)}),
+        **({} if result.ignored is None else {"ignored_motion": result.ignored.named(unit)}),
         "warnings": list(result.warnings),
     }
 

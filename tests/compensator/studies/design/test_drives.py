@@ -273,6 +273,14 @@ def test_a_kept_hold_is_named_with_its_cost_and_a_live_inverse_knows_none(cable)
     assert live.inversion.force_N[:690] == pytest.approx(exact.inversion.force_N[:690], abs=1e-6)
 
 
+def test_a_cycle_whose_seam_is_a_reversal_is_designed(coarse):
+    """The force of its first row balances a state in motion: no tension of a rest, and below 0 here."""
+    triangle = WaypointReference(times_s=(0, 0.2, 0.4), tensions_N=(5.0, 130.0, 5.0), shape=Shape.LINEAR, periodic=True)
+    result = design(replace(coarse, reference=triangle), compensators=[compensator("none"), compensator("inverse")])
+    assert Problem.of(result.scenario).inversion.force_N[0] < 0
+    assert np.isfinite(result.stick_slip.expected_error_N)
+
+
 def test_a_hold_is_not_kept_in_a_cycle():
     with pytest.raises(ParameterError, match='hold = "keep" is for references that come to rest'):
         replace(CYCLE, hold=Hold.KEEP)
