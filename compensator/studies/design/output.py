@@ -59,7 +59,6 @@ def profile_columns(result: Design) -> dict[str, FloatArray]:
 
 def summary(result: Design) -> dict[str, object]:
     """The contents of `summary.json`."""
-
     unit = result.reference.unit
 
     def scores(verified: tuple[Verified, ...]) -> dict[str, dict[str, dict[str, float]]]:
