@@ -135,7 +135,7 @@ def compare_joint(scenario: JointScenario, *, progress: Progress = silent) -> Jo
                 entries.append(replace(found, compensator=each.name, design_level=level, plant_level=plant))
             parts.done()
     bands = own.bands(commands)
-    text, best = recommend(entries, compensators, bands, str(own.doubt), _SIMPLE)
+    text, best = recommend(entries, compensators, bands, str(own.doubt), _SIMPLE, scenario.reference.shown)
     order = {each.name: k for k, each in enumerate(compensators)}
     entries.sort(key=lambda entry: order[entry.compensator])  # stable: levels and plants keep their order
     on_level = {name: band for (name, level), band in bands.items() if level is best}

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.expectation import two_digits
+from tendonff.compensator.compensators.next_step import limited_by, next_step, within_reach
 from tendonff.compensator.compensators.plant import FINE_REFINEMENT, FINE_SEGMENTS
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.reporting.colours import INK, Style
@@ -51,11 +52,12 @@ _CAPTIONS = {
 
 def headline(result: Design) -> str:
     """Expected error on a rig, and the next command."""
-    found, best = result.expectation, result.recommended
-    label = best.label
-    file = as_argument(result.scenario.source)
-    measure = f"tendonff identify {file} --suggest --out excite"
-    return found.headline(label, measure if found.doubt.is_assumed else f"tendonff export-c {file} --out c")
+    found, file = result.expectation, as_argument(result.scenario.source)
+    change = within_reach(result.scenario.transmission, float(result.reference.tension_N.max()))
+    if result.tracking is not None:
+        change = change or limited_by(found, result.tracking.reasons)
+    then = next_step(found, file, f"tendonff export-c {file} --out c", change=change)
+    return found.headline(result.recommended.label, then)
 
 
 def fine_print(result: Design) -> str:

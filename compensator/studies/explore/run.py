@@ -8,6 +8,7 @@ import numpy as np
 
 from tendonff.compensator.compensators.base import Compensator, Problem, answers_of, with_motion
 from tendonff.compensator.compensators.expectation import expect
+from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.compensators.plant import Plant, delivered_of
 from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
 from tendonff.compensator.compensators.registry import COMPENSATORS
@@ -272,7 +273,8 @@ class Explorer(Subject):
         profiles = answers_of(problem, fast, Parts(silent, len(fast))).profiles
         found = expect(doubt, problem.level, profiles, problem.reference)
         file = self._scenario.source.name
-        return found.headline(labels[found.recommended], f"tendonff design {file} --out out")
+        then = next_step(found, file, f"tendonff design {file} --out out")
+        return found.headline(labels[found.recommended], then)
 
     def _posed(self, parameters: ExploreParameters, *, design_knows: bool) -> tuple[Problem, Transmission]:
         """The problem of the nominal design, and the plant that it is tried on."""
