@@ -71,10 +71,15 @@ def any_looked_at(scenario: Path) -> "Scenario | JointScenario":
 
     if not is_joint_file(scenario):
         return looked_at(scenario)
+    return joint_looked_at(scenario)
+
+
+def joint_looked_at(scenario: Path) -> "JointScenario":
+    """Read a scenario of a driven joint and its reference: one without meaning is refused at once."""
     from tendonff.compensator.joint.scenario.scenario import load_joint_scenario, sample_joint
 
     loaded = load_joint_scenario(scenario)
-    sample_joint(loaded)  # a reference without meaning is refused at once
+    warn(*sample_joint(loaded).warnings)
     return loaded
 
 

@@ -259,7 +259,7 @@ class Candidate:
     """Filter and its errors on the scenario's reference with the noise of a converter."""
 
     design: StreamDesign
-    score: Score  # output tension against the reference, delayed by the stated lag
+    score: Score  # of what is delivered against the reference, delayed by the stated lag
     noise_dB: float  # noise in the force over noise in the reference, both above 30 Hz [dB]
 
 
@@ -370,18 +370,22 @@ def stream_candidate(problem: Problem, design: StreamDesign, plant: Plant) -> Ca
     tension = np.pad(reference.tension_N, (0, ahead), mode="edge")
     noisy = quantised(tension, _resolution_N(problem, design.band_N))
     force, clean = (stream_force(design, problem, given) for given in (noisy, tension))
-    wanted = np.pad(tension, (delay, 0), mode="edge")[: len(force)]
+
+    def delayed(values: FloatArray) -> FloatArray:
+        return np.pad(values, (delay, 0), mode="edge")[: len(force)]
+
     time = np.arange(len(force), dtype=np.float64) * reference.step_s
-    once = replace(reference, time_s=time, tension_N=wanted, periodic=False, position_m=None)  # starts at rest
+    position = None if reference.position_m is None else delayed(np.pad(reference.position_m, (0, ahead), mode="edge"))
+    once = replace(reference, time_s=time, tension_N=delayed(tension), periodic=False, position_m=position)  # from rest
     profile = Profile(force_N=force)
     try:
         if plant.transmission.actuator.drive is Drive.POSITION:
             profile = with_motion(replace(problem, reference=once), "stream", profile)
-        output = plant.respond(profile, once).require().output_N
+        output = plant.respond(profile, once).require().delivered(once)
     except SolveError:
         return None
     noise_dB = _dB((force - clean)[:rows], reference.step_s) - _dB((noisy - tension)[:rows], reference.step_s)
-    return Candidate(design=design, score=score(wanted[ahead:], output[ahead:]), noise_dB=noise_dB)
+    return Candidate(design=design, score=score(once.wanted[ahead:], output[ahead:]), noise_dB=noise_dB)
 
 
 def _dB(values: FloatArray, step_s: float) -> float:

@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -103,6 +104,7 @@ def track_robust(
     initial_tension_N: float | None = None,
     inversion: Inversion | None = None,
     progress: Progress | None = None,
+    others_N: Sequence[Array] = (),
 ) -> Tracking:
     """Find one profile that is best in the worst case or on average over some chains; see `track`.
 
@@ -121,6 +123,8 @@ def track_robust(
     inversion : Inversion, optional
         Of the nominal chain, where the caller has it already.
     progress : callable, optional
+    others_N : sequence of ndarray, optional
+        Reference of each further chain, shape (n,) [N]; default: that of the nominal one.
 
     Returns
     -------
@@ -142,6 +146,7 @@ def track_robust(
         start_N=limits.start(start),
         inverse_N=inverse.force_N,
         objective=objective,
+        others_N=others_N,
     )
     return solve_tracking(problem, inverse, options, progress, build_s=time.perf_counter() - began)
 

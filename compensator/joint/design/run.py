@@ -30,7 +30,7 @@ def design_joint(scenario: JointScenario, *, strict: bool = True, progress: Prog
     ----------
     scenario : JointScenario
     strict : bool, optional
-        Refuse a reference for which a tendon of a pair would have to push.
+        Refuse a reference beyond a stop, or one for which a tendon of a pair would have to push.
     progress : callable, optional
 
     Raises
@@ -48,6 +48,8 @@ def design_joint(scenario: JointScenario, *, strict: bool = True, progress: Prog
     >>> print(result.headline)  # doctest: +SKIP
     """
     task = JointTask.of(scenario)
+    if task.sampled.warnings and strict:
+        raise InputError("; ".join(task.sampled.warnings))
     sampled, mechanism, drive = task.sampled, task.mechanism, task.mechanism.drive
     inversion = task.inversion
     if inversion.status is JointStatus.WOULD_PUSH and strict and drive.kind is DriveKind.PAIR:
@@ -71,7 +73,7 @@ def design_joint(scenario: JointScenario, *, strict: bool = True, progress: Prog
         parts.done()
     expectation = task.expect(commands)
     sheet, sheets, warned = _data_sheet(scenario, sampled, inversion)
-    warnings = [*task.notes, *warned, *_drive_warnings(drive, inversion, scenario.run.step_s)]
+    warnings = [*sampled.warnings, *task.notes, *warned, *_drive_warnings(drive, inversion, scenario.run.step_s)]
     warnings += _ringing(mechanism, sampled)
     if inversion.status is not JointStatus.EXACT:
         warnings.insert(0, inversion.message)

@@ -130,7 +130,8 @@ def export_joints(
     files = sources | {name: render(f"{name}.j2", context) for name in _FILES}
     files |= transmission_files(context, others)
     files["design.json"] = _design_json(scenarios, problems, judged, precision, prefix, loss)
-    kept = tuple(f"{fault}; exported because of --force-export" for fault in faults)
+    kept = [note for each in sampled for note in each.warnings]
+    kept += [f"{fault}; exported because of --force-export" for fault in faults]
     return ExportedJoints(
         files=files, judged=tuple(judged), loss_rad=loss, warnings=(*_warnings(runs, scenarios), *kept)
     )

@@ -121,6 +121,8 @@ class SampledJoint:
         Of the driven joint and all others.
     lead : int
         Rows of the homing stroke, which come first.
+    warnings : tuple of str
+        Where the motion was taken back to a stop.
     """
 
     time_s: FloatArray
@@ -129,6 +131,7 @@ class SampledJoint:
     wanted: FloatArray
     motion: JointMotion
     lead: int = 0
+    warnings: tuple[str, ...] = ()
 
     @property
     def range(self) -> float:
@@ -221,9 +224,11 @@ def sample_joint(scenario: JointScenario) -> SampledJoint:
     wanted = spec.sample(time, folder)
     torque = spec.quantity is JointQuantity.TORQUE
     angle = scenario.motion.sample(time, folder) if torque and scenario.motion is not None else wanted
-    contact = wanted if torque else np.zeros_like(wanted)
     if not np.ptp(wanted) > 0:
         raise InputError(f"{file} [reference]: it never changes, so there is nothing to design; let it move")
+    kept, warnings = _within_stops(scenario, angle, time)
+    angle, wanted = kept, wanted if torque else kept
+    contact = wanted if torque else np.zeros_like(wanted)
     if spec.periodic:
         for each in (wanted, angle):
             off = abs(float(each[-1] - each[0]))
@@ -249,7 +254,49 @@ def sample_joint(scenario: JointScenario) -> SampledJoint:
         angle_rad=np.column_stack([angle, *columns]),
         period_s=float(time[-1]) if spec.periodic else None,
     )
-    return SampledJoint(time_s=time, angle_rad=angle, contact_N_m=contact, wanted=wanted, motion=motion, lead=lead)
+    return SampledJoint(
+        time_s=time, angle_rad=angle, contact_N_m=contact, wanted=wanted, motion=motion, lead=lead, warnings=warnings
+    )
+
+
+_BLEND_SHARE = 0.02  # of the range: way before a stop on which a motion that would cross it is slowed down
+
+
+def _within_stops(
+    scenario: JointScenario, angle_rad: FloatArray, time_s: FloatArray
+) -> tuple[FloatArray, tuple[str, ...]]:
+    """A motion, shape (rows,), that no stop keeps the joint from, and where that is not the requested one.
+
+    A parabola leads to the stop, so that the speed does not jump; the start, where the joint rests, stays.
+    """
+    joint, file = scenario.mechanism.joint, scenario.source.name
+    table = "[reference]" if scenario.motion is None else "[reference.motion]"
+    found, warnings = angle_rad, []
+    for way, name, stop in ((1, "stop_high_rad", joint.stop_high_rad), (-1, "stop_low_rad", joint.stop_low_rad)):
+        if stop is None:
+            continue
+        over = way * (angle_rad - stop)
+        worst = int(np.argmax(over))
+        if not over[worst] > 0:
+            continue
+        where = f"{angle_rad[worst]:.4g} rad at t = {time_s[worst]:.4g} s, beyond {name} = {stop:g} of the joint"
+        if over[0] > 0:
+            raise InputError(
+                f"{file} {table}: it starts at {angle_rad[0]:.4g} rad and goes to {where}; start within the stops, or "
+                f"correct {name}"
+            )
+        width = min(_BLEND_SHARE * float(np.ptp(angle_rad)), -float(over[0]))
+        into = np.clip(over + width, 0.0, 2 * width)
+        slowed = into**2 / (4 * width) if width > 0 else 0.0
+        found = found - way * (slowed + np.maximum(over - width, 0.0))
+        first = float(time_s[int(np.argmax(over > 0))])
+        warnings.append(
+            f"{file} {table}: it goes to {where}, from t = {first:.4g} s on in {100 * np.mean(over > 0):.2g} % of the "
+            "samples: taken back to the stop, and errors are relative to that"
+        )
+    if warnings and not np.ptp(found) > 0:
+        raise InputError(f"{'; '.join(warnings)}; nothing is left of it")
+    return found, tuple(warnings)
 
 
 def _homing(scenario: JointScenario, start_rad: float, torque: bool) -> FloatArray:

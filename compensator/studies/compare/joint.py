@@ -111,7 +111,7 @@ def compare_joint(scenario: JointScenario, *, progress: Progress = silent) -> Jo
     entries: list[Entry] = []
     outputs: dict[tuple[str, Level, str], FloatArray] = {}
     seen: dict[tuple[bytes, str], tuple[Entry, FloatArray]] = {}
-    warnings: list[str] = []
+    warnings = list(own.sampled.warnings)
     for level, task in tasks.items():
         for each in compensators:
             commands[each.name, level] = each.command_rad(task)

@@ -97,7 +97,7 @@ def design(
             found.append(verify(plant, name, profile, reference) if tried is None else replace(tried, compensator=name))
             parts.done()
     judged = [v for v in verified if v.plant.level is level]
-    warnings += harm_warnings({v.compensator: v.score for v in judged}, reference.tension_N)
+    warnings += harm_warnings({v.compensator: v.score for v in judged}, reference.wanted)
     warnings += _promises(judged, proof, is_compared=not problem.is_robust)
     warnings += slack_warnings({(v.compensator, v.plant.level.value): v.slack for v in verified if v.slack})
     result = Design(

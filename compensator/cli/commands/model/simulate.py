@@ -5,7 +5,14 @@ from typing import Annotated
 
 import typer
 
-from tendonff.compensator.cli.options import LevelOption, MethodOption, ScenarioArgument, looked_at, option
+from tendonff.compensator.cli.options import (
+    LevelOption,
+    MethodOption,
+    ScenarioArgument,
+    joint_looked_at,
+    looked_at,
+    option,
+)
 from tendonff.compensator.cli.progress import progress, say, warn
 from tendonff.compensator.files.text import InputError
 from tendonff.models.fidelity import Level
@@ -67,12 +74,11 @@ def _simulate_joint(
     *,
     unused: bool,
 ) -> None:
-    from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
     from tendonff.compensator.joint.simulate import simulate_joint_file
 
     if unused:
         raise InputError(f"{scenario.name}: --joints and --check are for the tension of one tendon; leave them out")
-    loaded = load_joint_scenario(scenario)
+    loaded = joint_looked_at(scenario)
     if out.exists() and any(out.samefile(source) for source in (scenario, motors)):
         raise InputError(f"{out} is an input of this run; name another file for the result")
     with progress("simulating"):
