@@ -28,6 +28,7 @@ from tendonff.models.tendon.assembly import End, end_force, normal_force, path_f
 from tendonff.models.tendon.elements import Elements, bristle_stiffness_N_per_m, whole_of
 from tendonff.models.tendon.friction import FrictionLaw, LuGreBristle, RubbingEnd
 from tendonff.models.tendon.link import LinkLaw, tendon_force
+from tendonff.models.turns import in_turn
 
 _CELL_MASS_KG = 1e-6
 
@@ -234,6 +235,7 @@ class ChainEquations:
     tension_N: ca.SX  # shape (N + 1, 1); f_1 .. f_{N+1}
 
 
+@in_turn
 def chain_equations(chain: Chain) -> ChainEquations:
     """Write the chain of Fig. 2 with laws (4) to (7) as one system of differential equations."""
     n, layout, piece = chain.count, chain.layout, chain.elements.piece

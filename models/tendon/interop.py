@@ -19,6 +19,7 @@ import numpy as np
 from tendonff.models.layout import Array, ChainState
 from tendonff.models.tendon.chain import Chain, chain_equations
 from tendonff.models.tendon.linearise import Lineariser
+from tendonff.models.turns import in_turn
 
 FORCE_INPUT = "force_N"
 END_INPUTS = (FORCE_INPUT, "actuator_rest_position_m", "load_force_N", "load_rest_position_m")
@@ -31,6 +32,7 @@ def output_names(chain: Chain) -> tuple[str, ...]:
     return (*tensions, "actuator_position_m", "load_position_m")
 
 
+@in_turn
 def as_iosystem(chain: Chain, *, both_ends: bool = False, name: str = "tendon") -> control.NonlinearIOSystem:
     """The chain as a continuous-time nonlinear system.
 
@@ -68,9 +70,11 @@ def as_iosystem(chain: Chain, *, both_ends: bool = False, name: str = "tendon") 
     output = ca.Function("output", [x, u], [ca.vertcat(tension, x[-2], x[-1])])
 
     # python-control hands over its parameters as a third argument; the chain's are fixed.
+    @in_turn
     def update(_t: float, x: Array, u: Array, _params: Mapping[str, object]) -> Array:
         return np.asarray(rate(x, u)).ravel()
 
+    @in_turn
     def outputs(_t: float, x: Array, u: Array, _params: Mapping[str, object]) -> Array:
         return np.asarray(output(x, u)).ravel()
 
@@ -84,6 +88,7 @@ def as_iosystem(chain: Chain, *, both_ends: bool = False, name: str = "tendon") 
     )
 
 
+@in_turn
 def linear_system(chain: Chain, state: ChainState, *, name: str = "linear tendon") -> control.StateSpace:
     """The chain linearised at a state: small changes of the force to small changes of tensions and end positions.
 

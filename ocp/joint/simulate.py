@@ -6,6 +6,7 @@ from enum import StrEnum
 import numpy as np
 
 from tendonff.models.errors import ParameterError
+from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.joint.invert import as_rows, engine_of, motor_torques
@@ -77,6 +78,7 @@ class JointSimulation:
         return self
 
 
+@in_turn
 def simulate_joint(
     problem: JointProblem,
     motor_rad: Array,
