@@ -51,9 +51,9 @@ def run_jobs(
     """Apply a function to many jobs at once, results in their order; a job that fails does not stop the others.
 
     By default one thread per core runs them: compiled steps beside each other, what CasADi does in turn
-    (`models.turns`), which without a compiler is all. Processes (`ProcessPoolExecutor`, Dask) do not wait for each other; for them the
-    function must be importable there, and jobs and results pickled. The executor stays open. Progress is
-    Callback(completed, total) in this thread, whenever one ends.
+    (`models.turns`), which without a compiler is all. Processes (`ProcessPoolExecutor`, Dask) do not wait for each
+    other; for them the function must be importable there, and jobs and results pickled. The executor stays open.
+    Progress is Callback(completed, total) in this thread, whenever one ends.
     """
     if executor is None:
         with ThreadPoolExecutor(max_workers=os.cpu_count() or 1) as threads:
