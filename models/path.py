@@ -13,12 +13,12 @@ import functools
 import math
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tendonff.models.cached import cached_property
 from tendonff.models.errors import ParameterError
 from tendonff.models.layout import Array
 

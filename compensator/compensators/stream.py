@@ -6,7 +6,6 @@ The functions that give forces are the model of the exported C.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -16,9 +15,11 @@ from tendonff.compensator.compensators.profile import FloatArray, Profile
 from tendonff.compensator.compensators.score import Score, scale_of, score
 from tendonff.compensator.compensators.table import accepted_range
 from tendonff.compensator.scenario.settings import Stream
+from tendonff.models.cached import cached_property
 from tendonff.models.errors import ParameterError
 from tendonff.models.parameters import Transmission
 from tendonff.models.parameters.drive import Drive
+from tendonff.models.turns import in_turn
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.tendon.inverse import invert
 from tendonff.ocp.tracking.limits import ForceLimits
@@ -284,6 +285,7 @@ def followed_range(problem: Problem) -> tuple[float, float]:
     return max(low, least - margin), min(high, most + margin)
 
 
+@in_turn
 def choose_stream(problem: Problem, stream: Stream, *, with_ramps: bool = True) -> StreamChoice | None:
     """Try filters of all lengths that lag or preview admit, and pick one; None where no force can be simulated.
 

@@ -5,7 +5,6 @@ A scenario whose friction sets in gradually (spread plays, as `identify` fits th
 
 import math
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from tendonff.compensator.compensators.table import accepted_range
 from tendonff.compensator.export.golden import GROWTH, NUDGE, easy_rows, nudged
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.studies.adapt.setup import BOUND_MASSES, BOUND_SPREAD
+from tendonff.models.cached import cached_property
 from tendonff.models.capstan import CapstanLaw, held_within
 from tendonff.models.capstan.spread_bounds import play_exponents
 from tendonff.models.layout import ChainInputs

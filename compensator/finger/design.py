@@ -11,11 +11,13 @@ from tendonff.compensator.finger.output import motor_torque_N_m, write_files
 from tendonff.compensator.finger.result import FingerDesign, FingerProfile
 from tendonff.compensator.finger.scenario import FingerScenario
 from tendonff.models.errors import TendonffError
+from tendonff.models.turns import in_turn
 from tendonff.ocp.mechanism.response import MechanismStatus
 
 register_writer(FingerDesign, write_files)
 
 
+@in_turn
 def design_finger(scenario: FingerScenario, *, progress: Progress = silent) -> FingerDesign:
     """Design and verify the motor angles of several joints.
 

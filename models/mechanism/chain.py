@@ -13,6 +13,7 @@ from tendonff.models.mechanism.parts import Arm, Attachment, Body, Drive, Force,
 from tendonff.models.tendon.assembly import End
 from tendonff.models.tendon.chain import Chain
 from tendonff.models.tendon.friction import RubbingEnd
+from tendonff.models.turns import in_turn
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,6 +28,7 @@ class ChainEquations:
     tension_N: ca.SX  # shape (N + 1, 1); f_1 .. f_{N+1}
 
 
+@in_turn
 def chain_equations(chain: Chain) -> ChainEquations:
     """The equations of `mechanism_equations` for two bodies and one tendon, its path and its far end as columns."""
     n, led = chain.count, chain.far_joint is not None

@@ -29,6 +29,7 @@ from tendonff.models.path import ANGLE_FLOOR_RAD, CutPath
 from tendonff.models.tendon.assembly import normal_force, path_force
 from tendonff.models.tendon.bounds import at_least
 from tendonff.models.tendon.link import tendon_force
+from tendonff.models.turns import in_turn
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,6 +85,7 @@ class Pose:
     gained_rate: ca.SX  # shape (N + 1, 1); of the path between both ends of each link [m/s]
 
 
+@in_turn
 def mechanism_equations(mechanism: Mechanism, level: Level, segments: int | None = None) -> MechanismEquations:
     """Equations of a mechanism as CasADi expressions, for an integrator, a problem of optimal control, a linearisation.
 
@@ -109,6 +111,7 @@ def mechanism_equations(mechanism: Mechanism, level: Level, segments: int | None
     return equations_of(mechanism.cut(level, segments))
 
 
+@in_turn
 def equations_of(mechanism: CutMechanism, poses: Mapping[str, Pose] | None = None) -> MechanismEquations:
     """The page: balances of all bodies and tendons; poses of tendons by name where not bodies decide them."""
     free, led = mechanism.free, mechanism.led

@@ -11,6 +11,7 @@ from tendonff.models.errors import ParameterError
 from tendonff.models.layout import Array
 from tendonff.models.mechanism.parts import Tendon
 from tendonff.models.tendon.bounds import at_least
+from tendonff.models.turns import in_turn
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,6 +40,7 @@ class Geometry:
         """Moment arms -d(length)/dq [m]: (rows, bodies) -> (rows, tendons, bodies)."""
         return self._evaluated(angles)[:, :, 2:]
 
+    @in_turn
     def _evaluated(self, angles: Array) -> Array:
         given = np.asarray(angles, dtype=np.float64)
         if given.ndim != 2 or given.shape[1] != len(self.bodies):
@@ -64,6 +66,7 @@ class Geometry:
         return ca.Function("geometry", [q], [ca.vertcat(*rows)])
 
 
+@in_turn
 def moment_arms(tendons: Sequence[Tendon], bodies: Sequence[str], at: Array) -> Array:
     """Moment arms at one place, shape (tendons, bodies) [m]."""
     found: Array = Geometry(tendons=tuple(tendons), bodies=tuple(bodies)).moment_arm_m(np.atleast_2d(at))[0]

@@ -23,6 +23,7 @@ from tendonff.models.mechanism.chain import chain_equations
 from tendonff.models.mechanism.equations import MechanismEquations
 from tendonff.models.mechanism.linearise import Lineariser
 from tendonff.models.tendon.chain import Chain
+from tendonff.models.turns import in_turn
 
 FORCE_INPUT = "force_N"
 END_INPUTS = (FORCE_INPUT, "actuator_rest_position_m", "load_force_N", "load_rest_position_m")
@@ -35,6 +36,7 @@ def output_names(chain: Chain) -> tuple[str, ...]:
     return (*tensions, "actuator_position_m", "load_position_m")
 
 
+@in_turn
 def as_iosystem(
     system: Chain | MechanismEquations, *, both_ends: bool = False, name: str = "tendon"
 ) -> control.NonlinearIOSystem:
@@ -120,9 +122,11 @@ def _nonlinear(signals: _Signals, name: str) -> control.NonlinearIOSystem:
     output = ca.Function("output", [signals.x, signals.u], [signals.y])
 
     # python-control hands over its parameters as a third argument; the system's are fixed.
+    @in_turn
     def update(_t: float, x: Array, u: Array, _params: Mapping[str, object]) -> Array:
         return np.asarray(rate(x, u)).ravel()
 
+    @in_turn
     def outputs(_t: float, x: Array, u: Array, _params: Mapping[str, object]) -> Array:
         return np.asarray(output(x, u)).ravel()
 
@@ -136,6 +140,7 @@ def _nonlinear(signals: _Signals, name: str) -> control.NonlinearIOSystem:
     )
 
 
+@in_turn
 def linear_system(
     system: Chain | MechanismEquations, state: ChainState | Array, *, name: str = "linear tendon"
 ) -> control.StateSpace:

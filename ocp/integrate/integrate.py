@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 
 from tendonff.models.errors import ParameterError, require
+from tendonff.models.turns import in_turn
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.integrate.integrator import Array, Equations, Integrator, gave_up
 from tendonff.ocp.integrate.method import Accuracy, Method
@@ -40,6 +41,7 @@ class Integration:
         return self
 
 
+@in_turn
 def integrate(
     equations: Equations,
     start: Array | ca.SX,

@@ -12,6 +12,7 @@ from enum import StrEnum
 import numpy as np
 
 from tendonff.models.errors import ParameterError
+from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.compiler import find_compiler, why_no_compiler
 from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.errors import CodeError
@@ -115,6 +116,7 @@ def as_rows(name: str, values: Array | float, rows: int | None, step_s: float) -
     return given
 
 
+@in_turn
 def invert_joint(
     problem: JointProblem,
     angle_rad: Array,

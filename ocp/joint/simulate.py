@@ -6,6 +6,7 @@ from enum import StrEnum
 import numpy as np
 
 from tendonff.models.errors import ParameterError
+from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.integrate.joint import IntegratedJoint
@@ -82,6 +83,7 @@ class JointSimulation:
         return self
 
 
+@in_turn
 def simulate_joint(
     problem: JointProblem,
     motor_rad: Array,

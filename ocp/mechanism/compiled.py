@@ -10,6 +10,7 @@ from tendonff.models.joint.balance import Followed
 from tendonff.models.layout import fields_of
 from tendonff.models.mechanism import Arm, Tendon
 from tendonff.models.tendon.chain import Chain
+from tendonff.models.turns import out_of_turn
 from tendonff.ocp.joint.laws import JOINT_NUMBERS, joint_torque, link_back, path_mass_back, representative
 from tendonff.ocp.mechanism.problem import Array, MechanismMemory, MechanismProblem
 from tendonff.ocp.step.c_engine import ReportStruct, chain_struct, host_source, library_of, pointer
@@ -176,21 +177,22 @@ class CompiledMechanism:
             *(each.ctypes.data for each in (self._winding, self._partner, self._alone, closure)),
         )
         records, kept = self._tendons(memory)
-        done = self._library.tff_bodies_invert(
-            *(
-                self._laws,
-                ctypes.c_int(known),
-                ctypes.c_int(problem.driven),
-                ctypes.c_int(problem.wanted),
-                records,
-                ctypes.c_int(count),
-            ),
-            ctypes.c_double(self._step_s),
-            *(ctypes.c_long(rows), ctypes.c_int(memory.fresh), *map(pointer, (given, efforts, self._scale))),
-            ctypes.byref(how),
-            *map(pointer, (z, z_old, out, travel, tension, drum, slack, lowest, memory.worth)),
-            ctypes.byref(evaluations),
-        )
+        with out_of_turn():
+            done = self._library.tff_bodies_invert(
+                *(
+                    self._laws,
+                    ctypes.c_int(known),
+                    ctypes.c_int(problem.driven),
+                    ctypes.c_int(problem.wanted),
+                    records,
+                    ctypes.c_int(count),
+                ),
+                ctypes.c_double(self._step_s),
+                *(ctypes.c_long(rows), ctypes.c_int(memory.fresh), *map(pointer, (given, efforts, self._scale))),
+                ctypes.byref(how),
+                *map(pointer, (z, z_old, out, travel, tension, drum, slack, lowest, memory.worth)),
+                ctypes.byref(evaluations),
+            )
         del kept
         memory.z[:known], memory.z_old[:known] = z, z_old
         self._moved(memory, done, tension)
@@ -217,12 +219,13 @@ class CompiledMechanism:
         tension, drum, lowest = np.empty((rows, count)), np.empty((rows, count)), np.empty(rows)
         report = ReportStruct()
         records, kept = self._tendons(memory)
-        done = self._library.tff_bodies_run(
-            *(self._laws, ctypes.c_int(bodies), pointer(leads), records, ctypes.c_int(count)),
-            *(ctypes.c_double(self._step_s), ctypes.c_long(rows), ctypes.c_int(memory.fresh)),
-            *map(pointer, (given, efforts, self._scale, memory.z, memory.z_old, out, tension, drum, lowest)),
-            ctypes.byref(report),
-        )
+        with out_of_turn():
+            done = self._library.tff_bodies_run(
+                *(self._laws, ctypes.c_int(bodies), pointer(leads), records, ctypes.c_int(count)),
+                *(ctypes.c_double(self._step_s), ctypes.c_long(rows), ctypes.c_int(memory.fresh)),
+                *map(pointer, (given, efforts, self._scale, memory.z, memory.z_old, out, tension, drum, lowest)),
+                ctypes.byref(report),
+            )
         del kept
         self._moved(memory, done, tension)
         return RunRows(

@@ -6,6 +6,7 @@ from enum import StrEnum
 import numpy as np
 
 from tendonff.models.errors import ParameterError
+from tendonff.models.turns import in_turn
 from tendonff.ocp.mechanism.compiled import CompiledMechanism
 from tendonff.ocp.mechanism.problem import Array, MechanismMemory, MechanismProblem, rest
 
@@ -70,6 +71,7 @@ class MechanismRun:
     final: MechanismMemory
 
 
+@in_turn
 def invert_mechanism(
     problem: MechanismProblem,
     position: Array,
@@ -131,6 +133,7 @@ def invert_mechanism(
     )
 
 
+@in_turn
 def simulate_mechanism(
     problem: MechanismProblem,
     command: Array,

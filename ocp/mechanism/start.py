@@ -13,11 +13,13 @@ from tendonff.models.mechanism import Mechanism
 from tendonff.models.mechanism.geometry import Geometry
 from tendonff.models.mechanism.sharing import Sharing
 from tendonff.models.mechanism.static import local_arms_m
+from tendonff.models.turns import in_turn
 from tendonff.ocp.mechanism.problem import Array, MechanismProblem, winding
 
 MOST_MOVES = 200
 
 
+@in_turn
 def mechanism_problem(
     mechanism: Mechanism,
     level: Level,
@@ -108,6 +110,7 @@ def _settled(problem: MechanismProblem, touched: Array) -> MechanismProblem:
     return replace(problem, start=at, tension_N=found.x[:count])
 
 
+@in_turn
 def held_at(problem: MechanismProblem, position: Array) -> Array:
     """Torque that tendons hold at rest at a position of the driven bodies, shape (driven,) [N m or N]."""
     found = []
@@ -190,6 +193,7 @@ class Unreachable:
     missing: float
 
 
+@in_turn
 def unreachable(problem: MechanismProblem, position: Array, torque: Array, *, checks: int = 200) -> Unreachable | None:
     """First pose of a motion whose torques no tensions give, by the static law with friction.
 

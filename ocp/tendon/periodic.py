@@ -13,6 +13,7 @@ import numpy as np
 
 from tendonff.models.layout import ChainState, StateLayout
 from tendonff.models.tendon.chain import Chain
+from tendonff.models.turns import in_turn
 from tendonff.ocp.integrate.method import Method
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tendon.inverse import InverseStatus, Inversion, invert
@@ -49,6 +50,7 @@ class Steadiness:
         return f"after {self.cycles} cycles the state {state}: {self.change_N:.2g} N from one cycle to the next"
 
 
+@in_turn
 def steady_inverse(chain: Chain, cycle_N: Array, step_s: float) -> tuple[Inversion, Steadiness]:
     """Exact inverse of a reference that repeats, in its steady state; the near end of the chain must act.
 
@@ -78,6 +80,7 @@ def steady_inverse(chain: Chain, cycle_N: Array, step_s: float) -> tuple[Inversi
     ), steadiness
 
 
+@in_turn
 def steady_response(
     chain: Chain, cycle_N: Array, step_s: float, *, initial_tension_N: float, method: Method = Method.BDF2
 ) -> tuple[Simulation, Steadiness]:

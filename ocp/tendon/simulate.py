@@ -10,6 +10,7 @@ from tendonff.models.errors import ParameterError
 from tendonff.models.layout import ChainInputs, ChainState
 from tendonff.models.tendon.chain import Chain
 from tendonff.models.tendon.link import tendon_force
+from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.integrate.method import Accuracy, Method
@@ -152,6 +153,7 @@ def describe_failure(chain: Chain, rows: Rows, time_s: float, step_s: float) -> 
     )
 
 
+@in_turn
 def simulate(
     chain: Chain,
     force_N: Array,

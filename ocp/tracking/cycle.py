@@ -9,6 +9,7 @@ import numpy as np
 from tendonff.models.layout import ChainState
 from tendonff.models.parameters.uncertainty import Objective
 from tendonff.models.tendon.chain import Chain
+from tendonff.models.turns import in_turn
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tendon.batch import Progress
@@ -24,6 +25,7 @@ from tendonff.ocp.tracking.track import solve_tracking
 _CYCLES = 3
 
 
+@in_turn
 def track_cycle(
     chains: tuple[Chain, ...],
     cycle_N: Array,

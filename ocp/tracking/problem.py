@@ -22,10 +22,10 @@ output under the exact inverse without limits, so where no limit binds nothing i
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
+from tendonff.models.cached import cached_property
 from tendonff.models.layout import ChainInputs, ChainState
 from tendonff.models.parameters.uncertainty import Objective
 from tendonff.models.tendon.chain import Chain

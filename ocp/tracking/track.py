@@ -8,6 +8,7 @@ import numpy as np
 
 from tendonff.models.parameters.uncertainty import Objective
 from tendonff.models.tendon.chain import Chain
+from tendonff.models.turns import in_turn
 from tendonff.ocp.errors import CodeError, SolveError
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tendon.batch import Progress
@@ -27,6 +28,7 @@ _BEYOND = 5e-4  # of the reference's range, as `MotionBound` counts: half a perc
 _EXACT = 1e-3  # of the reference's range: an error below this is called rounding
 
 
+@in_turn
 def track(
     chain: Chain,
     reference_N: Array,
@@ -93,6 +95,7 @@ def track(
     )
 
 
+@in_turn
 def track_robust(
     chains: tuple[Chain, ...],
     reference_N: Array,

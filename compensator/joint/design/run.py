@@ -15,6 +15,7 @@ from tendonff.compensator.joint.plant import REFINEMENT, joint_load, verifying_m
 from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint
 from tendonff.models.joint.closed_form import DataSheet, GrossSliding, data_sheet, sweep_pretension
 from tendonff.models.joint.parameters import DriveKind, JointDrive, Mechanism
+from tendonff.models.turns import in_turn
 from tendonff.ocp.joint.invert import JointInversion, JointStatus
 
 LEAST_DAMPING_RATIO, LEAST_COMMANDS = 0.02, 20.0
@@ -23,6 +24,7 @@ LEAST_DAMPING_RATIO, LEAST_COMMANDS = 0.02, 20.0
 register_writer(JointDesign, write_files)
 
 
+@in_turn
 def design_joint(scenario: JointScenario, *, strict: bool = True, progress: Progress = silent) -> JointDesign:
     """Design and verify the motor angles of a joint.
 

@@ -23,6 +23,7 @@ from tendonff.compensator.joint.export.judgement import JudgedJoint, judge_joint
 from tendonff.compensator.joint.export.text import module_text, problem_of, render, transmission_files
 from tendonff.compensator.joint.plant import REFINEMENT, verifying_masses
 from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
+from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.joint.invert import JointStatus
@@ -60,6 +61,7 @@ class ExportedJoints:
                 write_text(partial / name, text)
 
 
+@in_turn
 def export_joints(
     scenarios: Sequence[JointScenario],
     *,

@@ -38,6 +38,7 @@ from tendonff.compensator.studies.adapt.setup import (
     tuned_chain,
     tuning_of,
 )
+from tendonff.models.turns import in_turn
 from tendonff.ocp.adaptation.code import TunedChain
 from tendonff.ocp.adaptation.information import Information
 from tendonff.ocp.adaptation.tuner import SelfTuner, SimulatedRig, TunedRun, TunerStatus
@@ -53,6 +54,7 @@ _POSTURE_S = 4.0  # period of a load that changes with posture
 register_writer(AdaptationStudy, write_files)
 
 
+@in_turn
 def adapt(scenario: Scenario, *, progress: Progress = silent) -> AdaptationStudy:
     """Try the self-tuning compensator on plants that differ from the scenario.
 

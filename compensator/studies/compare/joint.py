@@ -27,6 +27,7 @@ from tendonff.compensator.studies.compare.matrix import (
 from tendonff.compensator.studies.compare.output import matrix_summary, write_matrix
 from tendonff.compensator.studies.compare.report import CAPTIONS, FILES, matrix_sections
 from tendonff.models.fidelity import Level
+from tendonff.models.turns import in_turn
 from tendonff.ocp.joint.simulate import JointOutcome
 from tendonff.ocp.tendon.crosscheck import NUDGE
 
@@ -81,6 +82,7 @@ class JointComparison(MatrixData):
             write_pages(partial, summary, figures, _report(self, figures), pdf=pdf)
 
 
+@in_turn
 def compare_joint(scenario: JointScenario, *, progress: Progress = silent) -> JointComparison:
     """Compare the fidelity levels with each other on a scenario of a joint.
 

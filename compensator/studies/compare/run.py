@@ -35,6 +35,7 @@ from tendonff.compensator.studies.compare.result import CAPSTAN_PLANT, PLANTS, C
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
+from tendonff.models.turns import in_turn
 from tendonff.ocp.tendon.crosscheck import NUDGE
 from tendonff.ocp.tracking.options import TrackOptions
 
@@ -50,6 +51,7 @@ SIMPLE = (
 register_writer(Comparison, write_files)
 
 
+@in_turn
 def compare(
     scenario: Scenario,
     *,

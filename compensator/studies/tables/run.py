@@ -17,11 +17,13 @@ from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.studies.tables.output import write_files
 from tendonff.compensator.studies.tables.result import AngleTable, Tables
 from tendonff.models.fidelity import Level
+from tendonff.models.turns import in_turn
 from tendonff.ocp.tracking.diagnosis import law_of, reasons
 
 register_writer(Tables, write_files)
 
 
+@in_turn
 def make_tables(
     scenario: Scenario,
     *,
