@@ -79,7 +79,7 @@ class FingerTask:
 
     @property
     def efforts(self) -> FloatArray:
-        """What all bodies but the motors give to what they touch, shape (rows, known) [N m]."""
+        """Torques that all bodies but the motors give to what they touch, shape (rows, known) [N m]."""
         others = self.sampled.motion.angle_rad.shape[1] - self.sampled.angle_rad.shape[1]
         return np.hstack([self.sampled.effort_N_m, np.zeros((len(self.sampled.time_s), others))])
 

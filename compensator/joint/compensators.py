@@ -133,7 +133,7 @@ class JointTask:
 
 
 def assumed(mechanism: Mechanism) -> Uncertainty:
-    """What is unknown of a mechanism that nobody has identified."""
+    """Uncertainty of a mechanism that has not been identified."""
     loop = mechanism.drive.kind is DriveKind.LOOP and mechanism.drive.pretension_N
     pretension = (Spread(keys=("drive.pretension_N",), half_width=ASSUMED_SPREAD),) if loop else ()
     return Uncertainty(mu=ASSUMED_SPREAD, stiffness=ASSUMED_SPREAD, spread=pretension, samples=2)

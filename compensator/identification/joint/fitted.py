@@ -58,7 +58,7 @@ def _robust(mechanism: Mechanism, estimates: Sequence[Estimate], stated: Mapping
     """[robust] with the interval of every identified number; empty where nothing is identified or stated.
 
     A number that is not identified has the width that the scenario states or, where it states none, the one that a
-    design assumes: what nobody has measured is not known exactly. Pre-tension and stiffness that belong to a kept
+    design assumes: a number without a measurement is not known exactly. Pre-tension and stiffness that belong to a kept
     coefficient of friction are known by their ratio, so they vary together.
     """
     by_name = {each.name: each for each in estimates}

@@ -65,7 +65,7 @@ class Reference:
 
     @property
     def wanted(self) -> FloatArray:
-        """What errors are relative to, shape (n + 1,), in `unit`: the load's position where that is the reference."""
+        """Base of relative errors, shape (n + 1,), in `unit`: the load's position where that is the reference."""
         return self.tension_N if self.position_m is None else self.position_m
 
     @property
@@ -75,7 +75,7 @@ class Reference:
 
     @property
     def output(self) -> str:
-        """What follows the reference, in words."""
+        """The quantity that follows the reference, in words."""
         return "output tension" if self.position_m is None else "load position"
 
     @property
