@@ -126,7 +126,7 @@ class FingerTask(MotorTask):
         inertia = np.array([joint.inertia_kg_m2 for joint in self.finger.joints])
         damping = np.array([joint.damping_N_m_s_per_rad for joint in self.finger.joints])
         torque = inertia * np.gradient(speed, self.step_s, axis=0) + damping * speed + sampled.effort_N_m
-        torque += np.array([held_at(problem, row) for row in sampled.angle_rad])
+        torque += held_at(problem, sampled.angle_rad)
         found = unreachable(problem, sampled.motion.angle_rad, torque)
         if found is not None:
             pose = ", ".join(

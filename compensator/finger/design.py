@@ -10,6 +10,7 @@ from tendonff.compensator.finger.compensators import REFINEMENT, FingerTask
 from tendonff.compensator.finger.output import motor_torque_N_m, write_files
 from tendonff.compensator.finger.result import FingerDesign, FingerProfile
 from tendonff.compensator.finger.scenario import FingerScenario
+from tendonff.compensator.finger.sheet import joint_sheets, tendon_sheets
 from tendonff.compensator.joint.plant import verifying_masses
 from tendonff.models.errors import TendonffError
 from tendonff.models.turns import in_turn
@@ -67,6 +68,8 @@ def design_finger(scenario: FingerScenario, *, progress: Progress = silent) -> F
         profiles=profiles,
         inversion=inversion,
         expectation=expectation,
+        tendons=tendon_sheets(task),
+        joints=joint_sheets(task),
         masses=masses,
         refinement=REFINEMENT,
         warnings=(*task.notes, *failed),
