@@ -232,7 +232,12 @@ class FingerTask(MotorTask):
     @property
     def compensators(self) -> tuple["FingerCompensator", ...]:
         """Those that have a meaning here."""
-        return tuple(each for each in FINGER_COMPENSATORS if self.middle is not None or not each.needs_doubt)
+        follows = self.scenario.wanted < len(self.finger.joints)
+        return tuple(
+            each
+            for each in FINGER_COMPENSATORS
+            if not (each.needs_doubt and self.middle is None) and not (each.needs_references and follows)
+        )
 
     def reached(
         self,
@@ -300,6 +305,8 @@ class FingerCompensator(MotorCompensator):
         Servo lag and gear backlash are taken back.
     needs_doubt : bool
         It has a meaning only where [robust] states a doubt of the stiffness.
+    needs_references : bool
+        It has a meaning only where every joint has a reference: without inertia, where the others go is not unique.
     """
 
     name: str
@@ -309,6 +316,7 @@ class FingerCompensator(MotorCompensator):
     knows_the_level: bool = False
     knows_the_drive: bool = True
     needs_doubt: bool = False
+    needs_references: bool = False
 
     def command_rad(self, task: FingerTask) -> FloatArray:
         """Commands of the motors, shape (rows, motors) [rad]."""
@@ -340,6 +348,7 @@ FINGER_COMPENSATORS = (
         label="quasi-static law",
         style=Style(color=ORANGE, linestyle="-."),
         motor_rad=lambda task: task.inverse(slow(task.finger), Level.ELASTIC).motor,
+        needs_references=True,
     ),
     FingerCompensator(
         name="inverse",

@@ -248,7 +248,7 @@ def _check_tables(raw: Mapping[str, object], file: str) -> None:
         missing.append("motors")
     if missing:
         listed = ", ".join(f"[{key}]" for key in missing)
-        raise InputError(f'{file}: missing: {listed}; "tendonff new --for fingers" writes a file with every key')
+        raise InputError(f'{file}: missing: {listed}; "tendonff new --for finger" writes a file with every key')
 
 
 def _joints(raw: object, file: str) -> tuple[tuple[DrivenJoint, ...], dict[str, str], dict[str, Joint]]:

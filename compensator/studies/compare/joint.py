@@ -148,7 +148,7 @@ def compare_joint(scenario: JointScenario | FingerScenario, *, progress: Progres
         wanted=own.wanted,
         unit=own.unit,
         plants=_PLANTS,
-        static="static",
+        static="static" if "static" in order else "linear",
         compensators=compensators,
         entries=tuple(entries),
         outputs=outputs,
