@@ -143,7 +143,8 @@ def data_doubts(files: Sequence[RawMeasurement], explain: Explain) -> tuple[str,
                 )
         if file.motion is not None:
             for name, angle in zip(file.motion.names, file.motion.angle_rad.T, strict=True):
-                found += angle_doubt(f"{file.name}: {name}", float(np.max(np.abs(angle))))
+                asked = angle_doubt(f"joints.{name}", float(np.max(np.abs(angle))), f"{file.name}: {name}")
+                found += map(str, asked)
     return tuple(found)
 
 

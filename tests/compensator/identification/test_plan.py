@@ -108,7 +108,7 @@ def test_reversed_tensions_and_other_units_of_positions_and_joints_are_asked_abo
     assert doubt.endswith("moves by 20 m: millimetres? --scale input_position=0.001")
     motion = JointMotion(names=("wrist",), time_s=np.arange(2.0), angle_rad=np.array([[0.0], [45.0]]))
     [doubt] = data_doubts([measured(input_N=wave, output_N=wave, motion=motion)], Explain.AUTO)
-    assert doubt == "a.csv: wrist: it turns to 45 rad: degrees?"
+    assert doubt == "a.csv: wrist: it turns to 45 rad: degrees? Then it is 0.7854"
 
 
 def test_the_command_says_doubts_before_it_fits(examples, tmp_path, capsys, monkeypatch):

@@ -12,7 +12,7 @@ from random_examples import tried_on
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_text
 from tendonff.compensator.joint.scenario.detect import is_joint_file
-from tendonff.compensator.scenario.doubts import largest_tension, scenario_doubts
+from tendonff.compensator.scenario.doubts import largest_tension, scenario_doubts, scenario_notes
 from tendonff.compensator.scenario.reference import CsvReference, SineReference
 from tendonff.compensator.scenario.scenario import (
     Scenario,
@@ -297,7 +297,7 @@ def test_the_largest_force_is_named_by_the_key_that_limits_it(
     actuator = replace(transmission.actuator, coulomb_N=1.0)
     assert (actuator.largest_force_name, actuator.largest_force_N) == (name, pytest.approx(force_N))
     assert ForceLimits.of(actuator).maximum_name == name
-    assert asked in "; ".join(scenario_doubts(scenario))
+    assert asked in "; ".join([*map(str, scenario_doubts(scenario)), *scenario_notes(transmission)])
     assert largest_tension(replace(transmission, actuator=actuator)) >= 0
     assert parse(TEXT).transmission.actuator.largest_force_name == "force_max_N"
 

@@ -5,7 +5,14 @@ from typing import Annotated
 
 import typer
 
-from tendonff.compensator.cli.options import OutFolderOption, PdfOption, ScenarioArgument, opened
+from tendonff.compensator.cli.options import (
+    OutFolderOption,
+    PdfOption,
+    ScenarioArgument,
+    YesOption,
+    joint_looked_at,
+    opened,
+)
 from tendonff.compensator.cli.progress import progress, say, warn
 from tendonff.compensator.files.text import InputError
 
@@ -25,6 +32,7 @@ def design(
         bool, typer.Option("--interactive", help="Put a view that zooms into the report; needs Bokeh, 1 MB more.")
     ] = False,
     pdf: PdfOption = False,
+    yes: YesOption = False,
 ) -> int:
     """Design and verify the force, or the motor angle of a joint.
 
@@ -34,8 +42,8 @@ def design(
     from tendonff.compensator.joint.scenario.detect import is_joint_file
 
     if is_joint_file(scenario):
-        return _design_joint(scenario, out, strict=strict, online=online or interactive)
-    with opened(scenario, out, strict=strict) as (loaded, folder):
+        return _design_joint(scenario, out, strict=strict, online=online or interactive, yes=yes)
+    with opened(scenario, out, strict=strict, yes=yes) as (loaded, folder):
         from tendonff.compensator.studies.design.output import print_scores
         from tendonff.compensator.studies.design.run import design as design_profile
 
@@ -58,16 +66,15 @@ def design(
     return 0 if result.is_usable else EXIT_SOLVE
 
 
-def _design_joint(scenario: Path, out: Path, *, strict: bool, online: bool) -> int:
-    from tendonff.compensator.files.writing import atomic_directory
-    from tendonff.compensator.joint.design.run import design_joint
-    from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
-
+def _design_joint(scenario: Path, out: Path, *, strict: bool, online: bool, yes: bool) -> int:
     if online:
         raise InputError(
             f"{scenario.name}: --online and --interactive are for the tension of one tendon; leave them out"
         )
-    loaded = load_joint_scenario(scenario)
+    loaded = joint_looked_at(scenario, yes=yes)
+    from tendonff.compensator.files.writing import atomic_directory
+    from tendonff.compensator.joint.design.run import design_joint
+
     with atomic_directory(out) as folder:
         with progress("designing") as advance:
             result = design_joint(loaded, strict=strict, progress=advance)
