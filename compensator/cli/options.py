@@ -11,6 +11,7 @@ from tendonff.compensator.cli.progress import warn
 from tendonff.compensator.files.dialect import is_number
 from tendonff.compensator.files.text import InputError
 from tendonff.models.fidelity import Level
+from tendonff.ocp.integrate.method import Method
 
 if TYPE_CHECKING:
     from tendonff.compensator.joint.scenario.scenario import JointScenario
@@ -39,6 +40,9 @@ ScenarioArgument = Annotated[Path, typer.Argument(metavar="SCENARIO", help="Scen
 LevelOption = Annotated[
     Level | None, option("--level", None, "Fidelity level of the chain; default: the scenario's own.")
 ]
+MethodOption = Annotated[
+    Method, option("--method", None, "How to advance in time: the fixed step of tendonff, or an integrator of CasADi.")
+]
 OutFolderOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")]
 PdfOption = Annotated[bool, typer.Option("--pdf", help="Write each figure as PDF too, for a printed page.")]
 PrefixOption = Annotated[str, typer.Option("--prefix", metavar="NAME", help="Prefix of every C name and file.")]
@@ -65,12 +69,14 @@ def looked_at(scenario: Path, *, follows_reference: bool = True, strict: bool = 
 def joint_looked_at(scenario: Path, *, follows_reference: bool = True, yes: bool = False) -> "JointScenario":
     """Read a scenario of a driven joint, as `looked_at`."""
     from tendonff.compensator.joint.scenario.doubts import joint_doubts
-    from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
+    from tendonff.compensator.joint.scenario.scenario import load_joint_scenario, sample_joint
     from tendonff.compensator.scenario.doubts import settle
 
     loaded = load_joint_scenario(scenario)
     doubts = joint_doubts(loaded, follows_reference=follows_reference)
     warn(*settle(doubts, file=scenario.name, accept=yes))
+    if follows_reference:  # one without meaning is refused at once
+        warn(*sample_joint(loaded).warnings)
     return loaded
 
 
@@ -80,11 +86,7 @@ def any_looked_at(scenario: Path, *, yes: bool = False) -> "Scenario | JointScen
 
     if not is_joint_file(scenario):
         return looked_at(scenario, yes=yes)
-    from tendonff.compensator.joint.scenario.scenario import sample_joint
-
-    loaded = joint_looked_at(scenario, yes=yes)
-    sample_joint(loaded)  # a reference without meaning is refused at once
-    return loaded
+    return joint_looked_at(scenario, yes=yes)
 
 
 @contextmanager

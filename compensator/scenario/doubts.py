@@ -127,8 +127,7 @@ def out_of_reach(transmission: Transmission, time_s: float, peak_N: float) -> st
     actuator, most = transmission.actuator, largest_tension(transmission)
     if peak_N <= most:
         return ""
-    needed = float(CapstanLaw.of(transmission).input_for_N(peak_N, Branch.PULL)) + (actuator.coulomb_N or 0.0)
-    name = actuator.largest_force_name
+    name, needed = actuator.largest_force_name, needed_force(transmission, peak_N)
     return (
         f"the peak of {peak_N:.4g} N at t = {time_s:g} s needs {needed:.4g} N through the friction, "
         f"{name} = {actuator.largest_force_N:g} delivers at most {most:.4g} N; lower the reference or raise {name}"
@@ -140,6 +139,13 @@ def reach_notes(transmission: Transmission, time_s: FloatArray, tension_N: Float
     top = int(np.argmax(tension_N))
     beyond = out_of_reach(transmission, float(time_s[top]), float(tension_N[top]))
     return (f"{file} [reference]: {beyond}",) if beyond else ()
+
+
+def needed_force(transmission: Transmission, peak_N: float) -> float:
+    """Force of the actuator for an output tension reached by slow pulling [N]."""
+    return float(CapstanLaw.of(transmission).input_for_N(peak_N, Branch.PULL)) + (
+        transmission.actuator.coulomb_N or 0.0
+    )
 
 
 def largest_tension(transmission: Transmission) -> float:

@@ -7,6 +7,7 @@ import typer
 
 from tendonff.compensator.cli.options import (
     LevelOption,
+    MethodOption,
     ScenarioArgument,
     YesOption,
     joint_looked_at,
@@ -16,6 +17,7 @@ from tendonff.compensator.cli.options import (
 from tendonff.compensator.cli.progress import progress, say, warn
 from tendonff.compensator.files.text import InputError
 from tendonff.models.fidelity import Level
+from tendonff.ocp.integrate.method import Method
 
 _COLUMN = "Column of the force; default: force_N, in a profile.csv force_optimal_N."
 _JOINTS = "Motion of the joints: time_s,NAME_rad; default: that of the scenario."
@@ -33,6 +35,7 @@ def simulate(
     check: Annotated[
         bool, typer.Option("--check", help="Simulate with smaller steps as well and state the discretisation error.")
     ] = False,
+    method: MethodOption = Method.BDF2,
     yes: YesOption = False,
 ) -> None:
     """Simulate a force file, or a joint under a file of motor angles.
@@ -42,7 +45,7 @@ def simulate(
     from tendonff.compensator.joint.scenario.detect import is_joint_file
 
     if is_joint_file(scenario):
-        _simulate_joint(scenario, force, out, column, level, unused=joints is not None or check, yes=yes)
+        _simulate_joint(scenario, force, out, column, level, method, unused=joints is not None or check, yes=yes)
         return
     loaded = looked_at(scenario, follows_reference=False, yes=yes)
     from tendonff.compensator.scenario.doubts import settle
@@ -56,22 +59,32 @@ def simulate(
     if out.exists() and any(out.samefile(source) for source in (scenario, force, joints) if source):
         raise InputError(f"{out} is an input of this run; name another file for the result")
     with progress("simulating") as advance:
-        simulated = simulate_force(loaded, level or loaded.run.level, profile, out, check=check, progress=advance)
+        simulated = simulate_force(
+            loaded, level or loaded.run.level, profile, out, check=check, method=method, progress=advance
+        )
     warn(*simulated.warnings)
     if simulated.check is not None:
         say(f"check: {simulated.check}")
 
 
 def _simulate_joint(
-    scenario: Path, motors: Path, out: Path, column: str | None, level: Level | None, *, unused: bool, yes: bool
+    scenario: Path,
+    motors: Path,
+    out: Path,
+    column: str | None,
+    level: Level | None,
+    method: Method,
+    *,
+    unused: bool,
+    yes: bool,
 ) -> None:
     if unused:
         raise InputError(f"{scenario.name}: --joints and --check are for the tension of one tendon; leave them out")
-    loaded = joint_looked_at(scenario, follows_reference=False, yes=yes)
+    loaded = joint_looked_at(scenario, yes=yes)
     from tendonff.compensator.joint.simulate import simulate_joint_file
 
     if out.exists() and any(out.samefile(source) for source in (scenario, motors)):
         raise InputError(f"{out} is an input of this run; name another file for the result")
     with progress("simulating"):
-        notes = simulate_joint_file(loaded, level or loaded.run.level, motors, column, out)
+        notes = simulate_joint_file(loaded, level or loaded.run.level, motors, column, out, method)
     warn(*notes)
