@@ -110,16 +110,17 @@ def reference_doubts(transmission: Transmission, tension_N: FloatArray, run: Run
     return unaccepted(found, run)
 
 
-def length_doubts(duration_s: float, run: Run) -> tuple[UnitDoubt, ...]:
-    """A doubt about a run of so many steps that its length may be in milliseconds."""
+def length_doubts(spec: object, duration_s: float, run: Run) -> tuple[UnitDoubt, ...]:
+    """A doubt about a reference of so many steps that its times may be milliseconds, by the key that has them."""
     steps = duration_s / run.step_s
     if not steps > LONG_RUN:
         return ()
+    key = next(name for name in ("times_s", "file", "duration_s") if hasattr(spec, name))
     text = (
-        f"[reference] {duration_s:g} s in steps of {run.step_s:g} s are {steps:.0f} steps, which takes long: "
-        "milliseconds? A larger step_s or a part of the reference takes less"
+        f"[reference] {key}: {duration_s:g} s in steps of {run.step_s:g} s are {steps:.0f} steps, which takes long: "
+        f"milliseconds? Then it is {duration_s / 1e3:g} s. A larger step_s or a part of the reference takes less"
     )
-    return unaccepted([UnitDoubt("reference.duration_s", text)], run)
+    return unaccepted([UnitDoubt(f"reference.{key}", text)], run)
 
 
 def out_of_reach(transmission: Transmission, time_s: float, peak_N: float) -> str:

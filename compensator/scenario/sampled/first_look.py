@@ -49,7 +49,7 @@ def first_look(
     if isinstance(spec, CsvReference):
         doubts, notes = _of_file(scenario, spec, strict=strict)
     else:
-        found += settle(length_doubts(spec.duration_s, scenario.run), file=file, accept=accept)
+        found += settle(length_doubts(spec, spec.duration_s, scenario.run), file=file, accept=accept)
         reference = sample_reference(scenario, strict=strict)
         doubts, notes = reference_doubts(rig, reference.tension_N, scenario.run), reference.warnings
     return tuple(dict.fromkeys((*found, *settle(doubts, file=file, accept=accept), *notes)))
@@ -59,7 +59,7 @@ def _of_file(scenario: Scenario, spec: CsvReference, *, strict: bool) -> tuple[t
     """Doubts and notes about a reference from a file, by its own samples."""
     samples = read_samples(spec, scenario.source.parent / spec.file, scenario.run.step_s)
     duration, file, rig = float(samples.time_s[-1]), scenario.source.name, scenario.transmission
-    doubts = length_doubts(duration, scenario.run)
+    doubts = length_doubts(spec, duration, scenario.run)
     if spec.wants_position:  # what tension that takes is for the work itself to find
         return doubts, samples.notes
     tension, _, notes = keep_taut(samples.value, spec.least_tension_N)

@@ -123,7 +123,7 @@ def sample_reference(scenario: Scenario, *, strict: bool = False) -> Reference:
         raise InputError("; ".join(reach))
     doubts = (
         *scenario_doubts(scenario),
-        *length_doubts(float(sampled.time_s[-1]), scenario.run),
+        *length_doubts(spec, float(sampled.time_s[-1]), scenario.run),
         *reference_doubts(rig, tension, scenario.run),
     )
     notes = [*sampled.warnings, *map(str, doubts), *scenario_notes(rig), *reach]

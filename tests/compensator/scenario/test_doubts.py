@@ -12,7 +12,8 @@ import pytest
 from tendonff.compensator.cli import run
 from tendonff.compensator.files.reading import InputError, read_csv
 from tendonff.compensator.files.writing import write_text
-from tendonff.compensator.finger.scenario import describes_finger
+from tendonff.compensator.finger.doubts import finger_doubts
+from tendonff.compensator.finger.scenario import describes_finger, load_finger_scenario, parse_finger_scenario
 from tendonff.compensator.joint.scenario.detect import is_joint_file
 from tendonff.compensator.joint.scenario.doubts import joint_doubts
 from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
@@ -49,6 +50,11 @@ def test_nothing_is_asked_about_a_sound_scenario(path: Path) -> None:
 @pytest.mark.parametrize("path", OF_A_JOINT, ids=lambda path: f"{path.parent.name}/{path.stem}")
 def test_nothing_is_asked_about_a_sound_joint(path: Path) -> None:
     assert joint_doubts(load_joint_scenario(path)) == ()
+
+
+@pytest.mark.parametrize("path", OF_A_FINGER, ids=lambda path: f"{path.parent.name}/{path.stem}")
+def test_nothing_is_asked_about_a_sound_finger(path: Path) -> None:
+    assert finger_doubts(load_finger_scenario(path)) == ()
 
 
 def refusal(scenario: Scenario) -> str:
@@ -242,6 +248,45 @@ def test_a_joint_in_another_unit_is_refused_by_its_key(
     [key] = re.findall(r'accept = \["([^"]*)"\]', message)
     write_text(tmp_path / "odd.toml", text.replace(old, new, 1).replace("[run]\n", f'[run]\naccept = ["{key}"]\n'))
     assert joint_doubts(load_joint_scenario(tmp_path / "odd.toml")) == ()
+
+
+def test_the_file_of_a_joints_reference_is_asked_about_by_its_name(tmp_path: Path) -> None:
+    text = (ROOT / "compensator" / "scenario" / "templates" / "hand.toml").read_text(encoding="utf-8")
+    head, tail = text.split("[reference]")
+    reference = '[reference]\nkind = "csv"\nfile = "wanted.csv"\n'
+    write_text(tmp_path / "hand.toml", head + reference + tail[tail.index("[run]") :])
+    write_text(tmp_path / "wanted.csv", "time_s,angle_rad\n0,0\n400,60\n900,0\n")
+    long, turned = joint_doubts(load_joint_scenario(tmp_path / "hand.toml"))
+    assert long.key == turned.key == "reference.file"
+    assert str(long).startswith("[reference] file: 900 s in steps of 0.001 s are 900000 steps")
+    assert str(turned) == "wanted.csv: angle_rad: it turns to 60 rad: degrees? Then it is 1.047"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "asked"),
+    [
+        ("offset_rad = 0.7", "offset_rad = 40", "reference.joints.mcp.offset_rad", "= 40: degrees? Then it is 0.698"),
+        ("[0.35]", "[20.0]", "reference.joints.pip.amplitudes_rad", "amplitudes_rad = 20: degrees?"),
+        ("duration_s = 3.0", "duration_s = 3000.0", "reference.duration_s", "3000000 steps"),
+        ("_m = 0.014", "_m = 14", "tendons.path.sections.length_per_rad_m", "length_per_rad_m = 14: millimetres?"),
+        ("{ extensor = 0.008 }", "{ extensor = 8 }", "motors.drums_m", "drums_m = 8: millimetres? Then it is 0.008"),
+        ('name = "m4"', 'name = "m4"\ngear_ratio = 0.01', "motors.gear_ratio", "the drum would turn faster"),
+        ("step_s = 1e-3", "step_s = 1", "run.step_s", "step_s = 1: milliseconds?"),
+        (
+            "inertia_kg_m2 = 1e-4",
+            "inertia_kg_m2 = 1e-4\nrest_rad = 30",
+            "joints.mcp.rest_rad",
+            "rest_rad = 30: degrees?",
+        ),
+    ],
+)
+def test_a_finger_in_another_unit_is_asked_about_by_its_key(old: str, new: str, key: str, asked: str) -> None:
+    text = (ROOT / "examples" / "three_joint_finger.toml").read_text(encoding="utf-8")
+    assert old in text
+    [doubt] = finger_doubts(parse_finger_scenario(text.replace(old, new)))
+    assert (doubt.key, asked in doubt.text) == (key, True)
+    accepted = text.replace(old, new).replace("[run]\n", f'[run]\naccept = ["{key}"]\n')
+    assert finger_doubts(parse_finger_scenario(accepted)) == ()
 
 
 def test_doubts_said_before_the_work_are_not_said_again_after_it(
