@@ -7,6 +7,7 @@ import numpy as np
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.results import register_writer
 from tendonff.compensator.finger.compensators import REFINEMENT, FingerTask
+from tendonff.compensator.finger.doubts import finger_doubts
 from tendonff.compensator.finger.output import motor_torque_N_m, write_files
 from tendonff.compensator.finger.result import FingerDesign, FingerProfile
 from tendonff.compensator.finger.scenario import FingerScenario
@@ -72,7 +73,7 @@ def design_finger(scenario: FingerScenario, *, progress: Progress = silent) -> F
         joints=joint_sheets(task),
         masses=masses,
         refinement=REFINEMENT,
-        warnings=(*task.notes, *failed),
+        warnings=(*task.notes, *map(str, finger_doubts(scenario)), *failed),
     )
     return _with_limits(result)
 
