@@ -19,6 +19,7 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.compensator.export.kinds import FmiVersion
     from tendonff.compensator.export.kinds import Kind as FmuKind
     from tendonff.compensator.files.reading import InputError
+    from tendonff.compensator.finger.scenario import FingerScenario
     from tendonff.compensator.identification.answer.result import Identification
     from tendonff.compensator.identification.joint.result import JointIdentification
     from tendonff.compensator.identification.joint.routine import suggest_routine
@@ -37,7 +38,8 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.compensator.runtime.kinds import RuntimeKind, RuntimeStatus
     from tendonff.compensator.runtime.runtime import Runtime, RuntimeState
     from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
-    from tendonff.compensator.scenario.scenario import Scenario, load_scenario
+    from tendonff.compensator.scenario.scenario import Scenario
+    from tendonff.compensator.scenarios import load_scenario
     from tendonff.compensator.studies.adapt.joint import JointAdaptationStudy, adapt_joint
     from tendonff.compensator.studies.adapt.result import AdaptationStudy
     from tendonff.compensator.studies.adapt.run import adapt
@@ -89,6 +91,7 @@ __all__ = [
     "Estimate",
     "ExperimentResult",
     "ExportedJoints",
+    "FingerScenario",
     "FmiVersion",
     "FmuKind",
     "ForceLimits",
@@ -188,6 +191,7 @@ _HOMES = {
     "compensator.identification.joint.routine": ("suggest_routine",),
     "compensator.identification.joint.run": ("identify_joint",),
     "compensator.identification.measured.centreline.run": ("read_centreline",),
+    "compensator.finger.scenario": ("FingerScenario",),
     "compensator.identification.answer.result": ("Identification",),
     "compensator.identification.run": ("identify",),
     "compensator.identification.suggest": ("suggest",),
@@ -202,7 +206,8 @@ _HOMES = {
     "compensator.runtime.kinds": ("RuntimeKind", "RuntimeStatus"),
     "compensator.runtime.runtime": ("Runtime", "RuntimeState"),
     "compensator.scenario.sampled.sampling": ("Reference", "sample_reference"),
-    "compensator.scenario.scenario": ("Scenario", "load_scenario"),
+    "compensator.scenario.scenario": ("Scenario",),
+    "compensator.scenarios": ("load_scenario",),
     "compensator.studies.tables.result": ("Tables",),
     "compensator.studies.tables.run": ("make_table:make_tables",),
     "compensator.studies.watch.output": ("Watch",),

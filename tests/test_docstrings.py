@@ -40,12 +40,13 @@ def test_the_example_of_every_public_function_runs(name: str, monkeypatch: pytes
 def records() -> set[type]:
     """Records among the public names, in what public functions take and return, and in fields of such records."""
     found: set[type] = set()
-    todo: list[object] = [getattr(tf, name) for name in tf.__all__]
+    public = {name: getattr(tf, name) for name in tf.__all__}  # annotations name them without importing them
+    todo: list[object] = list(public.values())
     while todo:
         each = todo.pop()
         todo += typing.get_args(each)
         if inspect.isfunction(each):
-            todo += typing.get_type_hints(each).values()
+            todo += typing.get_type_hints(each, localns=public).values()
         if inspect.isclass(each) and each.__module__.startswith("tendonff.") and each not in found:
             found.add(each)
             if dataclasses.is_dataclass(each):

@@ -14,6 +14,7 @@ from tendonff.models.fidelity import Level
 from tendonff.ocp.integrate.method import Method
 
 if TYPE_CHECKING:
+    from tendonff.compensator.finger.scenario import FingerScenario
     from tendonff.compensator.joint.scenario.scenario import JointScenario
     from tendonff.compensator.scenario.scenario import Scenario
 
@@ -52,47 +53,43 @@ ForceOption = Annotated[
 YesOption = Annotated[bool, typer.Option("--yes", help="Go on where a value looks like another unit.")]
 
 
-def looked_at(scenario: Path, *, follows_reference: bool = True, strict: bool = False, yes: bool = False) -> "Scenario":
+def looked_at(
+    scenario: Path, *, follows_reference: bool = True, strict: bool = False, yes: bool = False
+) -> "Scenario | JointScenario | FingerScenario":
     """Read a scenario and say at once what to ask about it, before a command imports what it computes with.
 
     A scenario that is not valid, a value that looks like another unit (unless `yes`), and a reference (where the
     command follows it) that is infeasible, if `strict` out of reach, are refused.
     """
-    from tendonff.compensator.scenario.sampled.first_look import first_look
-    from tendonff.compensator.scenario.scenario import load_scenario
+    from tendonff.compensator.scenarios import load_scenario, look_at
 
     loaded = load_scenario(scenario)
-    warn(*first_look(loaded, follows_reference=follows_reference, strict=strict, accept=yes))
+    warn(*look_at(loaded, follows_reference=follows_reference, strict=strict, accept=yes))
     return loaded
 
 
-def joint_looked_at(scenario: Path, *, follows_reference: bool = True, yes: bool = False) -> "JointScenario":
-    """Read a scenario of a driven joint, as `looked_at`."""
-    from tendonff.compensator.joint.scenario.doubts import joint_doubts
-    from tendonff.compensator.joint.scenario.scenario import load_joint_scenario, sample_joint
-    from tendonff.compensator.scenario.doubts import settle
+def of_tension(loaded: "Scenario | JointScenario | FingerScenario", why: str) -> "Scenario":
+    """The scenario, if it is of the tension of one tendon; else InputError with the reason."""
+    from tendonff.compensator.scenario.scenario import Scenario
 
-    loaded = load_joint_scenario(scenario)
-    doubts = joint_doubts(loaded, follows_reference=follows_reference)
-    warn(*settle(doubts, file=scenario.name, accept=yes))
-    if follows_reference:  # one without meaning is refused at once
-        warn(*sample_joint(loaded).warnings)
-    return loaded
+    if isinstance(loaded, Scenario):
+        return loaded
+    raise InputError(f"{loaded.source.name}: {why}")
 
 
-def any_looked_at(scenario: Path, *, yes: bool = False) -> "Scenario | JointScenario":
-    """Read a scenario of a tension or of a driven joint, as `looked_at`."""
-    from tendonff.compensator.joint.scenario.detect import is_joint_file
+def of_one_joint(loaded: "Scenario | JointScenario | FingerScenario", why: str) -> "JointScenario":
+    """The scenario, if it is of one driven joint; else InputError with the reason."""
+    from tendonff.compensator.joint.scenario.scenario import JointScenario
 
-    if not is_joint_file(scenario):
-        return looked_at(scenario, yes=yes)
-    return joint_looked_at(scenario, yes=yes)
+    if isinstance(loaded, JointScenario):
+        return loaded
+    raise InputError(f"{loaded.source.name}: {why}")
 
 
 @contextmanager
 def opened(
     scenario: Path, out: Path, *, follows_reference: bool = True, strict: bool = False, yes: bool = False
-) -> Iterator[tuple["Scenario", Path]]:
+) -> Iterator[tuple["Scenario | JointScenario | FingerScenario", Path]]:
     """Scenario, as `looked_at`, and result folder.
 
     A folder that cannot be written is refused at once; it appears when the block ends without an error.

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from tendonff.compensator.files.progress import Parts, Progress, silent
+from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.results import register_writer
 from tendonff.compensator.finger.compensators import REFINEMENT, FingerTask
 from tendonff.compensator.finger.doubts import finger_doubts
@@ -12,7 +13,10 @@ from tendonff.compensator.finger.output import motor_torque_N_m, write_files
 from tendonff.compensator.finger.result import FingerDesign, FingerProfile
 from tendonff.compensator.finger.scenario import FingerScenario
 from tendonff.compensator.finger.sheet import joint_sheets, tendon_sheets
+from tendonff.compensator.joint.design.result import JointDesign
+from tendonff.compensator.joint.design.run import design_joint
 from tendonff.compensator.joint.plant import verifying_masses
+from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.models.errors import TendonffError
 from tendonff.models.turns import in_turn
 
@@ -20,12 +24,14 @@ register_writer(FingerDesign, write_files)
 
 
 @in_turn
-def design_finger(scenario: FingerScenario, *, progress: Progress = silent) -> FingerDesign:
+def design_finger(scenario: FingerScenario, *, strict: bool = False, progress: Progress = silent) -> FingerDesign:
     """Design and verify the motor angles of several joints.
 
     Parameters
     ----------
     scenario : FingerScenario
+    strict : bool, optional
+        Refuse a motion in which a tendon goes slack.
     progress : callable, optional
 
     Raises
@@ -38,6 +44,8 @@ def design_finger(scenario: FingerScenario, *, progress: Progress = silent) -> F
     task = FingerTask.of(scenario)
     task.check_reach()
     inversion, finger = task.inversion, task.finger
+    if strict and task.notes:
+        raise InputError(f"{scenario.source.name}: {task.notes[0]}")
     masses, compensators = verifying_masses(finger), task.compensators
     parts = Parts(progress, 2 * len(compensators))
     profiles, commands, failed = {}, {}, []
@@ -76,6 +84,15 @@ def design_finger(scenario: FingerScenario, *, progress: Progress = silent) -> F
         warnings=(*task.notes, *map(str, finger_doubts(scenario)), *failed),
     )
     return _with_limits(result)
+
+
+def design_motors(
+    scenario: JointScenario | FingerScenario, *, strict: bool = False, progress: Progress = silent
+) -> JointDesign | FingerDesign:
+    """Design and verify the motor angles of driven joints, one or several; see `design_joint`, `design_finger`."""
+    if isinstance(scenario, JointScenario):
+        return design_joint(scenario, strict=strict, progress=progress)
+    return design_finger(scenario, strict=strict, progress=progress)
 
 
 def _with_limits(result: FingerDesign) -> FingerDesign:

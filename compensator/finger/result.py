@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tendonff.compensator.compensators.expectation import Expectation
+from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.results import writer_of
 from tendonff.compensator.files.text import as_argument
@@ -107,8 +108,9 @@ class FingerDesign:
     @property
     def headline(self) -> str:
         """Expected error on a rig, and the next step."""
-        step = f"run motor angles of {as_argument(self.scenario.source)} from profile.csv, or tf.Runtime"
-        return self.expectation.headline(self.recommended.label, step)
+        file = as_argument(self.scenario.source)
+        then = next_step(self.expectation, file, f"run motor angles of {file} from profile.csv, or tf.Runtime")
+        return self.expectation.headline(self.recommended.label, then)
 
     @property
     def fine_print(self) -> str:

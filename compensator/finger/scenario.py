@@ -20,6 +20,7 @@ from tendonff.compensator.scenario.sampled.joint_motion import joint_angles
 from tendonff.compensator.scenario.scenario import SCHEMA, spread_keys, with_spread
 from tendonff.compensator.scenario.settings import Run
 from tendonff.compensator.scenario.tables import read_table, show
+from tendonff.compensator.scenario.toml import toml_of
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters import Arm, DriveKind, DrivenJoint, JointDrive, JointTendon, LengthTable
 from tendonff.models.joint.parameters.finger import Finger, Motor
@@ -123,17 +124,6 @@ class SampledFinger:
     motion: JointMotion
 
 
-def describes_finger(raw: Mapping[str, object]) -> bool:
-    """Whether a scenario has several driven joints, or motors of its own."""
-    joints = raw.get("joints")
-    driven = (
-        sum(isinstance(each, Mapping) and each.get("kind") == "driven" for each in joints.values())
-        if isinstance(joints, Mapping)
-        else 0
-    )
-    return driven > 1 or "motors" in raw
-
-
 def load_finger_scenario(path: str | os.PathLike[str]) -> FingerScenario:
     """Read a scenario file of several driven joints; InputError is one message with file, key, value and way out."""
     path = Path(path)
@@ -144,10 +134,7 @@ def parse_finger_scenario(text: str, source: str | os.PathLike[str] = "scenario.
     """Read one from its text; files that it names are relative to the source's folder."""
     source = Path(source)
     file = source.name
-    try:
-        raw: dict[str, object] = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{file}: not valid TOML: {error}") from None
+    raw: dict[str, object] = toml_of(text, file)
     inputs: list[Path] = []
     raw = with_base(raw, source, inputs)
     _check_tables(raw, file)

@@ -3,16 +3,16 @@
 import math
 import os
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.joint.scenario.detect import is_joint_file
-from tendonff.compensator.joint.scenario.scenario import JointScenario, load_joint_scenario
+from tendonff.compensator.finger.scenario import FingerScenario
+from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.observe.estimate import Observation, ObserverStatus
 from tendonff.compensator.observe.joint import LoopObserver
 from tendonff.compensator.observe.mechanism import MechanismObserver
 from tendonff.compensator.observe.tendon import TendonObserver
-from tendonff.compensator.scenario.scenario import Scenario, load_scenario
+from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.errors import ParameterError
 from tendonff.models.turns import in_turn
 
@@ -67,8 +67,7 @@ class Observer:
         given: float | None = None,
     ) -> None:
         if isinstance(scenario, str | os.PathLike):
-            path = Path(scenario)
-            scenario = load_joint_scenario(path) if is_joint_file(path) else load_scenario(path)
+            scenario = _observed(load_scenario(scenario))
         self._tendon: TendonObserver | None = None
         self._loop: LoopObserver | None = None
         self._mechanism: MechanismObserver | None = None
@@ -150,3 +149,12 @@ class Observer:
         if missing or len(joints) > len(names):
             raise ParameterError(f"joints must be the angles of {', '.join(names) or 'none'}, got {joints}")
         return [joints[name] for name in names] if isinstance(joints, Mapping) else joints
+
+
+def _observed(scenario: Scenario | JointScenario | FingerScenario) -> Scenario | JointScenario:
+    if isinstance(scenario, FingerScenario):
+        raise InputError(
+            f"{scenario.source.name}: an observer knows one tendon or one joint; the motors of a finger do not "
+            "tell the far ends of its tendons apart"
+        )
+    return scenario

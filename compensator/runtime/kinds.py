@@ -15,7 +15,7 @@ class RuntimeKind(StrEnum):
     ADAPTIVE
         The exact inverse, of one tendon or of a joint, that tunes itself to a measurement ([adaptation]).
     JOINT
-        The inverse of a driven joint between tendons.
+        The inverse of driven joints between tendons, one or several.
     """
 
     INVERSE = "inverse"

@@ -5,18 +5,19 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.compensator.export.host import compile_on_host
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.joint.scenario.detect import is_joint_file
-from tendonff.compensator.joint.scenario.scenario import JointScenario, load_joint_scenario
+from tendonff.compensator.finger.runtime import FingerRuntime
+from tendonff.compensator.finger.scenario import FingerScenario
+from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.runtime.code import joint_runtime, tendon_runtime
 from tendonff.compensator.runtime.kinds import RuntimeKind, RuntimeStatus, statuses
-from tendonff.compensator.scenario.scenario import Scenario, load_scenario
+from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.errors import ParameterError
 from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.compiler import why_no_compiler
@@ -49,8 +50,8 @@ class Runtime:
 
     Parameters
     ----------
-    scenario : str, path, Scenario or JointScenario
-        Of one tendon or of a driven joint.
+    scenario : str, path, Scenario, JointScenario or FingerScenario
+        Of one tendon, of a driven joint, or of several.
     kind : RuntimeKind or str, optional
         Which compensator; default: "adaptive" where the scenario has [adaptation], else "inverse" of one tendon and
         "joint" of a driven joint.
@@ -65,7 +66,9 @@ class Runtime:
     start : float
         Reference at rest before the first step [N, rad or N m].
     joints : tuple of str
-        Joints whose angles a step takes.
+        Joints whose angles a step takes; of several driven joints those that a reference holds.
+    motors : tuple of str
+        Of several driven joints, in the order of the commands; else empty.
 
     Raises
     ------
@@ -84,15 +87,26 @@ class Runtime:
     @in_turn
     def __init__(
         self,
-        scenario: str | os.PathLike[str] | Scenario | JointScenario,
+        scenario: str | os.PathLike[str] | Scenario | JointScenario | FingerScenario,
         *,
         kind: RuntimeKind | str | None = None,
         start: float | None = None,
     ) -> None:
         if isinstance(scenario, str | os.PathLike):
-            path = Path(scenario)
-            scenario = load_joint_scenario(path) if is_joint_file(path) else load_scenario(path)
+            scenario = load_scenario(scenario)
         wanted = None if kind is None else _kind(kind)
+        self._finger: FingerRuntime | None = None
+        self.motors: tuple[str, ...] = ()
+        if isinstance(scenario, FingerScenario):
+            if wanted not in (None, RuntimeKind.JOINT) or start is not None:
+                raise InputError(
+                    f'{scenario.source.name}: a runtime of several joints has the kind "joint" and starts where their '
+                    "references do; leave kind and start out"
+                )
+            self._finger = finger = FingerRuntime(scenario)
+            self.kind, self.step_s, self.joints = RuntimeKind.JOINT, finger.step_s, finger.joints
+            self.motors, self.start, self._digest = finger.motors, math.nan, scenario.digest()
+            return
         if isinstance(scenario, JointScenario):
             code = joint_runtime(scenario, wanted)
         else:
@@ -120,7 +134,7 @@ class Runtime:
 
     def step(
         self,
-        reference: float | None,
+        reference: float | Mapping[str, float] | Sequence[float] | None,
         dt: float | None = None,
         measured: float | None = None,
         joints: Mapping[str, float] | Sequence[float] | None = None,
@@ -129,12 +143,13 @@ class Runtime:
 
         Parameters
         ----------
-        reference : float or None
-            Wanted at the end of this step: tension [N], angle [rad] or torque of the joint [N m]. None or NaN for one
-            that did not arrive: the last good command is held, and the next reference is led to without a jump.
+        reference : float, mapping of str to float, sequence of float, or None
+            Wanted at the end of this step: tension [N], angle [rad] or torque of the joint [N m]; of several joints
+            their angles [rad], by name or in the order of `joints`. None or NaN for one that did not arrive: the last
+            good command is held, and the next reference is led to without a jump.
         dt : float, optional
-            Time since the last call [s]; default: `step_s`. A longer one than 30 ms (1.5 steps, if those are longer)
-            is a pause: the rig is taken to stand where it was.
+            Time since the last call [s]; default: `step_s`, and no other of several joints. A longer one than 30 ms
+            (1.5 steps, if those are longer) is a pause: the rig is taken to stand where it was.
         measured : float, optional
             Measurement that the adaptive kind learns from [N, m or rad]; None or NaN teaches nothing.
         joints : mapping of str to float, or sequence of float, optional
@@ -144,13 +159,24 @@ class Runtime:
         -------
         float or ndarray, shape (motors,)
             Force [N], or position of a position drive [m]; of a joint the angle of its motor since the start [rad],
-            of a pair of motors both.
+            of several motors all.
 
         Raises
         ------
         ParameterError
             If an angle of a joint is missing.
         """
+        if self._finger is not None:
+            if joints or measured is not None or (dt is not None and not math.isclose(dt, self.step_s)):
+                raise ParameterError(
+                    f"several joints advance by step_s = {self.step_s:g} s to their references alone; set [run] step_s "
+                    "to your cycle, and leave measured and joints out"
+                )
+            if isinstance(reference, int | float):
+                raise ParameterError(f"reference must hold an angle of each of {', '.join(self.joints)}")
+            return self._finger.step(reference)
+        if isinstance(reference, Mapping | Sequence):
+            raise ParameterError(f"reference must be one number, got {type(reference).__name__}")
         for k, angle in enumerate(self._given(joints)):
             self._angles[k] = angle
         self._status = self._step(
@@ -165,16 +191,21 @@ class Runtime:
     @property
     def status(self) -> tuple[RuntimeStatus, ...]:
         """Status of the last step; empty where nothing is to be said."""
+        if self._finger is not None:
+            return self._finger.status
         return statuses(self._status, driven=self._driven)
 
     @property
     def factor(self) -> float:
         """Factor on the parameters that [adaptation] of a driven joint tunes, as it is used; 1 for other kinds."""
+        if self._finger is not None:
+            return 1.0
         return float(self._command[1]) if self._driven and self.kind is RuntimeKind.ADAPTIVE else 1.0
 
     def state(self) -> RuntimeState:
         """Everything that is remembered, to go on from by `restore`."""
-        return RuntimeState(kind=self.kind, digest=self._digest, content=self._memory.raw)
+        content = self._memory.raw if self._finger is None else self._finger.content()
+        return RuntimeState(kind=self.kind, digest=self._digest, content=content)
 
     def restore(self, state: RuntimeState) -> None:
         """Go on from a state of the same scenario.
@@ -184,8 +215,12 @@ class Runtime:
         InputError
             If the state is of another scenario, kind or version.
         """
-        same = (state.kind, state.digest, len(state.content)) == (self.kind, self._digest, len(self._memory))
-        if not same:
+        same = (state.kind, state.digest) == (self.kind, self._digest)
+        if same and self._finger is not None:
+            if not self._finger.restore(state.content):
+                raise InputError("the content of this state is damaged, or of another version or machine; start anew")
+            return
+        if not same or len(state.content) != len(self._memory):
             raise InputError(
                 f'this is a state of kind "{state.kind}" and scenario {state.digest}, not of "{self.kind}" and '
                 f"{self._digest}; start a runtime of that scenario"

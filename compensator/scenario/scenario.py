@@ -7,8 +7,6 @@ A scenario is a TOML file (schema 1) with the tables [path], [tendon], [friction
 import hashlib
 import math
 import os
-import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -31,6 +29,7 @@ from tendonff.compensator.scenario.tables import (
     toml_table,
     toml_value,
 )
+from tendonff.compensator.scenario.toml import toml_of
 from tendonff.models.errors import ParameterError
 from tendonff.models.parameters import Actuator, Friction, Load, Tendon, Transmission
 from tendonff.models.parameters import Path as TendonPath
@@ -153,14 +152,7 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
     """Read a scenario from its text; messages name the source, and a CSV reference is relative to its folder."""
     source = Path(source)
     file = source.name
-    if _DEEP_KEY.search(text):
-        raise InputError(f"{file}: a key has more than {_MOST_PARTS} parts; none of a scenario has more than three")
-    try:
-        raw = tomllib.loads(text)
-    except RecursionError:
-        raise InputError(f"{file} is nested too deeply to be a scenario") from None
-    except ValueError as error:  # TOMLDecodeError, and numbers of thousands of digits
-        raise InputError(f"{file}: not valid TOML: {error}{_advice(text, str(error))}") from None
+    raw: Mapping[str, object] = toml_of(text, file)
     _check_schema(raw, file)
     if {"tendons", "drive"} & raw.keys():
         raise InputError(
@@ -211,37 +203,6 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
         joints=joints,
         **optional,  # type: ignore[arg-type]
     )
-
-
-_MOST_PARTS = 50
-_PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
-_DEEP_KEY = re.compile(rf"""(?<![\w"'-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{_MOST_PARTS}}}""")
-"""A key in so many parts that tomllib takes a minute for it."""
-
-_NO_TOML = (
-    (r"(\w+)\s*=\s*([-+]?\d+),(\d+)", "; a decimal point, not a comma: {0} = {1}.{2}"),
-    (r"(\w+)\s*=\s*([A-Za-z][\w./-]*)", '; text stands in quotes: {0} = "{1}"'),
-    (
-        r"(\w+)\s*=\s*([-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?)\s*[A-Za-z%°]\S*",
-        "; a number alone, the key says its unit: {0} = {1}",
-    ),
-    (r"(\w+)\s*=\s*([-+]?\.\d+)", "; a digit before the point: {0} = 0{1}"),
-    (r"(\w+)\s*=\s*([-+]?\d+)\.", "; a digit after the point: {0} = {1}.0"),
-)
-"""Common mistakes in TOML, and their corrections."""
-
-
-def _advice(text: str, error: str) -> str:
-    """The way out of what tomllib refuses, where the line shows a usual slip; else empty."""
-    place = re.search(r"at line (\d+)", error)
-    lines = text.splitlines()
-    if place is None or not 0 < (number := int(place[1])) <= len(lines):
-        return ""
-    line = lines[number - 1].partition("#")[0].strip()
-    for pattern, advice in _NO_TOML:
-        if len(line) < 200 and (found := re.fullmatch(pattern, line)):
-            return advice.format(*found.groups())
-    return ""
 
 
 def path_keys(raw: object, file: str) -> tuple[tuple[Section, ...], object]:

@@ -1,11 +1,11 @@
 """Base that the scenarios of several joints share."""
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 
 from tendonff.compensator.files.reading import InputError, read_text
 from tendonff.compensator.scenario.tables import show
+from tendonff.compensator.scenario.toml import toml_of
 
 _MERGED = ("path", "tendon", "friction", "drive", "run", "robust")
 
@@ -20,10 +20,7 @@ def with_base(raw: dict[str, object], source: Path, inputs: list[Path]) -> dict[
     if not isinstance(name := raw["base"], str):
         raise InputError(f"{source.name}: base must be the name of a file, got {show(name)}")
     path = source.parent / name
-    try:
-        base = tomllib.loads(read_text(path))
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path.name}: not valid TOML: {error}") from None
+    base = toml_of(read_text(path), path.name)
     if "base" in base:
         raise InputError(f"{path.name}: a base has no base of its own; put all into one file")
     inputs.append(path)

@@ -22,6 +22,7 @@ from tendonff.compensator.scenario.sampled.joint_motion import joint_angles
 from tendonff.compensator.scenario.scenario import SCHEMA, path_keys, spread_keys, with_spread
 from tendonff.compensator.scenario.settings import Run
 from tendonff.compensator.scenario.tables import ROPE_KEYS, check_names, expand, read_kind, read_table, show
+from tendonff.compensator.scenario.toml import toml_of
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters import Arm, DrivenJoint, JointDrive, JointTendon, LengthTable, Mechanism
 from tendonff.models.parameters import Friction, Tendon
@@ -167,10 +168,7 @@ def parse_joint_scenario(text: str, source: str | os.PathLike[str] = "scenario.t
     """Read one from its text; files that it names are relative to the source's folder."""
     source = Path(source)
     file = source.name
-    try:
-        raw = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{file}: not valid TOML: {error}") from None
+    raw: dict[str, object] = toml_of(text, file)
     inputs: list[Path] = []
     raw = with_base(raw, source, inputs)
     _check_tables(raw, file)

@@ -13,7 +13,7 @@ def test_a_new_scenario_is_valid_and_can_be_delivered(tmp_path: Path) -> None:
     assert sample_reference(load_scenario(tmp_path / "mine.toml")).range_N > 0
 
 
-@pytest.mark.parametrize("rig", ["finger", "bowden", "surgical", "exosuit"])
+@pytest.mark.parametrize("rig", ["tendon", "bowden", "surgical", "exosuit"])
 def test_a_scenario_for_a_rig_has_plausible_values_that_can_be_delivered(tmp_path: Path, rig: str) -> None:
     path = tmp_path / "mine.toml"
     assert run(["new", str(path), "--for", rig]) == 0
@@ -31,7 +31,7 @@ def test_the_example_of_an_exosuit_is_what_new_writes(tmp_path: Path, examples: 
     )
 
 
-@pytest.mark.parametrize("rig", ["finger", "bowden", "surgical", "exosuit"])
+@pytest.mark.parametrize("rig", ["tendon", "bowden", "surgical", "exosuit"])
 def test_every_range_names_its_source_or_says_that_it_is_an_estimate(tmp_path: Path, rig: str, examples: Path) -> None:
     assert run(["new", str(tmp_path / "mine.toml"), "--for", rig]) == 0
     body = (tmp_path / "mine.toml").read_text(encoding="utf-8").partition("\nschema")[2]

@@ -8,16 +8,18 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import tendonff as tf
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.finger.compensators import FingerTask
 from tendonff.compensator.finger.design import design_finger
-from tendonff.compensator.finger.runtime import FingerRuntime
 from tendonff.compensator.finger.scenario import load_finger_scenario, parse_finger_scenario, sample_finger
 from tendonff.compensator.finger.sheet import joint_sheets, tendon_sheets
 from tendonff.compensator.joint.design.run import design_joint
 from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
+from tendonff.compensator.runtime.kinds import RuntimeStatus
 from tendonff.compensator.studies.compare.joint import compare_joint
 from tendonff.compensator.studies.design.sweep.run import sweep
+from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.ocp.mechanism.response import MechanismStatus
@@ -66,13 +68,22 @@ def test_the_files_have_the_columns_of_the_contract(designed, tmp_path):
 
 @pytest.mark.compiler
 def test_a_runtime_gives_the_motor_angles_of_the_design(designed):
-    runtime = FingerRuntime(scenario())
+    runtime = tf.Runtime(scenario())
     wanted = sample_finger(scenario()).angle_rad
     live = np.array([runtime.step(row) for row in wanted[1:200]])
     assert live == pytest.approx(designed.inversion.motor[1:200], abs=1e-9)
     before = runtime.step({"mcp": float("nan"), "pip": 0.0, "dip": 0.0})
-    assert runtime.held
+    assert runtime.status == (RuntimeStatus.INPUT_HELD,)
     assert before == pytest.approx(live[-1])
+    state = runtime.state()
+    after = runtime.step(wanted[200])
+    runtime.restore(state)
+    assert runtime.step(wanted[200]) == pytest.approx(after, abs=0)
+    broken = bytes([state.content[0] ^ 1]) + state.content[1:]
+    with pytest.raises(InputError, match="damaged"):
+        runtime.restore(replace(state, content=broken))
+    with pytest.raises(ParameterError, match="must hold an angle of each of mcp, pip, dip"):
+        runtime.step(0.7)
 
 
 @pytest.mark.compiler

@@ -108,7 +108,7 @@ def several(tmp_path_factory: pytest.TempPathFactory) -> tuple[JointScenario, ..
             ("joints.knuckle", "joints.table"),
             ("moment_arm_m = 0.008 ", 'lengths = "lengths.csv" '),
             ("relaxing_stiffness_N_per_m = 0.0", "relaxing_stiffness_N_per_m = 4e3\nrelaxation_time_s = 0.4"),
-            ("mu_static = 0.2", f"mu_static = 0.23\n{stribeck}"),
+            ("mu_dynamic = 0.2 ", f"mu_static = 0.23\n{stribeck}\nmu_dynamic = 0.2 "),
         ),
     )
 

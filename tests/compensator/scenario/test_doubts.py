@@ -2,7 +2,6 @@
 
 import math
 import re
-import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,8 +12,7 @@ from tendonff.compensator.cli import run
 from tendonff.compensator.files.reading import InputError, read_csv
 from tendonff.compensator.files.writing import write_text
 from tendonff.compensator.finger.doubts import finger_doubts
-from tendonff.compensator.finger.scenario import describes_finger, load_finger_scenario, parse_finger_scenario
-from tendonff.compensator.joint.scenario.detect import is_joint_file
+from tendonff.compensator.finger.scenario import FingerScenario, load_finger_scenario, parse_finger_scenario
 from tendonff.compensator.joint.scenario.doubts import joint_doubts
 from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
 from tendonff.compensator.scenario.doubts import (
@@ -26,13 +24,14 @@ from tendonff.compensator.scenario.doubts import (
 from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, SineJoint, WaypointJoint
 from tendonff.compensator.scenario.sampled.first_look import first_look
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario, parse_scenario
+from tendonff.compensator.scenarios import load_scenario as load_any
 from tendonff.models.parameters.drive import Motor
 
 ROOT = Path(__file__).resolve().parents[3]
 FILES = (*(ROOT / "examples").glob("*.toml"), *(ROOT / "compensator" / "scenario").rglob("*.toml"))
-OF_A_TENDON = sorted(path for path in FILES if not is_joint_file(path))
-OF_JOINTS = sorted(path for path in FILES if is_joint_file(path))
-OF_A_FINGER = [path for path in OF_JOINTS if describes_finger(tomllib.loads(path.read_text(encoding="utf-8")))]
+OF_A_TENDON = sorted(path for path in FILES if isinstance(load_any(path), Scenario))
+OF_JOINTS = sorted(path for path in FILES if not isinstance(load_any(path), Scenario))
+OF_A_FINGER = [path for path in OF_JOINTS if isinstance(load_any(path), FingerScenario)]
 OF_A_JOINT = [path for path in OF_JOINTS if path not in OF_A_FINGER]
 
 

@@ -60,7 +60,7 @@ def test_a_number_has_one_spread(finger: str) -> None:
         parse_scenario(with_spread(finger, '"load.mass_kg" = 0.2', '"load.mass_kg, tendon.mass_kg" = 0.1'))
 
 
-@pytest.mark.parametrize("rig", ["bowden", "exosuit", "finger", "surgical"])
+@pytest.mark.parametrize("rig", ["bowden", "exosuit", "tendon", "surgical"])
 def test_a_new_scenario_says_how_well_its_estimates_are_known_and_why(rig: str) -> None:
     from importlib.resources import files
 

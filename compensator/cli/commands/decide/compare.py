@@ -1,7 +1,7 @@
 """`tendonff compare`: which model fidelity the task needs."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -10,11 +10,14 @@ from tendonff.compensator.cli.options import (
     PdfOption,
     ScenarioArgument,
     YesOption,
-    joint_looked_at,
     opened,
 )
 from tendonff.compensator.cli.progress import progress, say, warn
 from tendonff.compensator.files.text import InputError
+
+if TYPE_CHECKING:
+    from tendonff.compensator.studies.compare.joint import JointComparison
+    from tendonff.compensator.studies.compare.result import Comparison
 
 
 def compare(
@@ -30,33 +33,28 @@ def compare(
 
     Every compensator is designed on each level, and simulated on each and on the capstan law.
     """
-    from tendonff.compensator.joint.scenario.detect import is_joint_file
-
-    if is_joint_file(scenario):
-        _compare_joint(scenario, out, optimal=optimal, pdf=pdf, yes=yes)
-        return
     with opened(scenario, out, yes=yes) as (loaded, folder):
-        from tendonff.compensator.compensators.registry import COMPENSATORS
-        from tendonff.compensator.studies.compare.run import FEEDFORWARDS
-        from tendonff.compensator.studies.compare.run import compare as compare_levels
+        from tendonff.compensator.scenario.scenario import Scenario
 
-        with progress("comparing") as advance:
-            result = compare_levels(loaded, compensators=COMPENSATORS if optimal else FEEDFORWARDS, progress=advance)
-        result.write(folder, pdf=pdf)
-    warn(*result.warnings)
-    say(result.recommendation, result.headline)
+        result: Comparison | JointComparison
+        if isinstance(loaded, Scenario):
+            from tendonff.compensator.compensators.registry import COMPENSATORS
+            from tendonff.compensator.studies.compare.run import FEEDFORWARDS
+            from tendonff.compensator.studies.compare.run import compare as compare_levels
 
+            with progress("comparing") as advance:
+                result = compare_levels(
+                    loaded, compensators=COMPENSATORS if optimal else FEEDFORWARDS, progress=advance
+                )
+        else:
+            from tendonff.compensator.studies.compare.joint import compare_joint
 
-def _compare_joint(scenario: Path, out: Path, *, optimal: bool, pdf: bool, yes: bool) -> None:
-    if optimal:
-        raise InputError(f"{scenario.name}: --optimal is for the force of one tendon; a joint has the exact inverse")
-    loaded = joint_looked_at(scenario, yes=yes)
-    from tendonff.compensator.files.writing import atomic_directory
-    from tendonff.compensator.studies.compare.joint import compare_joint
-
-    with atomic_directory(out) as folder:
-        with progress("comparing") as advance:
-            result = compare_joint(loaded, progress=advance)
+            if optimal:
+                raise InputError(
+                    f"{scenario.name}: --optimal is for the force of one tendon; joints have the exact inverse"
+                )
+            with progress("comparing") as advance:
+                result = compare_joint(loaded, progress=advance)
         result.write(folder, pdf=pdf)
     warn(*result.warnings)
     say(result.recommendation, result.headline)

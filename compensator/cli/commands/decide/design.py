@@ -1,7 +1,7 @@
 """`tendonff design`: the main job."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -10,13 +10,17 @@ from tendonff.compensator.cli.options import (
     PdfOption,
     ScenarioArgument,
     YesOption,
-    joint_looked_at,
+    of_one_joint,
     opened,
     option,
 )
 from tendonff.compensator.cli.progress import progress, say, warn
 from tendonff.compensator.files.text import InputError
 from tendonff.ocp.integrate.method import Method
+
+if TYPE_CHECKING:
+    from tendonff.compensator.finger.scenario import FingerScenario
+    from tendonff.compensator.joint.scenario.scenario import JointScenario
 
 EXIT_SOLVE = 1  # what was written is the best that was found
 
@@ -45,11 +49,17 @@ def design(
     Computes force profiles that produce the desired output tension, by every compensator, and simulates each. For a
     joint between tendons: motor angles that produce the desired joint angle.
     """
-    from tendonff.compensator.joint.scenario.detect import is_joint_file
-
-    if is_joint_file(scenario):
-        return _design_joint(scenario, out, strict=strict, online=online or interactive, check=check, yes=yes)
     with opened(scenario, out, strict=strict, yes=yes) as (loaded, folder):
+        from tendonff.compensator.scenario.scenario import Scenario
+
+        if not isinstance(loaded, Scenario):
+            if online or interactive:
+                raise InputError(
+                    f"{scenario.name}: --online and --interactive are for the tension of one tendon; leave them out"
+                )
+            if check is not None:
+                of_one_joint(loaded, "--check integrates one tendon or one joint; leave it out")
+            return _design_motors(loaded, folder, out, strict=strict, check=check)
         from tendonff.compensator.studies.design.output import print_scores
         from tendonff.compensator.studies.design.run import design as design_profile
 
@@ -78,23 +88,19 @@ def design(
     return 0 if result.is_usable else EXIT_SOLVE
 
 
-def _design_joint(scenario: Path, out: Path, *, strict: bool, online: bool, check: Method | None, yes: bool) -> int:
-    if online:
-        raise InputError(
-            f"{scenario.name}: --online and --interactive are for the tension of one tendon; leave them out"
-        )
-    loaded = joint_looked_at(scenario, yes=yes)
-    from tendonff.compensator.files.writing import atomic_directory
-    from tendonff.compensator.joint.design.run import design_joint
+def _design_motors(
+    loaded: "JointScenario | FingerScenario", folder: Path, out: Path, *, strict: bool, check: Method | None
+) -> int:
+    from tendonff.compensator.finger.design import design_motors
+    from tendonff.compensator.joint.design.result import JointDesign
 
-    with atomic_directory(out) as folder:
-        with progress("designing") as advance:
-            result = design_joint(loaded, strict=strict, progress=advance)
-        with progress("writing"):
-            result.write(folder)
+    with progress("designing") as advance:
+        result = design_motors(loaded, strict=strict, progress=advance)
+    with progress("writing"):
+        result.write(folder)
     warn(*result.warnings)
     say(result.headline, result.fine_print, f"report: {out / 'report.html'}")
-    if check is not None:
+    if check is not None and isinstance(result, JointDesign):
         from tendonff.compensator.joint.design.check import check_joint_design
 
         with progress(f"simulating by {check}"):

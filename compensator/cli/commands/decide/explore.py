@@ -4,9 +4,11 @@ from typing import Annotated
 
 import typer
 
-from tendonff.compensator.cli.options import ScenarioArgument, YesOption, any_looked_at
+from tendonff.compensator.cli.options import ScenarioArgument, YesOption, looked_at, of_one_joint
 from tendonff.compensator.cli.progress import say
 from tendonff.compensator.files.text import InputError
+
+_SEVERAL = "explore shows the loop of one joint; of several, compare designs by tendonff design and sweep"
 
 
 def explore(
@@ -22,18 +24,19 @@ def explore(
     Sliders change friction, angle, presliding stiffness, relaxation, rate limit, load and the pose of joints; for a
     driven joint friction, stiffness, tension, load and servo lag.
     """
-    loaded = any_looked_at(scenario, yes=yes)
+    loaded = looked_at(scenario, yes=yes)
     try:
         from tendonff.compensator.studies.explore.page import make_server, page_url
     except ModuleNotFoundError as error:
         if error.name != "bokeh":
             raise
         raise InputError("explore needs Bokeh, which is not installed; install it by: pip install bokeh") from None
-    from tendonff.compensator.joint.scenario.scenario import JointScenario
+    from tendonff.compensator.scenario.scenario import Scenario
     from tendonff.compensator.studies.explore.joint import JointExplorer
     from tendonff.compensator.studies.explore.run import Explorer
 
-    server = make_server(JointExplorer(loaded) if isinstance(loaded, JointScenario) else Explorer(loaded), port)
+    subject = Explorer(loaded) if isinstance(loaded, Scenario) else JointExplorer(of_one_joint(loaded, _SEVERAL))
+    server = make_server(subject, port)
     server.start()
     say(f"{page_url(server)} (this machine only; Ctrl-C ends it)")
     if browser:

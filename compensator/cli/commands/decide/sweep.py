@@ -11,7 +11,7 @@ from tendonff.compensator.cli.options import (
     PdfOption,
     ScenarioArgument,
     YesOption,
-    any_looked_at,
+    looked_at,
     option,
 )
 from tendonff.compensator.cli.progress import progress, say
@@ -50,7 +50,7 @@ def sweep(
     """
     if source != "robust":
         raise typer.BadParameter(f'must be "robust", got "{source}"', param_hint="--from")
-    loaded = any_looked_at(scenario, yes=yes)
+    loaded = looked_at(scenario, yes=yes)
     from tendonff.compensator.files.interrupts import Interrupted
     from tendonff.compensator.files.writing import require_parquet
     from tendonff.compensator.studies.design.sweep.plan import Axis

@@ -1,7 +1,7 @@
 """`tendonff export-c`: C99 for the controller."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -11,12 +11,18 @@ from tendonff.compensator.cli.options import (
     OutFolderOption,
     PrefixOption,
     YesOption,
-    joint_looked_at,
+    looked_at,
+    of_one_joint,
     opened,
 )
 from tendonff.compensator.cli.progress import progress, say, warn
 from tendonff.compensator.files.text import InputError
 from tendonff.ocp.codegen.precision import Precision
+
+if TYPE_CHECKING:
+    from tendonff.compensator.joint.scenario.scenario import JointScenario
+
+_SEVERAL = "no C is exported for several joints yet; tf.Runtime gives their motor angles step by step"
 
 
 def export_c(
@@ -40,18 +46,23 @@ def export_c(
     Inverse, capstan law, table, optimal profile, and the chain itself for tests; of driven joints the inverse, one copy
     of the code for all of them.
     """
-    from tendonff.compensator.joint.scenario.detect import is_joint_file
-
     scenario = scenarios[0]
-    if is_joint_file(scenario):
-        if level is not None:
-            raise InputError(f"{scenario.name}: --level is for the tension of one tendon; set [run] level in the file")
-        return _export_joints(scenarios, out, precision, prefix, force_export=force_export, yes=yes)
-    if len(scenarios) > 1:
-        raise InputError(
-            f"{scenario.name}: one project has one tension, or several driven joints; give one scenario at a time"
-        )
     with opened(scenario, out, yes=yes) as (loaded, folder):
+        from tendonff.compensator.scenario.scenario import Scenario
+
+        if not isinstance(loaded, Scenario):
+            if level is not None:
+                raise InputError(
+                    f"{scenario.name}: --level is for the tension of one tendon; set [run] level in the file"
+                )
+            joints = [
+                of_one_joint(each, _SEVERAL) for each in (loaded, *(looked_at(p, yes=yes) for p in scenarios[1:]))
+            ]
+            return _export_joints(joints, folder, out, precision, prefix, force_export=force_export)
+        if len(scenarios) > 1:
+            raise InputError(
+                f"{scenario.name}: one project has one tension, or several driven joints; give one scenario at a time"
+            )
         from tendonff.compensator.export.c_project import export_project
         from tendonff.compensator.export.judgement import score_lines
 
@@ -68,13 +79,11 @@ def export_c(
 
 
 def _export_joints(
-    scenarios: list[Path], out: Path, precision: Precision, prefix: str, *, force_export: bool, yes: bool
+    loaded: list["JointScenario"], folder: Path, out: Path, precision: Precision, prefix: str, *, force_export: bool
 ) -> None:
-    loaded = [joint_looked_at(path, yes=yes) for path in scenarios]
-    from tendonff.compensator.files.writing import atomic_directory
     from tendonff.compensator.joint.export.project import export_joints
 
-    with progress("exporting"), atomic_directory(out) as folder:
+    with progress("exporting"):
         exported = export_joints(loaded, precision=precision, prefix=prefix, force_export=force_export)
         exported.write(folder)
     warn(*exported.warnings)

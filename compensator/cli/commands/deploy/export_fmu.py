@@ -13,7 +13,7 @@ from tendonff.compensator.cli.options import (
     PrefixOption,
     ScenarioArgument,
     YesOption,
-    joint_looked_at,
+    of_one_joint,
     opened,
     option,
 )
@@ -23,6 +23,9 @@ from tendonff.compensator.files.text import InputError
 
 if TYPE_CHECKING:
     from tendonff.compensator.export.unit import Fmu
+    from tendonff.compensator.joint.scenario.scenario import JointScenario
+
+_SEVERAL = "no unit is exported for several joints yet; tf.Runtime gives their motor angles step by step"
 
 
 def export_fmu(
@@ -42,16 +45,21 @@ def export_fmu(
 
     Co-simulation units of the exported C, with their sources; of a driven joint its inverse.
     """
-    from tendonff.compensator.joint.scenario.detect import is_joint_file
-
-    if is_joint_file(scenario):
-        if level is not None:
-            raise InputError(f"{scenario.name}: --level is for the tension of one tendon; set [run] level in the file")
-        if kind is not Kind.INVERSE:
-            raise InputError(f"{scenario.name}: a driven joint has the kind inverse only, got {kind}; leave --kind out")
-        versions = FmiVersion if fmi is None else (fmi,)
-        return _joint(scenario, out, tuple(versions), prefix, everywhere=everywhere, force_export=force_export, yes=yes)
+    versions = tuple(FmiVersion) if fmi is None else (fmi,)
     with opened(scenario, out, yes=yes) as (loaded, folder):
+        from tendonff.compensator.scenario.scenario import Scenario
+
+        if not isinstance(loaded, Scenario):
+            if level is not None:
+                raise InputError(
+                    f"{scenario.name}: --level is for the tension of one tendon; set [run] level in the file"
+                )
+            if kind is not Kind.INVERSE:
+                raise InputError(
+                    f"{scenario.name}: a driven joint has the kind inverse only, got {kind}; leave --kind out"
+                )
+            joint = of_one_joint(loaded, _SEVERAL)
+            return _joint(joint, folder, out, versions, prefix, everywhere=everywhere, force_export=force_export)
         from tendonff.compensator.export.fmu import build_fmu
         from tendonff.compensator.export.judgement import score_lines
 
@@ -60,7 +68,7 @@ def export_fmu(
                 build_fmu(
                     loaded, kind, each, prefix=prefix, level=level, everywhere=everywhere, force_export=force_export
                 )
-                for each in (FmiVersion if fmi is None else (fmi,))
+                for each in versions
             ]
             for unit in units:
                 unit.write(folder)
@@ -72,20 +80,18 @@ def export_fmu(
 
 
 def _joint(
-    scenario: Path,
+    loaded: "JointScenario",
+    folder: Path,
     out: Path,
     versions: tuple[FmiVersion, ...],
     prefix: str,
     *,
     everywhere: bool,
     force_export: bool,
-    yes: bool,
 ) -> None:
-    loaded = joint_looked_at(scenario, yes=yes)
-    from tendonff.compensator.files.writing import atomic_directory
     from tendonff.compensator.joint.export.fmu import build_joint_fmu
 
-    with progress("exporting"), atomic_directory(out) as folder:
+    with progress("exporting"):
         made = [
             build_joint_fmu(loaded, each, prefix=prefix, everywhere=everywhere, force_export=force_export)
             for each in versions

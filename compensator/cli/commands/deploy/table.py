@@ -1,7 +1,7 @@
 """`tendonff table`: compensation tables."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,8 +12,8 @@ from tendonff.compensator.cli.options import (
     PrefixOption,
     ScenarioArgument,
     YesOption,
-    joint_looked_at,
     named_numbers,
+    of_one_joint,
     opened,
     option,
 )
@@ -21,6 +21,13 @@ from tendonff.compensator.cli.progress import progress, say, warn
 from tendonff.compensator.files.text import InputError
 from tendonff.ocp.errors import SolveError
 
+if TYPE_CHECKING:
+    from tendonff.compensator.joint.scenario.scenario import JointScenario
+
+_SEVERAL = (
+    "a table of several joints needs an axis for the angle and the way of each, 2 n in all, which fits no controller; "
+    "tf.Runtime gives the motor angles step by step"
+)
 _MANY_NODES = 5000
 _BOUND = "Largest interpolation error [N]; default: 0.5 % of the reference's range."
 
@@ -57,17 +64,16 @@ def table(
     The axes are the reference, the branch and the tension since the last reversal. A table whose error is above that of
     no compensation is not written, unless forced.
     """
-    from tendonff.compensator.joint.scenario.detect import is_joint_file
-
-    if is_joint_file(scenario):
-        for name, given in (("--level", level), ("--bound", bound), ("--angles", angles), ("--rates", rates)):
-            if given is not None or pose:
-                raise InputError(f"{scenario.name}: {name if given is not None else '--pose'} is for a tension")
-        _table_joint(scenario, out, force=force, pdf=pdf, yes=yes)
-        return
     angles_of_joints = dict(named_numbers("--pose", pose or [], "NAME=ANGLE", "wrist=0.5", is_named=True))
     angle_axis, rate_axis = _numbers(angles, "--angles"), _numbers(rates, "--rates")
     with opened(scenario, out, yes=yes) as (loaded, folder):
+        from tendonff.compensator.scenario.scenario import Scenario
+
+        if not isinstance(loaded, Scenario):
+            given = {"--level": level, "--bound": bound, "--angles": angles, "--rates": rates, "--pose": pose}
+            for name in (name for name, value in given.items() if value):
+                raise InputError(f"{scenario.name}: {name} is for a tension")
+            return _table_joint(of_one_joint(loaded, _SEVERAL), folder, force=force, pdf=pdf)
         from tendonff.compensator.export.modules import check_prefix
         from tendonff.compensator.studies.tables.run import make_tables
 
@@ -95,14 +101,13 @@ def table(
         f"(bound {built.bound_N:.3g} N); RMS error with exactly the scenario's parameters on level {result.level}: "
         f"{own.rmse_percent_of_range:.2g} % of range"
     )
+    return None
 
 
-def _table_joint(scenario: Path, out: Path, *, force: bool, pdf: bool, yes: bool) -> None:
-    loaded = joint_looked_at(scenario, yes=yes)
-    from tendonff.compensator.files.writing import atomic_directory
+def _table_joint(loaded: "JointScenario", folder: Path, *, force: bool, pdf: bool) -> None:
     from tendonff.compensator.studies.tables.joint import tabulate_joint
 
-    with atomic_directory(out) as folder, progress("tabulating"):
+    with progress("tabulating"):
         result = tabulate_joint(loaded)
         worst = result.expectation.worst_percent
         if worst["table"] > worst["linear"] and not force:

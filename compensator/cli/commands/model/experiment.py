@@ -3,9 +3,18 @@
 from pathlib import Path
 from typing import Annotated
 
-from tendonff.compensator.cli.options import OutFolderOption, PdfOption, ScenarioArgument, YesOption, opened, option
+from tendonff.compensator.cli.options import (
+    OutFolderOption,
+    PdfOption,
+    ScenarioArgument,
+    YesOption,
+    of_tension,
+    opened,
+    option,
+)
 from tendonff.compensator.cli.progress import progress, say, warn
 
+_TWO_MOTORS = "the experiment holds one tendon between two motors; describe that tendon by a scenario of its tension"
 _MEASURED = "Tensions of this test on a rig (time_s, any of tension_1_N to tension_7_N), laid over the models."
 
 
@@ -25,7 +34,7 @@ def experiment(
         from tendonff.compensator.studies.experiment.run import experiment as run_test
 
         with progress("experimenting") as advance:
-            result = run_test(loaded, measured, progress=advance)
+            result = run_test(of_tension(loaded, _TWO_MOTORS), measured, progress=advance)
         result.write(folder, pdf=pdf)
     warn(*warnings_of(result))
     states = len(result.plan.states)

@@ -1,7 +1,7 @@
 """`tendonff simulate`: what a force does to the tensions along the tendon."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -10,7 +10,6 @@ from tendonff.compensator.cli.options import (
     MethodOption,
     ScenarioArgument,
     YesOption,
-    joint_looked_at,
     looked_at,
     option,
 )
@@ -18,6 +17,10 @@ from tendonff.compensator.cli.progress import progress, say, warn
 from tendonff.compensator.files.text import InputError
 from tendonff.models.fidelity import Level
 from tendonff.ocp.integrate.method import Method
+
+if TYPE_CHECKING:
+    from tendonff.compensator.finger.scenario import FingerScenario
+    from tendonff.compensator.joint.scenario.scenario import JointScenario
 
 _COLUMN = "Column of the force; default: force_N, in a profile.csv force_optimal_N."
 _JOINTS = "Motion of the joints: time_s,NAME_rad; default: that of the scenario."
@@ -42,13 +45,15 @@ def simulate(
 
     The run starts at rest at the scenario's initial tension; of a joint, where its reference starts.
     """
-    from tendonff.compensator.joint.scenario.detect import is_joint_file
-
-    if is_joint_file(scenario):
-        _simulate_joint(scenario, force, out, column, level, method, unused=joints is not None or check, yes=yes)
-        return
     loaded = looked_at(scenario, follows_reference=False, yes=yes)
     from tendonff.compensator.scenario.doubts import settle
+    from tendonff.compensator.scenario.scenario import Scenario
+
+    if not isinstance(loaded, Scenario):
+        if joints is not None or check:
+            raise InputError(f"{scenario.name}: --joints and --check are for the tension of one tendon; leave them out")
+        _simulate_motors(loaded, force, out, column, level, method)
+        return
     from tendonff.compensator.scenario.sampled.joint_motion import moved_by_file
     from tendonff.compensator.studies.simulate.run import doubts_of, notes_of, read_force, simulate_force
 
@@ -67,24 +72,18 @@ def simulate(
         say(f"check: {simulated.check}")
 
 
-def _simulate_joint(
-    scenario: Path,
+def _simulate_motors(
+    loaded: "JointScenario | FingerScenario",
     motors: Path,
     out: Path,
     column: str | None,
     level: Level | None,
     method: Method,
-    *,
-    unused: bool,
-    yes: bool,
 ) -> None:
-    if unused:
-        raise InputError(f"{scenario.name}: --joints and --check are for the tension of one tendon; leave them out")
-    loaded = joint_looked_at(scenario, yes=yes)
-    from tendonff.compensator.joint.simulate import simulate_joint_file
+    from tendonff.compensator.finger.simulate import simulate_motor_file
 
-    if out.exists() and any(out.samefile(source) for source in (scenario, motors)):
+    if out.exists() and any(out.samefile(source) for source in (loaded.source, motors)):
         raise InputError(f"{out} is an input of this run; name another file for the result")
     with progress("simulating"):
-        notes = simulate_joint_file(loaded, level or loaded.run.level, motors, column, out, method)
+        notes = simulate_motor_file(loaded, level or loaded.run.level, motors, column, out, method)
     warn(*notes)

@@ -1,16 +1,25 @@
 """`tendonff adapt`: feedforward that tunes itself, on rigs that differ from the scenario."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tendonff.compensator.cli.options import (
     OutFolderOption,
     PdfOption,
     ScenarioArgument,
     YesOption,
-    joint_looked_at,
+    of_one_joint,
     opened,
 )
 from tendonff.compensator.cli.progress import progress, say, warn
+
+if TYPE_CHECKING:
+    from tendonff.compensator.studies.adapt.joint import JointAdaptationStudy
+    from tendonff.compensator.studies.adapt.result import AdaptationStudy
+
+_SEVERAL = (
+    "adapt tunes one number from one motor; the joints of a finger share tendons, so that one torque tells of many"
+)
 
 
 def adapt(
@@ -23,31 +32,23 @@ def adapt(
 
     Feedforward and feedback alone stand beside it; of a driven joint the plain inverse.
     """
-    from tendonff.compensator.joint.scenario.detect import is_joint_file
-
-    if is_joint_file(scenario):
-        _adapt_joint(scenario, out, pdf=pdf, yes=yes)
-        return
     with opened(scenario, out, yes=yes) as (loaded, folder):
-        from tendonff.compensator.studies.adapt.run import adapt as study
+        from tendonff.compensator.scenario.scenario import Scenario
 
-        with progress("self-tuning") as advance:
-            result = study(loaded, progress=advance)
+        result: AdaptationStudy | JointAdaptationStudy
+        if isinstance(loaded, Scenario):
+            from tendonff.compensator.studies.adapt.run import adapt as study
+
+            with progress("self-tuning") as advance:
+                result = study(loaded, progress=advance)
+            said = () if result.certificate is None else (result.certificate.sentence(),)
+        else:
+            from tendonff.compensator.studies.adapt.joint import adapt_joint
+
+            joint = of_one_joint(loaded, _SEVERAL)
+            with progress("self-tuning") as advance:
+                result = adapt_joint(joint, progress=advance)
+            said = ()
         result.write(folder, pdf=pdf)
     warn(*result.warnings)
-    if result.certificate is not None:
-        say(result.certificate.sentence())
-    say(result.headline)
-
-
-def _adapt_joint(scenario: Path, out: Path, *, pdf: bool, yes: bool) -> None:
-    loaded = joint_looked_at(scenario, yes=yes)
-    from tendonff.compensator.files.writing import atomic_directory
-    from tendonff.compensator.studies.adapt.joint import adapt_joint
-
-    with atomic_directory(out) as folder:
-        with progress("self-tuning") as advance:
-            result = adapt_joint(loaded, progress=advance)
-        result.write(folder, pdf=pdf)
-    warn(*result.warnings)
-    say(result.headline)
+    say(*said, result.headline)

@@ -11,9 +11,9 @@ from tendonff.compensator.cli.options import (
     OutFolderOption,
     PdfOption,
     ScenarioArgument,
-    joint_looked_at,
+    looked_at,
     named_numbers,
-    opened,
+    of_one_joint,
     option,
 )
 from tendonff.compensator.cli.progress import interruptible, progress, say, warn
@@ -23,8 +23,15 @@ from tendonff.compensator.scenario.measurement import Explain, Measurement
 from tendonff.models.errors import ParameterError
 
 if TYPE_CHECKING:
+    from tendonff.compensator.finger.scenario import FingerScenario
     from tendonff.compensator.identification.answer.result import Identification
+    from tendonff.compensator.joint.scenario.scenario import JointScenario
+    from tendonff.compensator.scenario.scenario import Scenario
 
+_SEVERAL = (
+    "identify fits one tendon or one joint on a loop; measure the tendons of a finger one by one, each described by a "
+    "scenario of its own"
+)
 _YES = "Fit very long files without asking, and go on where a value looks like another unit."
 SCALED = ("time", "input", "output", "input_position", "output_position", "actuator_force")
 _SCALE = (
@@ -97,21 +104,11 @@ def identify(
     names the motor's torque, --output-column the joint's where it was measured, --input-position-column the motor's
     angle, --output-position-column the joint's.
     """
-    from tendonff.compensator.joint.scenario.detect import is_joint_file
+    loaded = looked_at(scenario, follows_reference=False, yes=yes)
+    from tendonff.compensator.scenario.scenario import Scenario
 
-    is_joint = is_joint_file(scenario)
-    if suggest and is_joint:
-        _suggest_routine(scenario, out, pdf=pdf, yes=yes)
-        return
     if suggest:
-        with opened(scenario, out, follows_reference=False, yes=yes) as (loaded, folder):
-            from tendonff.compensator.identification.answer.output import write_suggestion
-
-            excitation = write_suggestion(loaded, folder, pdf=pdf)
-        say(f"{out / 'suggested_force.csv'}: {excitation.time_s[-1]:.4g} s, up to {excitation.force_N.max():.4g} N")
-        say(*(f"  {part}" for part in excitation.parts))
-        if excitation.gain:
-            say(excitation.gain)
+        _suggest(loaded, out, pdf=pdf)
         return
     if not data:
         raise InputError(
@@ -132,7 +129,7 @@ def identify(
         "gear_ratio": gear_ratio,
         "explain": explain,
     }
-    if is_joint:
+    if not isinstance(loaded, Scenario):
         refused = {
             "--tension-column": tension_column,
             "--actuator-force-column": actuator_force_column,
@@ -151,14 +148,16 @@ def identify(
             joint_how = _of_columns(joint_how, "--offset", offset or [], ("input",), "input=0.004 takes 4 mN m off")
         except ParameterError as error:
             raise InputError(str(error)) from None
-        _identify_joint(scenario, out, data, validate or [], joint_how, pdf=pdf, yes=yes)
+        _identify_joint(of_one_joint(loaded, _SEVERAL), out, data, validate or [], joint_how, pdf=pdf)
         return
     labels = _labels(condition or [], [path.name for path in data])
 
     def confirm(question: str) -> bool:
         return yes or (sys.stdin.isatty() and typer.confirm(f"{question}. Go on?", err=True))
 
-    with opened(scenario, out, follows_reference=False, yes=yes) as (loaded, folder):
+    from tendonff.compensator.files.writing import atomic_directory
+
+    with atomic_directory(out) as folder:
         try:
             how = replace(loaded.measurement, **{k: v for k, v in names.items() if v is not None})  # type: ignore[arg-type]
             how = _of_columns(how, "--scale", scale or [], SCALED, "input=9.81 turns kg into N")
@@ -188,20 +187,32 @@ def identify(
     say(*summary_lines(found, str(out)))
 
 
-def _suggest_routine(scenario: Path, out: Path, *, pdf: bool, yes: bool) -> None:
-    """Write motor angles that identify a joint."""
-    from tendonff.compensator.identification.joint.output import write_routine
+def _suggest(loaded: "Scenario | JointScenario | FingerScenario", out: Path, *, pdf: bool) -> None:
+    """Write an excitation that identifies a tendon, or motor angles that identify a joint."""
+    from tendonff.compensator.files.writing import atomic_directory
+    from tendonff.compensator.scenario.scenario import Scenario
 
-    routine = write_routine(joint_looked_at(scenario, follows_reference=False, yes=yes), out, pdf=pdf)
-    reach = f"{routine.motor_rad.min():.3g} to {routine.motor_rad.max():.3g} rad"
-    say(f"{out / 'suggested_motor.csv'}: {routine.time_s[-1]:.4g} s, {reach}", *(f"  {p}" for p in routine.parts))
+    if not isinstance(loaded, Scenario):
+        from tendonff.compensator.identification.joint.output import write_routine
+
+        routine = write_routine(of_one_joint(loaded, _SEVERAL), out, pdf=pdf)
+        reach = f"{routine.motor_rad.min():.3g} to {routine.motor_rad.max():.3g} rad"
+        say(f"{out / 'suggested_motor.csv'}: {routine.time_s[-1]:.4g} s, {reach}", *(f"  {p}" for p in routine.parts))
+        return
+    with atomic_directory(out) as folder:
+        from tendonff.compensator.identification.answer.output import write_suggestion
+
+        excitation = write_suggestion(loaded, folder, pdf=pdf)
+    say(f"{out / 'suggested_force.csv'}: {excitation.time_s[-1]:.4g} s, up to {excitation.force_N.max():.4g} N")
+    say(*(f"  {part}" for part in excitation.parts))
+    if excitation.gain:
+        say(excitation.gain)
 
 
 def _identify_joint(
-    scenario: Path, out: Path, data: list[Path], validate: list[Path], how: Measurement, *, pdf: bool, yes: bool
+    loaded: "JointScenario", out: Path, data: list[Path], validate: list[Path], how: Measurement, *, pdf: bool
 ) -> None:
     """Identify a joint from its motor, and write what was found."""
-    loaded = joint_looked_at(scenario, follows_reference=False, yes=yes)
     from tendonff.compensator.files.writing import atomic_directory
     from tendonff.compensator.identification.joint.result import summary_lines
     from tendonff.compensator.identification.joint.run import identify_joint

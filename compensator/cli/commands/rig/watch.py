@@ -9,12 +9,17 @@ from tendonff.compensator.cli.options import (
     PdfOption,
     ScenarioArgument,
     YesOption,
-    joint_looked_at,
+    looked_at,
+    of_one_joint,
     option,
 )
 from tendonff.compensator.cli.progress import progress, say, warn
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.scenario.measurement import Measurement
+
+_NOT_A_LOOP = (
+    "watch is for one joint on a loop; tendonff identify with several --data reports how the values of one tendon drift"
+)
 
 
 def watch(
@@ -41,16 +46,10 @@ def watch(
     Reads logs of the motor of an identified loop in the order of use; an alarm names what has changed.
     """
     from tendonff.compensator.files.writing import atomic_directory
-    from tendonff.compensator.joint.scenario.detect import is_joint_file
 
-    if not is_joint_file(scenario) and scenario.exists():
-        raise InputError(
-            f"{scenario.name}: watch is for a joint between tendons; tendonff identify with several --data reports how "
-            "the values of one tendon drift"
-        )
     if not data:
         raise InputError("no log given; name at least one with --data, in the order of use")
-    loaded = joint_looked_at(scenario, follows_reference=False, yes=yes)
+    loaded = of_one_joint(looked_at(scenario, follows_reference=False, yes=yes), _NOT_A_LOOP)
     given = {
         "time_column": time_column,
         "input_column": input_column,

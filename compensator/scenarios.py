@@ -1,0 +1,92 @@
+"""The one reader of scenario files: the tension of one tendon, one driven joint, or several."""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tendonff.compensator.files.reading import read_text
+from tendonff.compensator.joint.scenario.base import with_base
+from tendonff.compensator.scenario.doubts import settle
+from tendonff.compensator.scenario.sampled.first_look import first_look
+from tendonff.compensator.scenario.scenario import Scenario, parse_scenario
+from tendonff.compensator.scenario.toml import toml_of
+
+if TYPE_CHECKING:  # each takes a fifth of a second to import, for its own files alone
+    from tendonff.compensator.finger.scenario import FingerScenario
+    from tendonff.compensator.joint.scenario.scenario import JointScenario
+
+
+def load_scenario(path: str | os.PathLike[str]) -> "Scenario | JointScenario | FingerScenario":
+    """Read a scenario file, whatever it describes.
+
+    Returns
+    -------
+    Scenario
+        Of the tension of one tendon; of a driven joint a JointScenario, of several a FingerScenario.
+
+    Raises
+    ------
+    InputError
+        In one message: file, table, key, value and the way out.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> tf.load_scenario("examples/finger.toml").transmission.friction.mu_dynamic
+    0.2
+    >>> tf.load_scenario("examples/hand_joint.toml").mechanism.joint.name
+    'knuckle'
+    """
+    path = Path(path)
+    return parse_any(read_text(path), path)
+
+
+def parse_any(text: str, source: str | os.PathLike[str]) -> "Scenario | JointScenario | FingerScenario":
+    """Read a scenario from its text; files that it names are relative to the source's folder."""
+    source = Path(source)
+    driven = _driven(with_base(toml_of(text, source.name), source, []))
+    if driven == 0:
+        return parse_scenario(text, source)
+    if driven == 1:
+        from tendonff.compensator.joint.scenario.scenario import parse_joint_scenario
+
+        return parse_joint_scenario(text, source)
+    from tendonff.compensator.finger.scenario import parse_finger_scenario
+
+    return parse_finger_scenario(text, source)
+
+
+def _driven(raw: Mapping[str, Any]) -> int:
+    """0 for the tension of one tendon, 1 for a driven joint, 2 for several or for motors that wind several tendons."""
+    joints = raw.get("joints")
+    tables = joints.values() if isinstance(joints, Mapping) else ()
+    driven = sum(isinstance(table, Mapping) and table.get("kind") == "driven" for table in tables)
+    if driven > 1 or "motors" in raw:
+        return 2
+    return 1 if driven or {"tendons", "drive", "base"} & set(raw) else 0
+
+
+def look_at(
+    scenario: "Scenario | JointScenario | FingerScenario",
+    *,
+    follows_reference: bool = True,
+    strict: bool = False,
+    accept: bool = False,
+) -> tuple[str, ...]:
+    """Warnings about a scenario and the files it names, before any work; arguments and errors as of `first_look`."""
+    if isinstance(scenario, Scenario):
+        return first_look(scenario, follows_reference=follows_reference, strict=strict, accept=accept)
+    from tendonff.compensator.finger.doubts import finger_doubts
+    from tendonff.compensator.finger.scenario import FingerScenario, sample_finger
+    from tendonff.compensator.joint.scenario.doubts import joint_doubts
+    from tendonff.compensator.joint.scenario.scenario import sample_joint
+
+    file = scenario.source.name
+    if isinstance(scenario, FingerScenario):
+        found = settle(finger_doubts(scenario, follows_reference=follows_reference), file=file, accept=accept)
+        if follows_reference:  # one without meaning is refused at once
+            sample_finger(scenario)
+        return found
+    found = settle(joint_doubts(scenario, follows_reference=follows_reference), file=file, accept=accept)
+    return (*found, *sample_joint(scenario).warnings) if follows_reference else found
