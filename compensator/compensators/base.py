@@ -14,6 +14,7 @@ import numpy as np
 from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.compensators.profile import FloatArray, Profile
 from tendonff.compensator.compensators.uncertain import Doubt
+from tendonff.compensator.files.notices import Remark
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.reporting.colours import Style
 from tendonff.compensator.scenario.reference import Hold
@@ -229,7 +230,8 @@ class Answers:
     def warnings(self) -> list[str]:
         """Warnings of all of them."""
         notes = [note for profile in self.profiles.values() for note in profile.warnings]
-        return [*notes, *(f"{name}: {reason}" for name, reason in (self.refused | self.failed).items())]
+        refused = [Remark(f"{name}: {reason}") for name, reason in self.refused.items()]
+        return [*notes, *(f"{name}: {reason}" for name, reason in self.failed.items()), *refused]
 
 
 def answers_of(problem: Problem, compensators: Sequence[Compensator], parts: Parts) -> Answers:

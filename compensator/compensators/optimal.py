@@ -10,6 +10,7 @@ from tendonff.compensator.compensators.base import CModule, Compensator, Problem
 from tendonff.compensator.compensators.expectation import worst_corner
 from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.compensators.profile import Profile, ProfileStatus
+from tendonff.compensator.files.notices import Remark
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.reporting.colours import VERMILION, Style
 from tendonff.models.parameters.drive import Drive
@@ -91,7 +92,8 @@ def counted(problem: Problem) -> tuple[Chain, ...]:
 def _purpose(problem: Problem) -> tuple[str, ...]:
     """Warning that an uncertain position drive was not part of the design of a profile."""
     if problem.is_robust and problem.transmission.actuator.drive is Drive.POSITION:
-        return ("optimal: made for the nominal parameters: over [robust] the search compares forces, not commands",)
+        text = "optimal: made for the nominal parameters: over [robust] the search compares forces, not commands"
+        return (Remark(text),)
     return ()
 
 

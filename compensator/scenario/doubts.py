@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from tendonff.compensator.files.notices import Danger
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, Joint, SineJoint
 from tendonff.compensator.scenario.scenario import Scenario
@@ -45,7 +46,7 @@ def reference_doubts(
     beyond = out_of_reach(transmission, float(time_s[top]), peak)
     if beyond:
         unit = "; mN?" if peak > _BEYOND * transmission.actuator.largest_force_N else ""
-        found.append(f"{file} [reference]: {beyond}{unit}")
+        found.append(Danger(f"{file} [reference]: {beyond}{unit}"))
     elif peak < _SMALLEST_N:
         found.append(f"{file} [reference]: the tension stays below {peak:.3g} N: kN?")
     elif load.joint is None and peak / load.stiffness_N_per_m > 1:

@@ -15,6 +15,7 @@ from tendonff.compensator.compensators.plant import Plant, Slack
 from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import ignored_motion, slack_warnings
+from tendonff.compensator.files.notices import Remark, by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.results import register_writer
 from tendonff.compensator.scenario.sampled.joint_motion import moved
@@ -93,7 +94,7 @@ def compare(
                 usable[name, level] = profile
         warnings += [f"designed on {level}: {note}" for note in problem.unsettled]
         if _is_bound(profiles) and not any(isinstance(c, Optimal) for c in compensators):
-            warnings.append(_NOT_SEARCHED)
+            warnings.append(Remark(_NOT_SEARCHED))
         for plant in PLANTS:
             for name, profile in profiles.items():
                 command = b"" if profile.command_m is None else profile.command_m.tobytes()
@@ -111,6 +112,7 @@ def compare(
     entries = [entry for entry in entries if entry.compensator not in failed]
     text, best = recommend(entries, compensators, bands, str(problem.doubt), SIMPLE)
     on_level = {name: band for (name, level), band in bands.items() if level is best}
+    expectation = expectation_of(problem.doubt, Level.PRESLIDING, on_level, reference.share_of)
     traits, costs = {}, {}
     for model in (*Level, None):
         name = CAPSTAN_PLANT if model is None else model.value
@@ -134,18 +136,16 @@ def compare(
         traits=traits,
         costs=costs,
         bands=bands,
-        expectation=expectation_of(problem.doubt, Level.PRESLIDING, on_level, reference.share_of),
+        expectation=expectation,
         recommended_level=best,
         recommendation=text,
         ignored=ignored_motion(Problem.of(scenario, reference=reference, options=options)),
-        warnings=tuple(
-            dict.fromkeys(
-                (
-                    *warnings,
-                    *(f"{n}: {why}" for n, why in failed.items()),
-                    *slack_warnings(slack),
-                    *noise_warnings(entries),
-                )
+        warnings=by_urgency(
+            (
+                *warnings,
+                *(f"{n}: {why}" for n, why in failed.items()),
+                *slack_warnings(slack, expectation.recommended),
+                *noise_warnings(entries),
             )
         ),
     )

@@ -86,7 +86,7 @@ def make_tables(
     nothing = verify(Plant(transmission, problem.level), "none", profiles["none"], reference).score
     bands = error_bands(problem.doubt, problem.level, profiles, reference)
     expectation = expectation_of(problem.doubt, problem.level, bands, reference.share_of, recommended="table")
-    harm = harm_warnings({"none": nothing, "table": scores[problem.level]}, reference.tension_N)
+    harm = harm_warnings({"none": nothing, "table": scores[problem.level]}, reference.tension_N, "table")
     met = limit_warnings("table", compensation.wanted_N(problem), profile.force_N)
     bounds = problem.options.minimum_tension_N, problem.options.maximum_tension_N
     needed = problem.inversion.force_N, reference.step_s, problem.limits

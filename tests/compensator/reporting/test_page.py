@@ -135,7 +135,7 @@ def test_input_files_are_named_with_their_hash(report, tmp_path):
         (2.0, "2.00"),
         (0.012345, "0.0123"),
         (12345.6, "12346"),
-        (1e-9, "1e−09"),
+        (1e-9, "1·10⁻⁹"),
         (-0.5, "−0.500"),
         (7, "7"),
         (True, "yes"),
@@ -154,7 +154,7 @@ def test_numbers_are_shown_to_three_digits(cell, text):
         ([9.6, -5.58], ["9.60", "−5.58"]),
         ([0.13, 587400.0], ["0.130", "587000"]),  # quantities of their own
         ([120.0, None], ["120", "–"]),
-        ([3.68e-6], ["3.68e−06"]),
+        ([3.68e-6], ["3.68·10⁻⁶"]),
     ],
 )
 def test_numbers_of_one_column_have_the_same_number_of_decimals(column, shown):
