@@ -206,7 +206,8 @@ def expect(
     doubt: Doubt[Transmission], level: Level, profiles: Mapping[str, Profile], reference: Reference
 ) -> Expectation:
     """Try profiles, by name of the compensator, on all transmissions that may be the real one, at a fidelity level."""
-    return expectation_of(doubt, level, error_bands(doubt, level, profiles, reference), reference.share_of)
+    bands = error_bands(doubt, level, profiles, reference)
+    return expectation_of(doubt, level, bands, reference.share_of, reference.unit)
 
 
 def expectation_of(
@@ -232,12 +233,12 @@ def error_bands(
 
     def respond(transmission: Transmission, profile: Profile) -> tuple[FloatArray, bool]:
         response = Plant(transmission, level, FINE_SEGMENTS).respond(profile, reference)
-        return response.output_N, response.slack is not None
+        return response.delivered(reference), response.slack is not None
 
     def given(profile: Profile) -> bytes:
         return (profile.force_N if profile.command_m is None else profile.command_m).tobytes()
 
-    return bands_of(doubt, reference.tension_N, profiles, respond, given)
+    return bands_of(doubt, reference.wanted, profiles, respond, given)
 
 
 def bands_of(

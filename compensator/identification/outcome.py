@@ -157,6 +157,7 @@ class Fitted:
     doubtful: bool = False  # these readings do not stand out from their doubt, and are not kept for reading files
     # error of the scenario's own law, static or of the chain, simulated again [% of range]; None where none was fitted
     percent: float | None = None
+    judged_percent: float | None = None  # the same on the validation files; None without
     # what the chain of the scenario leaves where a static law was fitted [% of range]; None where nothing drives it
     chain_percent: float | None = None
 
@@ -166,7 +167,7 @@ def carried_on(study: Study, law: DynamicFit | StaticFit) -> Fitted:
 
     What a cell reads at zero is part of that only where the file has it.
     """
-    scenario, records = study.scenario, study.records
+    scenario, records, judges = study.scenario, study.records, study.judges
     if isinstance(law, DynamicFit):
         fitted = scenario_of_chain(scenario, law, records)
     else:
@@ -175,11 +176,20 @@ def carried_on(study: Study, law: DynamicFit | StaticFit) -> Fitted:
     if how != scenario.measurement:
         joints, delay = scenario.transmission.joints, study.delay
         shift_s = delay.seconds if delay is not None and delay.identified else 0.0
-        records = [earlier(clean(read_measurement(file, how, joints), how), shift_s) for file in study.files]
+        records, judges = (
+            [earlier(clean(read_measurement(file, how, joints), how), shift_s) for file in files]
+            for files in (study.files, study.judging)
+        )
     bare = replace(fitted, offsets_N=(0.0, 0.0))
-    if isinstance(law, DynamicFit):
-        return replace(fitted, percent=_percent(_chain_of(bare, law.explain), records))
-    return replace(fitted, percent=percent_of(static_law_of(bare, law, mean_pose(records)), records))
+
+    def percent(some: Sequence[Record]) -> float | None:
+        if not some:
+            return None
+        if isinstance(law, DynamicFit):
+            return _percent(_chain_of(bare, law.explain), some)
+        return percent_of(static_law_of(bare, law, mean_pose(some)), some)
+
+    return replace(fitted, percent=percent(records), judged_percent=percent(judges))
 
 
 def scenario_of_chain(scenario: Scenario, fit: DynamicFit, records: Sequence[Record]) -> Fitted:

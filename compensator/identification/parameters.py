@@ -3,12 +3,13 @@
 A number of the undivided tendon that a fit shall find as well needs nothing but its entry, if `Whole` has it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any, Self
 
 from tendonff.compensator.identification.constants import TUNED
+from tendonff.compensator.identification.pace import UNHURRIED
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.fits.chain import ChainModel, ChainResponse, Drive, Numbers, Reading
@@ -335,9 +336,12 @@ class ParametricChain(ChainModel):
     ----------
     symmetric : bool
         `MU_PULL` counts for both directions.
+    keep_pace : callable
+        Called before each simulation.
     """
 
     symmetric: bool = False
+    keep_pace: Callable[[], None] = UNHURRIED.keep
 
     def values(self) -> dict[Parameter, float]:
         """The scenario's own values of all parameters."""
@@ -363,6 +367,7 @@ class ParametricChain(ChainModel):
 
     def predict(self, values: Values, drive: Drive, over: Sequence[Parameter] = ()) -> ChainResponse:
         """Simulate a drive at all values, with derivatives over some; SolveError if that fails."""
+        self.keep_pace()
         values = self.tied(values)
         directions = [_direction(p, values) for p in over]
         if self.symmetric:

@@ -1,5 +1,6 @@
 """`identify`: parameters of a transmission, with confidence intervals, from measured files."""
 
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -30,18 +31,22 @@ from tendonff.compensator.identification.measured.gains import gains_of
 from tendonff.compensator.identification.measured.plan import (
     check_plan,
     check_question,
+    check_signs,
     data_doubts,
     magnitude_warning,
     unit_warning,
 )
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.outcome import Fitted, Outcome, carried_on, compared, outcome_of, with_coulomb
+from tendonff.compensator.identification.pace import Pace
 from tendonff.compensator.identification.parameters import Parameter
 from tendonff.compensator.identification.spread import with_spread
 from tendonff.compensator.identification.study import Stage, Study, attempted
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import exponent_lines
+from tendonff.models.path import SectionKind
+from tendonff.models.turns import in_turn
 from tendonff.ocp.fits.static import StaticParameter
 
 P, D = StaticParameter, Parameter
@@ -52,6 +57,7 @@ STILL_RAD = 0.05
 register_writer(Identification, write_files)
 
 
+@in_turn
 def identify(
     scenario: Scenario,
     data: Sequence[str | os.PathLike[str]],
@@ -97,6 +103,7 @@ def identify(
         study = _read(scenario, data, validate, static_only, conditions or {}, say, confirm)
         for stage in STAGES:
             study = attempted(stage, study)
+        study.pace.end()
         return replace(_answer(study), asked=scenario.measurement)
 
 
@@ -118,13 +125,15 @@ def _read(
     raw = [gains.taken_out(one, how) for one in raw]
     how = replace(how, input_gain=_unless_one(gains.input), output_gain=_unless_one(gains.output))
     scenario = replace(scenario, measurement=how)
-    check_plan(raw, how, static_only=static_only, say=say, confirm=confirm)
+    announced_s = check_plan(raw, how, static_only=static_only, say=say, confirm=confirm)
     everything = [clean(one, how) for one in raw]
+    check_signs(everything, confirm)
     records = everything[: len(fit_files)]
+    scenario, turned = _with_bearings_free(scenario)
     _check_common_friction(scenario, records)
     if static_only:
         _check_rest(everything)
-    doubts = [unit_warning(how, _positions_of(records)), *data_doubts(raw, how.explain)]
+    doubts = [unit_warning(how, _positions_of(records)), *data_doubts(everything, how.explain)]
     for doubt in filter(None, doubts):
         say(f"{DOUBT}{doubt}")
     proximal = _proximal(scenario, everything, static_only=static_only)
@@ -139,11 +148,11 @@ def _read(
         judges=everything[len(fit_files) :],
         static_only=static_only,
         conditions=conditions,
-        say=say,
+        pace=Pace(say, announced_s),
         gains=gains,
         explain=Explain.POSITION if proximal else Explain.OUTPUT,
     )
-    return study.noted(*doubts, *messages.about_issues(everything), _foreign(scenario, records))
+    return study.noted(turned, *doubts, *messages.about_issues(everything), _foreign(scenario, records))
 
 
 def _unless_one(gain: float) -> float | None:
@@ -156,12 +165,12 @@ def first_look(study: Study) -> Study:
     records, transmission = study.records, study.scenario.transmission
     if study.explain is Explain.POSITION:
         stiffness = transmission.load.stiffness_N_per_m
-        return replace(study, coarse=fit_coarse(records, transmission, {}, Explain.POSITION)).noted(
+        return replace(study, coarse=fit_coarse(records, transmission, {}, Explain.POSITION, pace=study.pace)).noted(
             f"nothing was measured at the far end: the load is the scenario's, {stiffness:g} N/m; an error of it goes "
             "into the estimates"
         )
     wanted = study.scenario.measurement.explain
-    explain, coarse = choose_explain(records, wanted, transmission, static_only=study.static_only)
+    explain, coarse = choose_explain(records, wanted, transmission, static_only=study.static_only, pace=study.pace)
     return replace(study, explain=explain, coarse=coarse)
 
 
@@ -170,7 +179,7 @@ def delay_of_the_output(study: Study) -> Study:
     coarse = study.coarse
     if coarse is None or study.explain is not Explain.OUTPUT or not coarse.percent < TUNED.poor_percent:
         return study
-    delay, coarse, _ = align(study.records, coarse, study.scenario.transmission)
+    delay, coarse, _ = align(study.records, coarse, study.scenario.transmission, study.pace)
     found = replace(study, delay=delay, coarse=coarse)
     if delay.identified:
         records, judges = ([earlier(r, delay.seconds) for r in some] for some in (study.records, study.judges))
@@ -193,7 +202,7 @@ def elongation_of_the_tendon(study: Study) -> Study:
     transmission = study.scenario.transmission
     found = tendon.fit_tendon(records, stage.fit.values, transmission.tendon)
     near = _start(study) | {D.BRISTLE: coarse.solution.values[D.BRISTLE]} | {D(k): v for k, v in found.items()}
-    other = fit_coarse(records, transmission, near, several=False)
+    other = fit_coarse(records, transmission, near, several=False, pace=study.pace)
     return replace(study, coarse=min(coarse, other, key=lambda c: c.solution.cost))
 
 
@@ -212,7 +221,7 @@ def law_of_the_chain(study: Study) -> Study:
         gains=study.gains,
         kept_uncertainty=TUNED.kept_uncertainty if how.kept_uncertainty is None else how.kept_uncertainty,
         offsets=not proximal and not any(r.zeroed for r in records),
-        say=study.say,
+        begin=study.pace.begin,
     )
     return replace(study, chain=chain)
 
@@ -252,11 +261,13 @@ def _answer(study: Study) -> Identification:
     if failure:
         study = study.noted(messages.about_no_law(laws, failure, sliding, records))
     else:
-        study.say("simulation of the fitted scenario")
+        study.pace.begin("simulation of the fitted scenario")
         fitted = carried_on(study, law)
         uneven = messages.about_uneven_path(chain, scenario.transmission.path.total_angle_rad)
         fitted = replace(fitted, scenario=with_spread(fitted.scenario, estimates, names, correlation))
-        study = study.noted(*messages.about_fitted(fitted, records), uneven, "" if chain is None else chain.caution)
+        study = study.noted(
+            *messages.about_fitted(fitted, records, outcome.fit_percent), uneven, "" if chain is None else chain.caution
+        )
     of_drive = drive_estimate(scenario, study.raw)
     if of_drive is not None:
         estimates = (*estimates, of_drive)
@@ -274,6 +285,7 @@ def _answer(study: Study) -> Identification:
         files=outcome.files,
         fit_percent=outcome.fit_percent,
         replay_percent=fitted.percent,
+        replay_validation_percent=fitted.judged_percent,
         validation_percent=outcome.validation_percent,
         comparisons=outcome.comparisons,
         sliding=sliding,
@@ -317,6 +329,26 @@ def _check_common_friction(scenario: Scenario, records: Sequence[Record]) -> Non
             "every section that touches has friction of its own, so that [friction] mu_dynamic acts nowhere; leave "
             "mu_dynamic out of the sections whose friction is to be found"
         )
+
+
+def _with_bearings_free(scenario: Scenario) -> tuple[Scenario, str]:
+    """A path on pulleys alone with the friction of their bearings to be found, and a message; else as it is.
+
+    A bearing acts as an arc of the same angle, so all are fitted by one coefficient.
+    """
+    t = scenario.transmission
+    touching = [part for part in t.path.sections if part.angle_rad > 0 or part.joint is not None]
+    if not touching or any(part.bearing_exponent is None for part in touching):
+        return scenario, ""
+    bearings = math.fsum(part.bearing_exponent or 0.0 for part in touching)
+    mu = bearings / math.fsum(part.angle_rad for part in touching)
+    sections = tuple(replace(part, kind=SectionKind.ARC, bearing_exponent=None) for part in t.path.sections)
+    friction = replace(t.friction, mu_dynamic=mu, mu_static=mu, mu_dynamic_release=None, mu_static_release=None)
+    changed = replace(t, path=replace(t.path, sections=sections), friction=friction)
+    return replace(scenario, transmission=changed), (
+        "the path has pulleys alone: their bearings are fitted as one coefficient mu_dynamic, and fitted.toml has arcs "
+        "of the same angles; bearing_exponent of a pulley is mu_dynamic times its angle_rad"
+    )
 
 
 def _check_rest(records: Sequence[Record]) -> None:

@@ -12,6 +12,7 @@ from tendonff.compensator.identification.fitting.model_selection import StaticSe
 from tendonff.compensator.identification.measured.cleaning import Record
 from tendonff.compensator.identification.measured.gains import EXACT_GAINS, Gains
 from tendonff.compensator.identification.measured.reading import RawMeasurement
+from tendonff.compensator.identification.pace import UNHURRIED, Pace, SlowFitError
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.errors import ParameterError
@@ -39,8 +40,8 @@ class Study:
         Stop after the static stage.
     conditions : mapping of str to str
         Labels by file name.
-    say : callable
-        Callback for messages on the work in progress.
+    pace : Pace
+        Of the work; names its parts to the user.
     gains : Gains
         Of the cells; the records are without them.
     explain : Explain
@@ -65,7 +66,7 @@ class Study:
     judges: Sequence[Record]
     static_only: bool
     conditions: Mapping[str, str] = field(default_factory=dict)
-    say: Callable[[str], None] = lambda _: None
+    pace: Pace = UNHURRIED
     gains: Gains = EXACT_GAINS
     explain: Explain = Explain.OUTPUT
     coarse: CoarseFit | None = None
@@ -85,8 +86,10 @@ Stage = Callable[[Study], Study]
 def attempted(stage: Stage, study: Study) -> Study:
     """The study after a stage, or as it was with a line on why the stage found nothing."""
     name = stage.__name__.replace("_", " ")
-    study.say(name)
+    study.pace.begin(name)
     try:
         return stage(study)
+    except SlowFitError as error:  # of all stages together
+        return study if any(str(error) in text for text in study.warnings) else study.noted(f"{name}: {error}")
     except FAILURES as error:
         return study.noted(f"{name}: no answer ({error}); the other laws are not affected")

@@ -112,7 +112,7 @@ def about_no_law(
     )
 
 
-def about_fitted(fitted: Fitted, records: Sequence[Record]) -> list[str]:
+def about_fitted(fitted: Fitted, records: Sequence[Record], with_offsets_percent: float) -> list[str]:
     """Parts of the law that a design, or some of its profiles, do not include."""
     found = []
     if fitted.chain_percent is not None:
@@ -133,7 +133,10 @@ def about_fitted(fitted: Fitted, records: Sequence[Record]) -> list[str]:
             place = "beyond what was taken off; a design with fitted.toml does not have it"
         else:
             place = "kept in [measurement] of fitted.toml for reading files; it is no part of a design"
-        found.append(f"the cells' readings without tension (input_bias_N, output_bias_N): {shown}, {place}")
+        found.append(
+            f"the cells' readings without tension (input_bias_N, output_bias_N): {shown}, {place}; with them the law "
+            f"has an RMS error of {with_offsets_percent:.2g} %"
+        )
     return found
 
 

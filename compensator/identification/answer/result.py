@@ -200,6 +200,8 @@ class Identification:
     replay_percent : float or None
         RMS error of `scenario`, simulated again over the fitted files, % of range; None where no law describes the
         device.
+    replay_validation_percent : float or None
+        The same over the validation files.
     sliding : tuple of SlidingRatio
         Logarithmic ratio of the tensions, by direction.
     warnings : tuple of str
@@ -239,6 +241,7 @@ class Identification:
     output_delay_s: float | None = None
     sections: tuple[SectionFriction, ...] = ()
     comparable: bool = True
+    replay_validation_percent: float | None = None
 
     @property
     def law(self) -> str:
@@ -329,11 +332,14 @@ def headline(found: Identification, folder: str = "") -> str:
     doubt = f" (+-{100 * reach:.2g} %)" if reach < 1 else ", not identifiable"
     same = math.isclose(pull.value, release.value, rel_tol=1e-3)
     both = f"{pull.value:.3g}" if same else f"{pull.value:.3g} pulling, {release.value:.3g} releasing"
-    judged = (
-        "" if found.validation_percent is None else f" and the validation files to {found.validation_percent:.2g} %"
+    percent, judged_percent = (  # of what goes on: fitted.toml may lack offsets of the cells that the law has
+        (found.fit_percent, found.validation_percent)
+        if found.replay_percent is None
+        else (found.replay_percent, found.replay_validation_percent)
     )
+    judged = "" if judged_percent is None else f" and the validation files to {judged_percent:.2g} %"
     return (
-        f"mu = {both}{doubt}; the model explains the log to {found.fit_percent:.2g} %{judged}. "
+        f"mu = {both}{doubt}; the model explains the log to {percent:.2g} %{judged}. "
         f"Next: tendonff design {(Path(folder) / 'fitted.toml').as_posix()}"
     )
 

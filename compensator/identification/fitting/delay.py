@@ -10,6 +10,7 @@ from tendonff.compensator.identification.fitting.dynamic import CoarseFit, fit_c
 from tendonff.compensator.identification.fitting.uncertainty import slopes_over_all
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Piece, Record
+from tendonff.compensator.identification.pace import UNHURRIED, Pace
 from tendonff.compensator.identification.parameters import Parameter
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.errors import SolveError
@@ -40,7 +41,7 @@ def most_delay_s(records: Sequence[Record]) -> float:
 
 
 def align(
-    records: Sequence[Record], coarse: CoarseFit, transmission: Transmission
+    records: Sequence[Record], coarse: CoarseFit, transmission: Transmission, pace: Pace = UNHURRIED
 ) -> tuple[Delay, CoarseFit, tuple[Record, ...]]:
     """Find the delay of the output channels, and take it out where it is beyond doubt.
 
@@ -57,7 +58,7 @@ def align(
             break
         total += seconds
         shifted = tuple(earlier(r, total) for r in records)
-        found = fit_coarse(shifted, transmission, found.task.complete(found.solution.values), several=False)
+        found = fit_coarse(shifted, transmission, found.task.complete(found.solution.values), several=False, pace=pace)
         seconds, error = _left_in(found)
     if abs(total) > max(sure * error, step) and abs(total + seconds) <= most and _cost(found) < _cost(coarse):
         return Delay(seconds=total + seconds, error_s=error, identified=True), found, shifted

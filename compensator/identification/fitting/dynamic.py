@@ -30,6 +30,7 @@ from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Record, mean_pose
 from tendonff.compensator.identification.measured.gains import EXACT_GAINS, Gains
 from tendonff.compensator.identification.measured.smoothing import low_pass_piece
+from tendonff.compensator.identification.pace import UNHURRIED, Pace
 from tendonff.compensator.identification.parameters import (
     CONSTANTS,
     CORE,
@@ -122,17 +123,22 @@ def fit_coarse(
     explain: Explain = Explain.OUTPUT,
     *,
     several: bool = True,
+    pace: Pace = UNHURRIED,
 ) -> CoarseFit:
     """Fit friction and presliding, and the tendon where positions exist, from what is known.
 
     With `several` it starts from several stiffnesses of the bristle and, where nothing was measured at the far end
-    (POSITION is explained), from several mu.
+    (POSITION is explained), from several mu. `pace` bounds this fit and those that go on from it.
     """
     pieces = fit_pieces([r.decimated(TUNED.coarse_step_s) for r in records], explain)
     span, span_m = spans_of(pieces)
     span_N = max(float(np.ptp(_tension_N(pieces))), 1e-12)
     model = ParametricChain(
-        transmission=transmission, level=Level.PRESLIDING, count=TUNED.coarse_masses, longest_step_s=TUNED.coarse_step_s
+        transmission=transmission,
+        level=Level.PRESLIDING,
+        count=TUNED.coarse_masses,
+        longest_step_s=TUNED.coarse_step_s,
+        keep_pace=pace.keep,
     )
     known = {**model.values(), **{n: v for n, v in start.items() if n not in CONSTANTS and n not in SPEED_TERMS}}
     proximal = explain is Explain.POSITION
@@ -172,7 +178,7 @@ def fit_dynamic(
     offsets: bool = False,
     gains: Gains = EXACT_GAINS,
     kept_uncertainty: float = 0.0,
-    say: Callable[[str], None] = lambda _: None,
+    begin: Callable[[str], None] = UNHURRIED.begin,
 ) -> DynamicFit:
     """Choose the law on few masses and thinned samples, then move its values to those of many masses and all samples.
 
@@ -183,11 +189,11 @@ def fit_dynamic(
     task = coarse.task.continued(coarse.solution)
     transmission, explain, tension = task.model.transmission, task.pieces[0].explain, _tension_N(task.pieces)
     span_N, mean_N = max(float(np.ptp(tension)), 1e-12), float(np.mean(tension))
-    say("dynamic stage: choice of the law")
+    begin("dynamic stage: choice of the law")
     judges = fit_pieces([r.decimated(TUNED.coarse_step_s) for r in validation], explain)
     law = choose_law(task, judges, start, span_N, mean_N, biases=biases)
     search, solution, bounded = with_lower_bound(law.task.continued(law.solution), law.solution, span_N)
-    say("dynamic stage: fine chain, noise on the input")
+    begin("dynamic stage: fine chain, noise on the input")
     fine = replace(
         search.model, count=max(TUNED.fine_masses, transmission.path.segments), longest_step_s=TUNED.fine_step_s
     )
@@ -206,7 +212,7 @@ def fit_dynamic(
         return with_taken_for_granted(solution, slopes, every, quick, gains=gains, kept_uncertainty=kept_uncertainty)
 
     law, task, solution, caution = look_again(law, task, solution, span_N, offsets=offsets, with_granted=with_granted)
-    say("dynamic stage: uncertainty")
+    begin("dynamic stage: uncertainty")
     quick, slopes, every = seen(task, solution)
     files = file_estimates(quick, slopes, solution)
     solution, concentration = with_other_laws(with_common_errors(solution), slopes, every, quick)

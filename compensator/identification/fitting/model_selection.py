@@ -20,6 +20,7 @@ from tendonff.compensator.identification.fitting.static import (
 )
 from tendonff.compensator.identification.measured.cleaning import Record
 from tendonff.compensator.identification.measured.gains import EXACT_GAINS, Gains
+from tendonff.compensator.identification.pace import UNHURRIED, Pace
 from tendonff.compensator.identification.parameters import Parameter
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.models.parameters import Transmission
@@ -76,7 +77,12 @@ def _is_beaten(fit: StaticFit, law: CandidateLaw, others: Sequence[tuple[StaticF
 
 
 def choose_explain(
-    records: Sequence[Record], wanted: Explain, transmission: Transmission, *, static_only: bool = False
+    records: Sequence[Record],
+    wanted: Explain,
+    transmission: Transmission,
+    *,
+    static_only: bool = False,
+    pace: Pace = UNHURRIED,
 ) -> tuple[Explain, CoarseFit | None]:
     """Channel that the laws can explain, and the chain's first fit where it was tried.
 
@@ -99,7 +105,7 @@ def choose_explain(
         left = percent_of(fit_static(records, play, Explain.OUTPUT, most=15, hold_out=False), records)
     else:
         try:
-            chain = fit_coarse(records, transmission, {})
+            chain = fit_coarse(records, transmission, {}, pace=pace)
             left = chain.percent
         except SolveError:
             left = float("inf")

@@ -114,7 +114,7 @@ def _read(file: Path, how: Measurement, start_rad: float) -> JointLog:
     try:
         raw = read_measurement(file, how)
     except MissingColumnError as error:
-        if error.key == "output":  # what a tendon's file needs without that angle
+        if error.key == "output" and how.output_column == Measurement().output_column:  # needed without that angle
             raise InputError(motor) from None
         if error.key != "input" or how.input_column != TORQUE:
             raise

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.identification.measured.cleaning import Record, joints_of
 from tendonff.compensator.identification.measured.reading import RawMeasurement
 from tendonff.compensator.scenario.doubts import angle_doubt
 from tendonff.compensator.scenario.measurement import Explain, Measurement
@@ -23,6 +24,9 @@ SLOW_S = 0.05
 
 _REVERSED = 1.1  # an output tension that swings so many times the input is at the driven end
 _LONGEST_STROKE_M = 10.0
+
+_DRIVEN = -0.3
+"""Share of the work of friction below which a position has the wrong sign: measured tendons have +0.85 to +1."""
 
 _FORCES = ("Nm", "mNm", "kN", "mN", "lbf", "lb", "kg", "V", "mV", "mA")
 _LENGTHS = ("rad", "deg", "mm", "cm", "um", "counts")
@@ -48,11 +52,11 @@ def check_plan(
     static_only: bool,
     say: Callable[[str], None],
     confirm: Callable[[str], bool],
-) -> None:
+) -> float:
     """Say what was read, in which units, and how long a fit of it takes; ask where that is very long.
 
     The static law simulates nothing, but a clock that may count milliseconds is asked about there too. InputError if
-    `confirm` declines.
+    `confirm` declines. Returns the time that was said [s].
     """
     fit_s, longest = FIT_S, 0.0
     for file in files:
@@ -70,7 +74,7 @@ def check_plan(
         say(f"the fit takes about {fit_s:.2g} s")
     slow = longest > SLOW_S
     if fit_s <= LONG_FIT_S or (static_only and not slow):
-        return
+        return fit_s
     guess = "is the time in milliseconds? --scale time=0.001"
     question = f"the fit takes about {fit_s / 60:.2g} min{f'; {guess}' if slow else ''}"
     ways = "give --yes to fit all of it, --static for the static law alone, or shorter files"
@@ -78,6 +82,38 @@ def check_plan(
         question, ways = f"a sample every {longest:.3g} s: {guess}", "give --yes if it is not"
     if not confirm(question):
         raise InputError(f"{question}. Not started: {ways}")
+    return fit_s
+
+
+def check_signs(records: Sequence[Record], confirm: Callable[[str], bool]) -> None:
+    """Ask where friction would drive the tendon by the sign of a position; InputError if `confirm` declines.
+
+    Whatever loads it, friction takes power from a tendon that slides: (T_in - T_out) v > 0, both cells' offsets aside.
+    """
+    for record in records:
+        ends = (("input", "input_m", record.has_input_position), ("output", "output_m", record.has_positions))
+        wrong = [end for end, name, is_there in ends if is_there and _dissipated_share(record, name) < _DRIVEN]
+        if not wrong or not record.has_output:
+            continue
+        question = (
+            f"{record.name}: friction would drive the tendon: a rising {' and '.join(wrong)} position is motion "
+            "towards the actuator, with which the tension falls along the path; here it rises"
+        )
+        scales = " ".join(f"--scale {end}_position=-1" for end in wrong)
+        if not confirm(question):
+            raise InputError(f"{question}. Not started: turn the sign by {scales}, or give --yes to fit it as it is")
+
+
+def _dissipated_share(record: Record, name: str) -> float:
+    """Work that the path takes at the speed of one end, over what it would be if all of it were taken [-]."""
+    work = most = 0.0
+    for piece in record.pieces:
+        lost_N = piece.input_N - piece.output_N
+        lost_N = (lost_N - lost_N.mean())[1:]
+        moved_m = np.diff(getattr(piece, name))
+        work += float(lost_N @ moved_m)
+        most += float(np.abs(lost_N) @ np.abs(moved_m))
+    return work / most if most > 0 else 0.0
 
 
 def check_question(scenario: Scenario, fit_files: Sequence[Path], judging: Sequence[Path]) -> None:
@@ -124,26 +160,27 @@ def unit_warning(how: Measurement, positions: Sequence[str]) -> str:
     )
 
 
-def data_doubts(files: Sequence[RawMeasurement], explain: Explain) -> tuple[str, ...]:
+def data_doubts(records: Sequence[Record], explain: Explain) -> tuple[str, ...]:
     """Questions about measured values that look like another unit, or like reversed columns."""
     found = []
-    for file in files:
-        swings = float(np.ptp(file.input_N)), float(np.ptp(file.output_N))
+    for file in records:
+        swings = float(np.ptp(file.joined("input_N"))), float(np.ptp(file.joined("output_N")))
         # Friction takes its share of every swing on the way to a load that moves with the tendon alone.
         if file.has_output and explain in (Explain.AUTO, Explain.OUTPUT) and swings[1] > _REVERSED * swings[0]:
             found.append(
                 f"{file.name}: the output tension swings by {swings[1]:.3g} N, the input by {swings[0]:.3g} N: are the "
                 'two columns reversed? If the output end is driven, say so with explain = "input"'
             )
-        for end, position in (("input", file.input_m), ("output", file.output_m)):
-            if position is not None and float(np.ptp(position)) > _LONGEST_STROKE_M:
+        for end in ("input", "output"):
+            if getattr(file.pieces[0], f"{end}_m") is None:
+                continue
+            if (stroke_m := float(np.ptp(file.joined(f"{end}_m")))) > _LONGEST_STROKE_M:
                 found.append(
-                    f"{file.name}: the {end} position moves by {np.ptp(position):.3g} m: millimetres? "
+                    f"{file.name}: the {end} position moves by {stroke_m:.3g} m: millimetres? "
                     f"--scale {end}_position=0.001"
                 )
-        if file.motion is not None:
-            for name, angle in zip(file.motion.names, file.motion.angle_rad.T, strict=True):
-                found += angle_doubt(f"{file.name}: {name}", float(np.max(np.abs(angle))))
+        for name, angle in joints_of([file]).items():
+            found += angle_doubt(f"{file.name}: {name}", float(np.max(np.abs(angle))))
     return tuple(found)
 
 

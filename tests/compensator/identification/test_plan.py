@@ -9,9 +9,13 @@ from tendonff.compensator.cli import run
 from tendonff.compensator.cli.progress import interruptible
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv
-from tendonff.compensator.identification.measured.plan import LONG_FIT_S, check_plan, data_doubts
+from tendonff.compensator.identification.measured.cleaning import clean
+from tendonff.compensator.identification.measured.plan import LONG_FIT_S, check_plan, check_signs, data_doubts
+from tendonff.compensator.identification.measured.reading import read_measurement
+from tendonff.compensator.identification.pace import Pace, SlowFitError
+from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenario.measurement import Explain, Measurement
-from tendonff.models.path import JointMotion
+from tendonff.compensator.scenario.scenario import load_scenario
 
 
 def log(samples=70000, step_s=1.0):
@@ -89,26 +93,97 @@ def test_what_goes_wrong_beside_the_main_thread_is_raised_in_it():
         interruptible(lambda: (_ for _ in ()).throw(InputError("no such file")))
 
 
-def measured(**values):
-    usual = {"name": "a.csv", "has_output": True, "input_m": None, "output_m": None, "motion": None}
-    return SimpleNamespace(**usual | values)
+@pytest.fixture
+def record(tmp_path):
+    """A file, read and cleaned."""
+
+    def make(joints=(), **columns):
+        time = np.arange(0, 20, 0.01)
+        write_csv(tmp_path / "a.csv", {"time_s": time, **columns})
+        return clean(read_measurement(tmp_path / "a.csv", Measurement(), joints), Measurement())
+
+    return make
 
 
-def test_reversed_tensions_and_other_units_of_positions_and_joints_are_asked_about():
-    wave = np.sin(np.arange(100.0))
-    sound = measured(input_N=30 + 10 * wave, output_N=30 + 7 * wave, input_m=0.01 * wave)
-    swapped = measured(input_N=sound.output_N, output_N=sound.input_N)
+WAVE = np.sin(2 * np.pi * 0.3 * np.arange(0, 20, 0.01))
+
+
+def tensions(input_N, output_N, **more):
+    return {"input_tension_N": input_N, "output_tension_N": output_N, **more}
+
+
+def test_reversed_tensions_and_other_units_of_positions_and_joints_are_asked_about(record):
+    sound = record(**tensions(30 + 10 * WAVE, 30 + 7 * WAVE, input_position_m=0.01 * WAVE))
     assert data_doubts([sound], Explain.AUTO) == ()
+    swapped = record(**tensions(30 + 7 * WAVE, 30 + 10 * WAVE))
     assert data_doubts([swapped], Explain.INPUT) == ()  # the output end is driven
     [doubt] = data_doubts([swapped], Explain.AUTO)
     assert doubt.startswith(
         "a.csv: the output tension swings by 20 N, the input by 14 N: are the two columns reversed?"
     )
-    [doubt] = data_doubts([measured(input_N=wave, output_N=wave, input_m=10 * wave)], Explain.AUTO)
+    even = tensions(30 + WAVE, 30 + WAVE)
+    [doubt] = data_doubts([record(**even, input_position_m=10 * WAVE)], Explain.AUTO)
     assert doubt.endswith("moves by 20 m: millimetres? --scale input_position=0.001")
-    motion = JointMotion(names=("wrist",), time_s=np.arange(2.0), angle_rad=np.array([[0.0], [45.0]]))
-    [doubt] = data_doubts([measured(input_N=wave, output_N=wave, motion=motion)], Explain.AUTO)
-    assert doubt == "a.csv: wrist: it turns to 45 rad: degrees?"
+    [doubt] = data_doubts([record(["wrist"], **even, wrist_rad=45 * WAVE)], Explain.AUTO)
+    assert doubt.startswith("a.csv: wrist: it turns to 45 rad: degrees?")
+
+
+def test_a_spike_of_a_cell_is_no_sign_of_reversed_columns(record):
+    output = 30 + 7 * WAVE
+    output[700] += 60.0
+    assert data_doubts([record(**tensions(30 + 10 * WAVE, output))], Explain.AUTO) == ()
+
+
+def strokes_of_a_sheath(near, far, offset_N=0.0):
+    """Tensions of a capstan that slides each way, with positions of these signs."""
+    rate = np.gradient(WAVE)
+    tension = 30 + 20 * WAVE
+    lost = tension * np.tanh(rate / np.abs(rate).max() * 20) * 0.3 + offset_N
+    positions = {"input_position_m": near * 0.01 * WAVE, "output_position_m": far * 0.01 * WAVE}
+    return tensions(tension + lost, tension, **positions)
+
+
+@pytest.mark.parametrize(
+    ("near", "far", "asked"),
+    [(1, 1, ""), (-1, 1, "input"), (1, -1, "output"), (-1, -1, "input and output")],
+)
+def test_a_position_by_whose_sign_friction_drives_the_tendon_is_asked_about_before_the_fit(record, near, far, asked):
+    """Offsets of the cells do not matter."""
+    file = record(**strokes_of_a_sheath(near, far, offset_N=8.0))
+    if not asked:
+        check_signs([file], pytest.fail)
+        return
+    with pytest.raises(InputError, match=f"a rising {asked} position") as error:
+        check_signs([file], lambda _: False)
+    for end in asked.split(" and "):
+        assert f"--scale {end}_position=-1" in str(error.value)
+    check_signs([file], lambda _: True)
+
+
+def test_a_fit_beyond_its_time_says_what_it_does_and_stops_at_a_bound():
+    said, now = [], [0.0]
+    pace = Pace(said.append, announced_s=2.0, clock=lambda: now[0])
+    pace.begin("law of the chain")
+    for now[0] in (9.9, 10.1, 19.9):
+        pace.keep()
+    assert said[0] == "law of the chain"
+    assert len(said) == 2
+    assert "10.1 s so far: law of the chain" in said[1]
+    assert "stops at 20 s" in said[1]
+    now[0] = 20.1
+    with pytest.raises(SlowFitError, match="stopped after 20 s of computing, 10 times what was announced"):
+        pace.keep()
+    pace.end()
+    pace.keep()
+
+
+def test_the_static_laws_answer_where_the_chain_takes_too_long(examples, tmp_path, monkeypatch):
+    monkeypatch.setattr("tendonff.compensator.identification.pace.MOST", 0.0)
+    write_csv(tmp_path / "a.csv", {"time_s": np.arange(0, 20, 0.01), **strokes_of_a_sheath(1, 1)})
+    found = identify(load_scenario(examples / "finger.toml"), [tmp_path / "a.csv"])
+    [line] = [text for text in found.warnings if "times what was announced" in text]
+    assert line.startswith("first look: stopped after 0 s of computing")
+    assert all(law.stage == "static" for law in found.laws)
 
 
 def test_the_command_says_doubts_before_it_fits(examples, tmp_path, capsys, monkeypatch):

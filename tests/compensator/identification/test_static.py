@@ -86,6 +86,32 @@ def test_sections_that_all_have_their_own_friction_leave_nothing_to_find(wristed
         identify(own, [file], static_only=True)
 
 
+def test_bearings_of_a_path_on_pulleys_alone_are_found(wristed, tmp_path):
+    t = wristed.transmission
+    wheels = tuple(
+        Section(name=f"wheel {k}", angle_rad=1.0, kind=SectionKind.PULLEY, bearing_exponent=0.05) for k in (1, 2)
+    )
+    own = replace(wristed, transmission=replace(t, path=replace(t.path, sections=wheels, total_angle_rad=2.0)))
+    file = write_play(tmp_path / "log.csv", CapstanLaw(pull_exponent=0.3, release_exponent=0.3))
+    found = identify(own, [file], static_only=True)
+    assert found.estimate("mu_dynamic").value == pytest.approx(0.15, rel=0.01)
+    assert found.scenario.transmission.friction.mu_dynamic == found.estimate("mu_dynamic").value
+    assert any("bearing_exponent of a pulley is mu_dynamic times its angle_rad" in line for line in found.warnings)
+
+
+def test_the_printed_error_is_that_of_the_fitted_file(finger, tmp_path, monkeypatch):
+    """Offsets of the cells that do not stand out from their doubt are no part of the file."""
+    monkeypatch.setattr("tendonff.compensator.identification.outcome.StaticFit.stands_out", lambda *_: False)
+    law = CapstanLaw(pull_exponent=0.4, release_exponent=0.4)
+    files = [write_play(tmp_path / f"{k}.csv", law, input_bias_N=2.0, output_bias_N=4.0) for k in "ab"]
+    found = identify(finger, files[:1], files[1:], static_only=True)
+    assert found.replay_percent > 2 * found.fit_percent
+    assert f"explains the log to {found.replay_percent:.2g} % and the validation files to" in summary_lines(found)[0]
+    assert found.replay_validation_percent == pytest.approx(found.replay_percent, rel=1e-6)
+    [line] = [text for text in found.warnings if "input_bias_N" in text]
+    assert line.endswith(f"with them the law has an RMS error of {found.fit_percent:.2g} %")
+
+
 def test_adhesion_that_only_the_biases_could_tell_apart_is_that_of_the_scenario(finger, tmp_path):
     """Adhesion and both biases act through their differences: with the true adhesion given, the biases are found."""
     t = finger.transmission

@@ -85,7 +85,8 @@ def identify(
 
     The data are tensions, and optionally positions, at both ends of the tendon. For a joint between tendons: angle
     (motor_rad) and torque or current of its motor, and the joint's angle where there is an encoder; --input-column
-    names the torque, --input-position-column the motor's angle, --output-position-column the joint's.
+    names the motor's torque, --output-column the joint's where it was measured, --input-position-column the motor's angle,
+    --output-position-column the joint's.
     """
     from tendonff.compensator.joint.scenario.detect import is_joint_file
 
@@ -125,7 +126,6 @@ def identify(
     if is_joint:
         refused = {
             "--tension-column": tension_column,
-            "--output-column": output_column,
             "--actuator-force-column": actuator_force_column,
             "--static": static_only,
             "--explain": explain,
