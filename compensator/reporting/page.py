@@ -27,6 +27,7 @@ from tendonff.compensator.files.reading import open_text
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.files.typeset import typeset
 from tendonff.compensator.files.writing import write_json, write_text
+from tendonff.compensator.reporting.drawing import caption_of, described_figure
 from tendonff.compensator.reporting.plots import draw_figure, save_figure
 from tendonff.compensator.scenario.document import Document
 
@@ -212,7 +213,10 @@ def render_report(report: Report, files: Mapping[Figure, Path] = MappingProxyTyp
     caption = "Complete scenario, including defaults" if scenario.is_complete else "Scenario file"
     reference = provenance.scenario.reference_file()
     inputs = [*([] if reference is None else [reference]), *provenance.inputs]
-    blocks = [block for section in report.sections for block in section.blocks]
+    drawing = Picture(figure=described_figure(scenario.system), caption=caption_of(scenario.system))
+    described = Section(title="What the scenario describes", blocks=(drawing,))
+    every = [*report.sections[:1], described, *report.sections[1:]]
+    blocks = [block for section in every for block in section.blocks]
     first = next((k for k, block in enumerate(blocks) if isinstance(block, (Picture, PictureFile))), None)
     lead = None if first is None else _prepared(blocks[first], figures, files)
     places = count()
@@ -227,7 +231,7 @@ def render_report(report: Report, files: Mapping[Figure, Path] = MappingProxyTyp
         interactive=any(isinstance(block, Interactive) for block in blocks),
         sections=[
             {"title": section.title, "blocks": [_prepared(block, figures, files) for block in left]}
-            for section in report.sections
+            for section in every
             if (left := [block for block in section.blocks if next(places) != first])
         ],
         scenario_caption=caption,
