@@ -226,10 +226,13 @@ class Answers:
     refused: dict[str, str]
     failed: dict[str, str]
 
-    @property
-    def warnings(self) -> list[str]:
-        """Warnings of all of them."""
-        notes = [note for profile in self.profiles.values() for note in profile.warnings]
+    def warnings(self, recommended: str) -> list[str]:
+        """Warnings of all of them; those of profiles that are not recommended ask for no action."""
+        notes = [
+            note if name == recommended else Remark(note)
+            for name, profile in self.profiles.items()
+            for note in profile.warnings
+        ]
         refused = [Remark(f"{name}: {reason}") for name, reason in self.refused.items()]
         return [*notes, *(f"{name}: {reason}" for name, reason in self.failed.items()), *refused]
 

@@ -25,9 +25,10 @@ from tendonff.models.path import Section, SectionKind
 System = Transmission | Mechanism | Finger
 
 _CAPTION = (
-    "What the scenario describes. Turning angles are to scale; which way a section bends and its length count only "
-    "roughly. Circles on a path: joints that move the section."
+    "What the scenario describes. Turning angles are to scale; which way a section bends is not known, and "
+    "lengths are only roughly to scale."
 )
+_PIN_CAPTION = " Circles on a path: joints that move the section."
 _CHAIN_CAPTION = (
     " Below: drums and moment arms to one scale, with all joints at zero; a tendon above a joint turns it up."
 )
@@ -85,7 +86,9 @@ def described_figure(system: System) -> Figure:
 
 def caption_of(system: System) -> str:
     """Caption of the drawing."""
-    return _CAPTION if isinstance(system, Transmission) else _CAPTION + _CHAIN_CAPTION
+    routes, chain = _described(system)
+    pins = any(section.joint is not None for route in routes for section in route.sections)
+    return _CAPTION + _PIN_CAPTION * pins + _CHAIN_CAPTION * (chain is not None)
 
 
 def _described(system: System) -> tuple[list[_Route], _Chain | None]:

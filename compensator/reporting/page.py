@@ -216,10 +216,8 @@ def render_report(report: Report, files: Mapping[Figure, Path] = MappingProxyTyp
     drawing = Picture(figure=described_figure(scenario.system), caption=caption_of(scenario.system))
     described = Section(title="What the scenario describes", blocks=(drawing,))
     every = [*report.sections[:1], described, *report.sections[1:]]
-    blocks = [block for section in every for block in section.blocks]
-    first = next((k for k, block in enumerate(blocks) if isinstance(block, (Picture, PictureFile))), None)
-    lead = None if first is None else _prepared(blocks[first], figures, files)
-    places = count()
+    blocks = [block for section in report.sections for block in section.blocks]
+    lead = next((block for block in blocks if isinstance(block, (Picture, PictureFile))), drawing)
     warnings = by_urgency(report.warnings)
     return environment.get_template("report.html.j2").render(
         report=report,
@@ -227,12 +225,12 @@ def render_report(report: Report, files: Mapping[Figure, Path] = MappingProxyTyp
         remarks=[typeset(text) for text in warnings if isinstance(text, Remark)],
         summary=typeset(report.summary),
         fine_print=typeset(report.fine_print),
-        lead=lead,
+        lead=_prepared(lead, figures, files),
         interactive=any(isinstance(block, Interactive) for block in blocks),
         sections=[
             {"title": section.title, "blocks": [_prepared(block, figures, files) for block in left]}
             for section in every
-            if (left := [block for block in section.blocks if next(places) != first])
+            if (left := [block for block in section.blocks if block is not lead])
         ],
         scenario_caption=caption,
         scenario_text=scenario.to_toml(),

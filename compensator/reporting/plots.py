@@ -120,7 +120,8 @@ def new_figure(
 def blank_figure(height_in: float) -> Figure:
     """An empty figure as wide as a printed page, whose panels are placed by hand."""
     with figure_style():
-        figure = Figure(figsize=(PAGE_WIDTH_IN, height_in), layout="none")
+        figure = Figure(figsize=(PAGE_WIDTH_IN, height_in))
+        figure.set_layout_engine("none")
         FigureCanvasAgg(figure)
     return figure
 

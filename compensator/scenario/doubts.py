@@ -42,7 +42,7 @@ def reference_doubts(
     """Doubts about a reference, shape (n,), as it is sampled or as its file has it; messages name `file`."""
     top = int(np.argmax(tension_N))
     peak, load = float(tension_N[top]), transmission.load
-    found = []
+    found: list[str] = []
     beyond = out_of_reach(transmission, float(time_s[top]), peak)
     if beyond:
         unit = "; mN?" if peak > _BEYOND * transmission.actuator.largest_force_N else ""

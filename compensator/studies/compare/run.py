@@ -82,12 +82,13 @@ def compare(
     outputs: dict[tuple[str, Level, str], FloatArray] = {}
     usable: dict[tuple[str, Level], Profile] = {}
     failed: dict[str, str] = {}
+    refused: dict[str, str] = {}
     seen: dict[tuple[bytes, str], tuple[Entry, FloatArray]] = {}
     slack: dict[tuple[str, str], Slack] = {}
     for level in Level:
         problem = Problem.of(scenario, level=level, reference=reference, options=options)
         answers = answers_of(problem, compensators, parts)
-        profiles, failed = answers.profiles, failed | answers.failed | answers.refused
+        profiles, failed, refused = answers.profiles, failed | answers.failed, refused | answers.refused
         for name, profile in profiles.items():
             if profile.status is not ProfileStatus.GOOD:
                 warnings.append(f"{name} designed on {level}: {profile.message}")
@@ -109,8 +110,8 @@ def compare(
                 entries.append(replace(found, compensator=name, design_level=level, plant_level=plant))
             parts.done()
     bands = error_bands(problem.doubt, Level.PRESLIDING, usable, reference)  # on the most detailed level
-    compensators = [c for c in compensators if c.name not in failed]
-    entries = [entry for entry in entries if entry.compensator not in failed]
+    compensators = [c for c in compensators if c.name not in failed | refused]
+    entries = [entry for entry in entries if entry.compensator not in failed | refused]
     text, best = recommend(entries, compensators, bands, str(problem.doubt), SIMPLE)
     on_level = {name: band for (name, level), band in bands.items() if level is best}
     expectation = expectation_of(problem.doubt, Level.PRESLIDING, on_level, reference.share_of, reference.unit)
@@ -145,6 +146,7 @@ def compare(
             (
                 *warnings,
                 *(f"{n}: {why}" for n, why in failed.items()),
+                *(Remark(f"{n}: {why}") for n, why in refused.items()),
                 *slack_warnings(slack, expectation.recommended),
                 *noise_warnings(entries),
             )

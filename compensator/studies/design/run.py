@@ -76,7 +76,6 @@ def design(
     warnings += [*_hold_notes(problem), *problem.unsettled]
     answers = answers_of(problem, compensators, parts)
     profiles = answers.profiles
-    warnings += answers.warnings
     stick_slip = predict_stick_slip(
         problem.chain,
         reference.tension_N,
@@ -86,7 +85,7 @@ def design(
     )
     usable = {name: p for name, p in profiles.items() if p.status is not ProfileStatus.FAILED}
     expectation = expect(problem.doubt, level, usable, reference)
-    warnings += expectation.warnings
+    warnings += [*expectation.warnings, *answers.warnings(expectation.recommended)]
     small = 100 * stick_slip.expected_error_N < _SMALL * scale_of(reference.tension_N)
     warnings += [Remark(text) if small else text for text in stick_slip.warnings]
 
