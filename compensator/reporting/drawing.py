@@ -70,8 +70,9 @@ def described_figure(system: System) -> Figure:
         heights.append(max(_CHAIN_IN, _MOTOR_IN * len(chain.radii_m)))
     figure = blank_figure(sum(heights))
     edges = np.cumsum([0.0, *heights]) / sum(heights)
+    parts: list[_Route | _Chain] = [*routes] if chain is None else [*routes, chain]
     with figure_style():
-        for k, drawn in enumerate([*routes, *([] if chain is None else [chain])]):
+        for k, drawn in enumerate(parts):
             panel = figure.add_axes((0.0, 1 - edges[k + 1], _DRAWN, edges[k + 1] - edges[k]))
             panel.set_axis_off()
             panel.set_aspect("equal", adjustable="datalim")
@@ -157,7 +158,8 @@ def _drawn_lengths(sections: Sequence[Section]) -> FloatArray:
     """Lengths in proportion, none so small that it would not be seen; without lengths, angles with one radius."""
     known = [section.length_m for section in sections]
     lengths = np.array([s.angle_rad for s in sections] if None in known else known, dtype=np.float64)
-    return np.maximum(lengths, _LEAST_SHARE * lengths.sum() or 1.0)
+    drawn: FloatArray = np.maximum(lengths, _LEAST_SHARE * lengths.sum() or 1.0)
+    return drawn
 
 
 def _arc(place: FloatArray, heading_rad: float, angle_rad: float, length: float) -> FloatArray:
