@@ -9,11 +9,11 @@ from tendonff.models.parameters import Transmission
 
 
 class Document(Protocol):
-    """What a report needs of a scenario."""
+    """Content of a scenario that a report needs."""
 
     @property
     def name(self) -> str:
-        """What it is, in words."""
+        """The rig, in words."""
 
     @property
     def source(self) -> Path:
