@@ -167,9 +167,11 @@ def _arc(place: FloatArray, heading_rad: float, angle_rad: float, length: float)
     share = np.linspace(0.0, 1.0, 2 + int(abs(angle_rad) / 0.05))
     if abs(angle_rad) < 1e-9:
         along = np.array([math.cos(heading_rad), math.sin(heading_rad)])
-        return place + length * share[:, None] * along
+        straight: FloatArray = place + length * share[:, None] * along
+        return straight
     at, radius = heading_rad + angle_rad * share, length / angle_rad
-    return place + radius * np.column_stack([np.sin(at) - np.sin(at[0]), np.cos(at[0]) - np.cos(at)])
+    points: FloatArray = place + radius * np.column_stack([np.sin(at) - np.sin(at[0]), np.cos(at[0]) - np.cos(at)])
+    return points
 
 
 def _pieces(angle_rad: float, length: float) -> Iterator[tuple[float, float]]:
