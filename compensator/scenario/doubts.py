@@ -84,7 +84,7 @@ def scenario_doubts(scenario: Scenario) -> tuple[UnitDoubt, ...]:
 
 
 def scenario_notes(transmission: Transmission) -> tuple[str, ...]:
-    """What contradicts itself in a scenario without being another unit."""
+    """Contradictions in a scenario that are no other unit."""
     motor = transmission.actuator.motor
     if motor is None or not (motor.stall_torque_N_m or math.inf) < motor.torque_max_N_m:
         return ()
