@@ -26,6 +26,16 @@ def absolute(markdown: str, source: str) -> str:
     return _LINK.sub(address, markdown)
 
 
+def unlinked(markdown: str) -> str:
+    """Markdown without relative links and pictures, which lead nowhere outside the repository.
+
+    Parameters
+    ----------
+    markdown : str
+    """
+    return _LINK.sub(lambda found: "" if found[1].startswith("!") else found[1][1:-2], markdown)
+
+
 class ReadmeHook(MetadataHookInterface):
     """Gives the metadata their README."""
 
@@ -37,5 +47,6 @@ class ReadmeHook(MetadataHookInterface):
         metadata : dict
         """
         text = (Path(self.root) / "README.md").read_text(encoding="utf-8")
-        readme = absolute(text, metadata["urls"]["Source"])
+        source = metadata.get("urls", {}).get("Source")
+        readme = unlinked(text) if source is None else absolute(text, source)
         metadata["readme"] = {"content-type": "text/markdown", "text": readme}

@@ -10,6 +10,11 @@ from pathlib import Path
 import pytest
 
 import tendonff as tf
+from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.plant import Plant
+from tendonff.compensator.compensators.profile import Profile
+from tendonff.compensator.compensators.score import verify
+from tendonff.compensator.joint.scenario.detect import is_joint_file
 
 ROOT = Path(__file__).resolve().parents[1]
 FACE = ast.parse((ROOT / "tendonff" / "__init__.py").read_text(encoding="utf-8"))
@@ -88,3 +93,17 @@ def test_readers_are_shown_the_public_names_only(code: str) -> None:
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "tf"
     }
     assert used <= set(tf.__all__)
+
+
+def test_the_first_paragraph_of_the_readme_holds_for_every_example_of_a_tension() -> None:
+    found = []
+    for path in (ROOT / "examples").glob("*.toml"):
+        if is_joint_file(path):
+            continue
+        problem = Problem.of(tf.load_scenario(path))
+        direct = Profile(force_N=problem.reference.tension_N)
+        plant = Plant(problem.transmission, problem.level)
+        found.append(verify(plant, "none", direct, problem.reference).score.rmse_percent_of_range)
+    for page in ("README.md", "docs/index.md"):
+        [stated] = re.findall(r"(\d+) to (\d+) % of", (ROOT / page).read_text(encoding="utf-8"))
+        assert tuple(map(int, stated)) == (round(min(found)), round(max(found)))

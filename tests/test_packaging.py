@@ -92,7 +92,7 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["
 
 def test_the_readme_of_a_wheel_leads_to_the_repository_and_every_file_it_names_is_there() -> None:
     pytest.importorskip("hatchling", reason="hatchling is not installed")
-    text, source = (ROOT / "README.md").read_text(encoding="utf-8"), PROJECT["urls"]["Source"]
+    text, source = (ROOT / "README.md").read_text(encoding="utf-8"), "https://repository.invalid/tendonff"
     made = runpy.run_path(str(ROOT / "hatch_build.py"))["absolute"](text, source)
     assert f"]({source}/raw/main/docs/finger.png)" in made
     targets = re.findall(r"\]\(([^)]+)\)", made)
@@ -101,10 +101,39 @@ def test_the_readme_of_a_wheel_leads_to_the_repository_and_every_file_it_names_i
     assert [path for path in named if not (ROOT / path.split("#")[0]).exists()] == []
 
 
+def test_the_readme_of_a_wheel_without_an_address_links_to_none() -> None:
+    pytest.importorskip("hatchling", reason="hatchling is not installed")
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    made = runpy.run_path(str(ROOT / "hatch_build.py"))["unlinked"](text)
+    assert all(target.startswith("http") for target in re.findall(r"\]\(([^)]+)\)", made))
+    assert "a hand's joint" in made
+
+
 def test_the_address_of_the_project_is_the_same_everywhere() -> None:
-    home = PROJECT["urls"]["Homepage"]
-    for name in ("CITATION.cff", "conda/meta.yaml"):
-        assert home in (ROOT / name).read_text(encoding="utf-8"), f"{name} must follow [project.urls]"
+    """And none is stated that does not exist."""
+    home = PROJECT.get("urls", {}).get("Homepage")
+    for name in ("CITATION.cff", "conda/meta.yaml", "pyproject.toml", "README.md"):
+        text = (ROOT / name).read_text(encoding="utf-8")
+        assert "example.org" not in text
+        stated = re.findall(r"^ *(?:url|repository-code|home|Homepage)\b.*", text, re.MULTILINE)
+        assert bool(stated) == (home is not None and name != "README.md"), f"{name} must follow [project.urls]"
+        assert all(home in line for line in stated)
+
+
+def test_what_an_installer_shows_of_the_package_is_complete() -> None:
+    for key in ("name", "description", "authors", "license", "keywords", "classifiers", "requires-python"):
+        assert PROJECT[key], key
+
+
+def test_the_paper_is_cited_alike() -> None:
+    readme, citation = ((ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "CITATION.cff"))
+    [entry] = re.findall(r"@inproceedings\{.*?\n\}", readme, re.DOTALL)
+    fields = dict(re.findall(r"(\w+) += \{(.*?)\},?\n", entry))
+    assert f'title: "{fields["title"]}"' in citation
+    assert f"year: {fields['year']}" in citation
+    assert fields["booktitle"] in citation
+    names = re.findall(r"family-names: (\w+)\n +given-names: (\w+)", citation)
+    assert fields["author"] == " and ".join(f"{family}, {given}" for family, given in names)
 
 
 def test_the_version_to_cite_is_that_of_the_package() -> None:

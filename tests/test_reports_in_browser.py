@@ -87,7 +87,7 @@ def test_every_figure_of_a_report_is_drawn(browser, page):
     sizes = browser.execute_script(
         "return [...document.images].map(i => [i.complete, i.naturalWidth, i.clientWidth, i.clientHeight])"
     )
-    assert len(sizes) == 2
+    assert len(sizes) == 3  # its own, and the drawing of the scenario
     for complete, natural, width, height in sizes:
         assert complete
         assert natural > 0
@@ -100,6 +100,17 @@ def test_every_figure_of_a_report_is_drawn(browser, page):
         return [...g.getImageData(0, 0, 200, 80).data].filter((v, k) => k % 4 < 3 && v < 200).length"""
     )
     assert dark > 100  # something is drawn on the white
+
+
+@pytest.mark.parametrize(("width", "height", "screens"), [(1280, 800, 1), (390, 844, 2)])
+def test_the_first_figure_of_a_report_is_seen_at_once(browser, output, width, height, screens):
+    size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    for command in ("design", "compare"):
+        browser.get((output(command, "finger").folder / "report.html").as_uri())
+        lowest = browser.execute_script("return document.images[0].getBoundingClientRect().bottom")
+        assert 0 < lowest <= screens * height, command
+    browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
 
 def test_a_report_is_readable_on_a_phone(browser, page):

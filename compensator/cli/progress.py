@@ -9,7 +9,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import NoReturn, TypeVar
 
+from tendonff.compensator.files.notices import Remark, by_urgency
 from tendonff.compensator.files.progress import Progress, silent
+from tendonff.compensator.files.typeset import typeset
 
 T = TypeVar("T")
 
@@ -17,10 +19,13 @@ _left: list[threading.Thread] = []
 """Work that Ctrl-C has left behind; Python 3.11 calls a thread stopped whose `join` was interrupted."""
 
 
+_AS_TYPED = "error:"  # an error quotes values as the user wrote them
+
+
 def say(*messages: str) -> None:
     """Messages on standard error, one a line."""
     for message in messages:
-        print(message, file=sys.stderr)  # noqa: T201 - the one place that prints
+        print(message if message.startswith(_AS_TYPED) else typeset(message), file=sys.stderr)  # noqa: T201 - the one place that prints
 
 
 _warned: set[str] = set()
@@ -28,8 +33,9 @@ _warned: set[str] = set()
 
 
 def warn(*messages: str) -> None:
-    """Warnings on standard error, one a line, each once a command."""
-    say(*(f"warning: {message}" for message in dict.fromkeys(messages) if message not in _warned))
+    """Warnings on standard error, one a line, each once a command, the most urgent first."""
+    new = (message for message in by_urgency(messages) if message not in _warned)
+    say(*(f"{'note' if isinstance(message, Remark) else 'warning'}: {message}" for message in new))
     _warned.update(messages)
 
 

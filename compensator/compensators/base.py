@@ -13,6 +13,7 @@ import numpy as np
 from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.compensators.profile import FloatArray, Profile
 from tendonff.compensator.compensators.uncertain import Doubt
+from tendonff.compensator.files.notices import Remark
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.reporting.colours import Style
 from tendonff.compensator.scenario.reference import Hold
@@ -225,11 +226,15 @@ class Answers:
     refused: dict[str, str]
     failed: dict[str, str]
 
-    @property
-    def warnings(self) -> list[str]:
-        """Warnings of all of them."""
-        notes = [note for profile in self.profiles.values() for note in profile.warnings]
-        return [*notes, *(f"{name}: {reason}" for name, reason in (self.refused | self.failed).items())]
+    def warnings(self, recommended: str) -> list[str]:
+        """Warnings of all of them; those of profiles that are not recommended ask for no action."""
+        notes = [
+            note if name == recommended else Remark(note)
+            for name, profile in self.profiles.items()
+            for note in profile.warnings
+        ]
+        refused = [Remark(f"{name}: {reason}") for name, reason in self.refused.items()]
+        return [*notes, *(f"{name}: {reason}" for name, reason in self.failed.items()), *refused]
 
 
 def answers_of(problem: Problem, compensators: Sequence[Compensator], parts: Parts) -> Answers:

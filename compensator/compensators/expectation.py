@@ -15,6 +15,7 @@ from tendonff.compensator.compensators.plant import FINE_SEGMENTS, Plant
 from tendonff.compensator.compensators.profile import FloatArray, Profile
 from tendonff.compensator.compensators.score import Score, score
 from tendonff.compensator.compensators.uncertain import Doubt, Sample
+from tendonff.compensator.files.notices import Danger
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.unit import NEWTON, Unit
 from tendonff.models.fidelity import Level
@@ -179,7 +180,7 @@ class Expectation:
         swings = ", ".join(f"{name} {two_digits(100 * band.amplification)}" for name, band in over.items())
         largest = max(over.values(), key=lambda band: band.amplification).amplified_sample
         where = ", ".join(f"{key} = {value:.3g}" for key, value in largest.numbers.items()) or "the nominal values"
-        text = (
+        text = Danger(
             f"over-compensation, in % of the swing, largest over the samples ({where}): {swings}; inside a feedback "
             "loop over-compensation injects energy: choose mu too low rather than too high"
         )

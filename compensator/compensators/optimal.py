@@ -11,6 +11,7 @@ from tendonff.compensator.compensators.expectation import worst_corner
 from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
 from tendonff.compensator.compensators.uncertain import Sample
+from tendonff.compensator.files.notices import Remark
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.reporting.colours import VERMILION, Style
 from tendonff.compensator.scenario.sampled.sampling import Reference
@@ -105,7 +106,8 @@ def counted(problem: Problem) -> tuple[Sample[Transmission], ...]:
 def _purpose(problem: Problem) -> tuple[str, ...]:
     """Warning that an uncertain position drive was not part of the design of a profile."""
     if problem.is_robust and problem.transmission.actuator.drive is Drive.POSITION:
-        return ("optimal: made for the nominal parameters: over [robust] the search compares forces, not commands",)
+        text = "optimal: made for the nominal parameters: over [robust] the search compares forces, not commands"
+        return (Remark(text),)
     return ()
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from tendonff.compensator.compensators.base import Problem, with_motion
 from tendonff.compensator.compensators.plant import Plant, Response, Slack
 from tendonff.compensator.compensators.profile import FloatArray, Profile
+from tendonff.compensator.files.notices import Remark
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.unit import NEWTON, Unit
 from tendonff.models.path import JointMotion
@@ -74,17 +75,22 @@ def is_worse(score: Score, uncompensated: Score, wanted: FloatArray) -> bool:
     return score.rmse > 1.01 * uncompensated.rmse + 1e-6 * scale_of(wanted)
 
 
-def harm_warnings(scores: Mapping[str, Score], wanted: FloatArray) -> list[str]:
-    """Compensators, by name, that do harm; "none" is what they are compared with, and without it there are none."""
+def harm_warnings(scores: Mapping[str, Score], wanted: FloatArray, recommended: str) -> list[str]:
+    """Compensators, by name, that do harm, all but the recommended one in one remark.
+
+    "none" is what they are compared with, and without it there are none.
+    """
     nothing = scores.get("none")
     if nothing is None:
         return []
-    return [
-        f"{name}: RMS error {score.rmse_percent_of_range:.3g} % of range, more than the reference applied directly "
-        f"({nothing.rmse_percent_of_range:.3g} %): do not use it for this reference and these limits"
-        for name, score in scores.items()
-        if is_worse(score, nothing, wanted)
-    ]
+    worse = {name: score for name, score in scores.items() if is_worse(score, nothing, wanted)}
+    own = worse.pop(recommended, None)
+    than = f"more than the reference applied directly ({nothing.percent} %)"
+    found = [] if own is None else [f"{recommended}: RMS error {own.percent} % of range, {than}: do not use it here"]
+    if worse:
+        errors = ", ".join(f"{name} {score.percent} %" for name, score in worse.items())
+        found.append(Remark(f"not to be used here, RMS error in % of range {than}: {errors}"))
+    return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,8 +151,11 @@ _CAUSES = {
 }
 
 
-def slack_warnings(slack: Mapping[tuple[str, str], Slack]) -> list[str]:
-    """Messages for each cause of slack, by compensator and plant, naming all profiles that cause it."""
+def slack_warnings(slack: Mapping[tuple[str, str], Slack], recommended: str = "") -> list[str]:
+    """Messages for each cause of slack, by compensator and plant, naming all profiles that cause it.
+
+    A remark where the recommended profile, if one is named, is not among them.
+    """
     lines = []
     for end, cause in _CAUSES.items():
         those = {key: one for key, one in slack.items() if one.end == end}
@@ -154,10 +163,11 @@ def slack_warnings(slack: Mapping[tuple[str, str], Slack]) -> list[str]:
             continue
         names = list(dict.fromkeys(compensator for compensator, _ in those))
         plant, found = [(plant, one) for (name, plant), one in those.items() if name == names[0]][-1]
-        lines.append(
+        text = (
             f"the tendon goes slack at the {end}'s end under {', '.join(names)}: {cause}; "
             f"{names[0]} on {plant}: {found.message}"
         )
+        lines.append(Remark(text) if recommended and recommended not in names else text)
     return lines
 
 

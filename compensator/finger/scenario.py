@@ -87,6 +87,11 @@ class FingerScenario:
         """Its text leaves out what has a default."""
         return False
 
+    @property
+    def system(self) -> Finger:
+        """Everything physical about it."""
+        return self.mechanism
+
     def to_toml(self) -> str:
         """The text of the file."""
         return self.text

@@ -22,9 +22,12 @@ from types import MappingProxyType
 from matplotlib.figure import Figure
 
 from tendonff._version import __version__
+from tendonff.compensator.files.notices import Remark, by_urgency
 from tendonff.compensator.files.reading import open_text
 from tendonff.compensator.files.text import as_argument
+from tendonff.compensator.files.typeset import typeset
 from tendonff.compensator.files.writing import write_json, write_text
+from tendonff.compensator.reporting.drawing import caption_of, described_figure
 from tendonff.compensator.reporting.plots import draw_figure, save_figure
 from tendonff.compensator.scenario.document import Document
 
@@ -66,7 +69,7 @@ def format_cell(cell: Cell, digits: int = 3, decimals: int | None = None) -> str
     if isinstance(cell, bool):
         return "yes" if cell else "no"
     if not isinstance(cell, float):
-        return str(cell)
+        return typeset(str(cell))
     if decimals is not None and math.isfinite(cell):
         smallest = 10.0**-decimals
         if 0 < abs(cell) < smallest / 2:
@@ -78,7 +81,7 @@ def format_cell(cell: Cell, digits: int = 3, decimals: int | None = None) -> str
         places = max(0, digits - 1 - math.floor(math.log10(abs(cell))))
         rounded = float(f"{cell:.{digits}g}") if abs(cell) >= 10.0 ** max(digits, 5) else cell
         return f"{rounded:.{places}f}".replace("-", "−")  # keeps trailing zeros, no exponent
-    return f"{cell:.{digits}g}".replace("-", "−")
+    return typeset(f"{cell:.{digits}g}")
 
 
 _PACKAGES = ("casadi", "numpy", "scipy", "matplotlib", "control", "pandas", "pydantic")
@@ -170,7 +173,8 @@ class Report:
     summary: str  # the answer in one or two sentences: it stands on top
     sections: Sequence[Section]
     provenance: Provenance
-    warnings: Sequence[str] = ()  # what the reader must know before trusting the result; shown under the summary
+    # what the reader must know before trusting the result, the most urgent first; remarks below the first figure
+    warnings: Sequence[str] = ()
     files: Sequence[FileNote] = ()  # files beside the report
     fine_print: str = ""  # what qualifies the summary, in small print under it
 
@@ -209,13 +213,24 @@ def render_report(report: Report, files: Mapping[Figure, Path] = MappingProxyTyp
     caption = "Complete scenario, including defaults" if scenario.is_complete else "Scenario file"
     reference = provenance.scenario.reference_file()
     inputs = [*([] if reference is None else [reference]), *provenance.inputs]
+    drawing = Picture(figure=described_figure(scenario.system), caption=caption_of(scenario.system))
+    described = Section(title="What the scenario describes", blocks=(drawing,))
+    every = [*report.sections[:1], described, *report.sections[1:]]
     blocks = [block for section in report.sections for block in section.blocks]
+    lead = next((block for block in blocks if isinstance(block, (Picture, PictureFile))), drawing)
+    warnings = by_urgency(report.warnings)
     return environment.get_template("report.html.j2").render(
         report=report,
+        warnings=[typeset(text) for text in warnings if not isinstance(text, Remark)],
+        remarks=[typeset(text) for text in warnings if isinstance(text, Remark)],
+        summary=typeset(report.summary),
+        fine_print=typeset(report.fine_print),
+        lead=_prepared(lead, figures, files),
         interactive=any(isinstance(block, Interactive) for block in blocks),
         sections=[
-            {"title": section.title, "blocks": [_prepared(block, figures, files) for block in section.blocks]}
-            for section in report.sections
+            {"title": section.title, "blocks": [_prepared(block, figures, files) for block in left]}
+            for section in every
+            if (left := [block for block in section.blocks if block is not lead])
         ],
         scenario_caption=caption,
         scenario_text=scenario.to_toml(),
@@ -230,7 +245,7 @@ def _prepared(block: Block, numbers: Iterator[int], files: Mapping[Figure, Path]
     """Template data of a block; figures take the next number."""
     match block:
         case Text():
-            return {"kind": "text", "text": block.text}
+            return {"kind": "text", "text": typeset(block.text)}
         case Table():
             columns = [[row[k] for row in block.rows] for k in range(len(block.columns))]
             numeric = [is_aligned(column) for column in columns]
@@ -247,7 +262,7 @@ def _prepared(block: Block, numbers: Iterator[int], files: Mapping[Figure, Path]
             ]
             return {
                 "kind": "table",
-                "caption": block.caption,
+                "caption": typeset(block.caption),
                 "header": list(zip(block.columns, numeric, strict=True)),
                 "rows": rows,
             }

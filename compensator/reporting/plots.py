@@ -117,6 +117,15 @@ def new_figure(
     return figure, axes
 
 
+def blank_figure(height_in: float) -> Figure:
+    """An empty figure as wide as a printed page, whose panels are placed by hand."""
+    with figure_style():
+        figure = Figure(figsize=(PAGE_WIDTH_IN, height_in))
+        figure.set_layout_engine("none")
+        FigureCanvasAgg(figure)
+    return figure
+
+
 def thinned(rows: int, most: int = _MOST_POINTS) -> slice:
     """Rows to draw: all of them, or an even selection where more would not be seen."""
     return slice(None, None, max(1, rows // most))

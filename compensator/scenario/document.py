@@ -3,6 +3,10 @@
 from pathlib import Path
 from typing import Protocol
 
+from tendonff.models.joint.parameters import Mechanism
+from tendonff.models.joint.parameters.finger import Finger
+from tendonff.models.parameters import Transmission
+
 
 class Document(Protocol):
     """Content of a scenario that a report needs."""
@@ -22,6 +26,10 @@ class Document(Protocol):
     @property
     def is_complete(self) -> bool:
         """Whether its text states every default."""
+
+    @property
+    def system(self) -> Transmission | Mechanism | Finger:
+        """Everything physical about it."""
 
     def to_toml(self) -> str:
         """Its text."""

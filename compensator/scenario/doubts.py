@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tendonff.compensator.files.notices import Danger
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, Joint, SineJoint
 from tendonff.compensator.scenario.scenario import Scenario
@@ -139,7 +140,7 @@ def reach_notes(transmission: Transmission, time_s: FloatArray, tension_N: Float
     """The same of a reference, shape (n,), as a warning that names `file`."""
     top = int(np.argmax(tension_N))
     beyond = out_of_reach(transmission, float(time_s[top]), float(tension_N[top]))
-    return (f"{file} [reference]: {beyond}",) if beyond else ()
+    return (Danger(f"{file} [reference]: {beyond}"),) if beyond else ()
 
 
 def needed_force(transmission: Transmission, peak_N: float) -> float:

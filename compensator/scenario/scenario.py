@@ -119,6 +119,11 @@ class Scenario:
         """Its text states every default."""
         return True
 
+    @property
+    def system(self) -> Transmission:
+        """Everything physical about it."""
+        return self.transmission
+
     def to_toml(self) -> str:
         """Text that reads back as the same scenario."""
         return scenario_to_toml(self)

@@ -65,7 +65,7 @@ class End:
 
 
 def tension_sum(f_near: ca.SX, f_far: ca.SX, adhesion_N: ca.SX) -> ca.SX:
-    """Normal force of an element on its path, f_i + f_{i+1} + 2 p [N], eq. (4) with load-independent friction p.
+    """Normal force of an element on its path, f_i + f_{i+1} + 2 p [N], with load-independent friction p.
 
     In the inverse the tension that its bristle will add is not known yet, and left out.
     """

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from tendonff.compensator.files.notices import Danger, by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.results import register_writer
@@ -85,7 +86,7 @@ def design_joint(scenario: JointScenario, *, strict: bool = True, progress: Prog
     ]
     warnings += _ringing(mechanism, sampled)
     if inversion.status is not JointStatus.EXACT:
-        warnings.insert(0, inversion.message)
+        warnings.append(Danger(inversion.message))
     parts.done(len(compensators) + 1)
     return JointDesign(
         scenario=scenario,
@@ -100,7 +101,7 @@ def design_joint(scenario: JointScenario, *, strict: bool = True, progress: Prog
         middle=task.middle,
         masses=plant.masses or 0,
         refinement=REFINEMENT,
-        warnings=tuple(warnings),
+        warnings=by_urgency(warnings),
     )
 
 
@@ -192,4 +193,4 @@ def _drive_warnings(drive: JointDrive, inversion: JointInversion, step_s: float)
             f"the motor would have to give {torque.max():.3g} N m at t = {row * step_s:g} s, torque_max_N_m is "
             f"{drive.torque_max_N_m:g}; lower pretension_N, a slower reference or a larger gear_ratio help"
         )
-    return found
+    return [Danger(text) for text in found]

@@ -96,6 +96,11 @@ class JointScenario:
         """Its text leaves out what has a default."""
         return False
 
+    @property
+    def system(self) -> Mechanism:
+        """Everything physical about it."""
+        return self.mechanism
+
     def to_toml(self) -> str:
         """The text of the file."""
         return self.text

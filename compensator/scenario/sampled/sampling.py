@@ -6,6 +6,7 @@ from typing import assert_never
 
 import numpy as np
 
+from tendonff.compensator.files.notices import Remark
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.scenario.doubts import (
     length_doubts,
@@ -129,10 +130,11 @@ def sample_reference(scenario: Scenario, *, strict: bool = False) -> Reference:
     notes = [*sampled.warnings, *map(str, doubts), *scenario_notes(rig), *reach]
     if removed > 0 and isinstance(spec, CsvReference):
         span, unit = (tension, "N") if sampled.position_m is None else (sampled.position_m, "m")
-        notes.append(
+        low_pass = (
             f"{spec.file}: the low-pass at {spec.cutoff_Hz:g} Hz removed {removed:.3g} {unit} RMS "
             f"({100 * removed / max(float(np.ptp(span)), 1e-300):.2g} % of range)"
         )
+        notes.append(Remark(low_pass))
     if abs(initial - tension[0]) > 1e-3 * max(float(np.ptp(tension)), 1e-9):
         notes.append(
             f"the reference starts at {tension[0]:.4g} N but initial_tension_N is {initial:.4g} N: it jumps at t = 0"
@@ -228,7 +230,7 @@ def keep_taut(tension_N: FloatArray, least_N: float | None) -> tuple[FloatArray,
     floor = float(np.min(lifted))
     source = f"least_tension_N, default {100 * _LEAST_SHARE:g} % of range" if least_N is None else "least_tension_N"
     share = 100 * float(np.mean(lifted - tension_N > 0.1 * least))
-    note = (
+    note = Remark(
         f"the reference falls to {lowest:.3g} N and is raised to {floor:.3g} N ({source}) in {share:.2g} % of the "
         "samples; errors are relative to the raised reference"
     )

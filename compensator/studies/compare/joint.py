@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.expectation import expectation_of
+from tendonff.compensator.files.notices import by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.writing import atomic_directory
@@ -156,7 +157,7 @@ def compare_joint(scenario: JointScenario | FingerScenario, *, progress: Progres
         expectation=expectation_of(own.doubt, Level.PRESLIDING, on_level, share_of=own.share_of, unit=own.unit),
         recommended_level=best,
         recommendation=text,
-        warnings=tuple(dict.fromkeys((*warnings, *noise_warnings(entries)))),
+        warnings=by_urgency((*warnings, *noise_warnings(entries))),
     )
 
 

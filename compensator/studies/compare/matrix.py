@@ -17,6 +17,7 @@ from tendonff.compensator.compensators.expectation import (
 )
 from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.compensators.score import scale_of, score
+from tendonff.compensator.files.notices import Remark
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.reporting.colours import Style
@@ -271,7 +272,7 @@ def noise_warnings(entries: Sequence[Entry]) -> list[str]:
     worst = max(entries, key=lambda e: e.spread_percent_of_range)
     if worst.spread_percent_of_range < ENOUGH_PERCENT:
         return []
-    note = (
+    note = Remark(
         f"the response on the {worst.plant_level} level depends on the time step by up to "
         f"{worst.spread_percent_of_range:.2g} % of range ({worst.compensator} designed on {worst.design_level}): "
         "errors that differ by less are equal. Jumps of the force do that, and stick-slip (mu_static > mu_dynamic)"

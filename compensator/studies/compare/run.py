@@ -15,6 +15,7 @@ from tendonff.compensator.compensators.plant import Plant, Slack, delivered_of
 from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import ignored_motion, slack_warnings
+from tendonff.compensator.files.notices import Remark, by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.results import register_writer
 from tendonff.compensator.scenario.sampled.joint_motion import moved
@@ -81,12 +82,13 @@ def compare(
     outputs: dict[tuple[str, Level, str], FloatArray] = {}
     usable: dict[tuple[str, Level], Profile] = {}
     failed: dict[str, str] = {}
+    refused: dict[str, str] = {}
     seen: dict[tuple[bytes, str], tuple[Entry, FloatArray]] = {}
     slack: dict[tuple[str, str], Slack] = {}
     for level in Level:
         problem = Problem.of(scenario, level=level, reference=reference, options=options)
         answers = answers_of(problem, compensators, parts)
-        profiles, failed = answers.profiles, failed | answers.failed | answers.refused
+        profiles, failed, refused = answers.profiles, failed | answers.failed, refused | answers.refused
         for name, profile in profiles.items():
             if profile.status is not ProfileStatus.GOOD:
                 warnings.append(f"{name} designed on {level}: {profile.message}")
@@ -94,7 +96,7 @@ def compare(
                 usable[name, level] = profile
         warnings += [f"designed on {level}: {note}" for note in problem.unsettled]
         if _is_bound(profiles) and not any(isinstance(c, Optimal) for c in compensators):
-            warnings.append(_NOT_SEARCHED)
+            warnings.append(Remark(_NOT_SEARCHED))
         for plant in PLANTS:
             for name, profile in profiles.items():
                 command = b"" if profile.command_m is None else profile.command_m.tobytes()
@@ -108,10 +110,11 @@ def compare(
                 entries.append(replace(found, compensator=name, design_level=level, plant_level=plant))
             parts.done()
     bands = error_bands(problem.doubt, Level.PRESLIDING, usable, reference)  # on the most detailed level
-    compensators = [c for c in compensators if c.name not in failed]
-    entries = [entry for entry in entries if entry.compensator not in failed]
+    compensators = [c for c in compensators if c.name not in failed | refused]
+    entries = [entry for entry in entries if entry.compensator not in failed | refused]
     text, best = recommend(entries, compensators, bands, str(problem.doubt), SIMPLE)
     on_level = {name: band for (name, level), band in bands.items() if level is best}
+    expectation = expectation_of(problem.doubt, Level.PRESLIDING, on_level, reference.share_of, reference.unit)
     traits, costs = {}, {}
     for model in (*Level, None):
         name = CAPSTAN_PLANT if model is None else model.value
@@ -135,18 +138,17 @@ def compare(
         traits=traits,
         costs=costs,
         bands=bands,
-        expectation=expectation_of(problem.doubt, Level.PRESLIDING, on_level, reference.share_of, reference.unit),
+        expectation=expectation,
         recommended_level=best,
         recommendation=text,
         ignored=ignored_motion(Problem.of(scenario, reference=reference, options=options)),
-        warnings=tuple(
-            dict.fromkeys(
-                (
-                    *warnings,
-                    *(f"{n}: {why}" for n, why in failed.items()),
-                    *slack_warnings(slack),
-                    *noise_warnings(entries),
-                )
+        warnings=by_urgency(
+            (
+                *warnings,
+                *(f"{n}: {why}" for n, why in failed.items()),
+                *(Remark(f"{n}: {why}") for n, why in refused.items()),
+                *slack_warnings(slack, expectation.recommended),
+                *noise_warnings(entries),
             )
         ),
     )

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tendonff.compensator.compensators.profile import FloatArray
+from tendonff.compensator.files.notices import Danger
 from tendonff.compensator.studies.design.result import Design
 from tendonff.models.parameters.drive import Motor
 
@@ -117,4 +118,4 @@ def drive_warnings(result: Design) -> list[str]:
         if motor.stall_torque_N_m is not None and (share := use.load_of_the_line(motor)) > 1:
             over = f"{100 * share:.3g} % of it" if math.isfinite(share) else "beyond its no-load speed"
             found.append(f"{use.name}: the motor is asked for more than its torque-speed line gives, {over}")
-    return found
+    return [Danger(text) for text in found]

@@ -14,6 +14,7 @@ from tendonff.compensator.compensators.expectation import two_digits
 from tendonff.compensator.compensators.plant import FINE_REFINEMENT, FINE_SEGMENTS
 from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.compensators.score import Verified
+from tendonff.compensator.files.typeset import typeset
 from tendonff.compensator.files.writing import atomic_directory, write_csv
 from tendonff.compensator.reporting.expected import expectation_summary
 from tendonff.compensator.reporting.page import summary_head, write_pages
@@ -130,7 +131,7 @@ def print_scores(result: Design, folder: Path) -> None:
     over = f"worst case: over {result.expectation.doubt}, on {FINE_SEGMENTS} masses; {span}"
     console.print(over, soft_wrap=True, markup=False, highlight=False)
     console.print("* design level, used for the worst case and the last column too")
-    console.print(headline(result), soft_wrap=True, markup=False, highlight=False)
+    console.print(typeset(headline(result)), soft_wrap=True, markup=False, highlight=False)
     if result.tracking is not None:
-        console.print(f"optimal control: {result.tracking.message}", soft_wrap=True)
+        console.print(typeset(f"optimal control: {result.tracking.message}"), soft_wrap=True)
     console.print(f"written to {folder}", soft_wrap=True)

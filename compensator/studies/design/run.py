@@ -12,9 +12,11 @@ from tendonff.compensator.compensators.score import (
     Verified,
     harm_warnings,
     ignored_motion,
+    scale_of,
     slack_warnings,
     verify,
 )
+from tendonff.compensator.files.notices import Remark, by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.results import register_writer
 from tendonff.compensator.scenario.reference import CsvReference, Hold
@@ -74,7 +76,6 @@ def design(
     warnings += [*_hold_notes(problem), *problem.unsettled]
     answers = answers_of(problem, compensators, parts)
     profiles = answers.profiles
-    warnings += answers.warnings
     stick_slip = predict_stick_slip(
         problem.chain,
         reference.tension_N,
@@ -82,10 +83,11 @@ def design(
         force_N=next((p.force_N for p in profiles.values() if p.tracking is not None), None),
         inversion=problem.inversion,
     )
-    warnings += stick_slip.warnings
     usable = {name: p for name, p in profiles.items() if p.status is not ProfileStatus.FAILED}
     expectation = expect(problem.doubt, level, usable, reference)
-    warnings += expectation.warnings
+    warnings += [*expectation.warnings, *answers.warnings(expectation.recommended)]
+    small = 100 * stick_slip.expected_error_N < _SMALL * scale_of(reference.tension_N)
+    warnings += [Remark(text) if small else text for text in stick_slip.warnings]
 
     verified: list[Verified] = []
     proof: list[Verified] = []
@@ -99,9 +101,10 @@ def design(
             found.append(verify(plant, name, profile, reference) if tried is None else replace(tried, compensator=name))
             parts.done()
     judged = [v for v in verified if v.plant.level is level]
-    warnings += harm_warnings({v.compensator: v.score for v in judged}, reference.wanted)
+    warnings += harm_warnings({v.compensator: v.score for v in judged}, reference.wanted, expectation.recommended)
     warnings += _promises(judged, proof, is_compared=not problem.is_robust)
-    warnings += slack_warnings({(v.compensator, v.plant.level.value): v.slack for v in verified if v.slack})
+    slack = {(v.compensator, v.plant.level.value): v.slack for v in verified if v.slack}
+    warnings += slack_warnings(slack, expectation.recommended)
     result = Design(
         scenario=scenario,
         reference=reference,
@@ -115,7 +118,7 @@ def design(
         ignored=ignored_motion(problem),
         warnings=tuple(warnings),
     )
-    return replace(result, warnings=(*result.warnings, *drive_warnings(result)))
+    return replace(result, warnings=by_urgency((*result.warnings, *drive_warnings(result))))
 
 
 _KEPT = 2.0  # times the error on the design level that the finer chain may leave
@@ -170,7 +173,7 @@ def _hold_notes(problem: Problem) -> list[str]:
     if kept is None or problem.reference.hold is not Hold.KEEP:
         return []
     share = 100 * kept.drift_N / max(problem.reference.range_N, 1e-300)
-    message = (
+    message = Remark(
         f'hold = "keep": the force stays in {len(kept.holds)} stretches, which moves the output by up to '
         f"{kept.drift_N:.3g} N ({share:.2g} % of range) on the design model"
     )

@@ -90,7 +90,7 @@ def make_tables(
     expectation = expectation_of(
         problem.doubt, problem.level, bands, reference.share_of, reference.unit, recommended="table"
     )
-    harm = harm_warnings({"none": nothing, "table": scores[problem.level]}, reference.wanted)
+    harm = harm_warnings({"none": nothing, "table": scores[problem.level]}, reference.wanted, "table")
     met = limit_warnings("table", compensation.wanted_N(problem), profile.force_N)
     bounds = problem.options.minimum_tension_N, problem.options.maximum_tension_N
     needed = problem.inversion.force_N, reference.step_s, problem.limits

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 
+from tendonff.compensator.files.notices import Danger, Remark
 from tendonff.compensator.reporting.page import (
     FileNote,
     Picture,
@@ -103,7 +104,8 @@ def test_what_a_user_wrote_is_shown_and_never_run(report):
     )
     page = page_of(hostile)
     assert "script" not in page.tags
-    assert "img" not in page.tags
+    assert page.tags.count("img") == 1  # the drawing
+    assert all(address.startswith("data:") for address in page.loaded)
 
 
 def test_equal_results_give_equal_pages(report):
@@ -135,7 +137,7 @@ def test_input_files_are_named_with_their_hash(report, tmp_path):
         (2.0, "2.00"),
         (0.012345, "0.0123"),
         (12345.6, "12346"),
-        (1e-9, "1e−09"),
+        (1e-9, "1·10⁻⁹"),
         (-0.5, "−0.500"),
         (7, "7"),
         (True, "yes"),
@@ -154,7 +156,7 @@ def test_numbers_are_shown_to_three_digits(cell, text):
         ([9.6, -5.58], ["9.60", "−5.58"]),
         ([0.13, 587400.0], ["0.130", "587000"]),  # quantities of their own
         ([120.0, None], ["120", "–"]),
-        ([3.68e-6], ["3.68e−06"]),
+        ([3.68e-6], ["3.68·10⁻⁶"]),
     ],
 )
 def test_numbers_of_one_column_have_the_same_number_of_decimals(column, shown):
@@ -163,8 +165,9 @@ def test_numbers_of_one_column_have_the_same_number_of_decimals(column, shown):
 
 
 def test_figures_are_numbered_through_all_sections(report):
-    twice = replace(report, sections=(*report.sections, *report.sections))
-    assert re.findall(r"<b>(Figure \d+)", render_report(twice)) == ["Figure 1", "Figure 2"]
+    again = [replace(section, blocks=[replace(block) for block in section.blocks]) for section in report.sections]
+    twice = replace(report, sections=(*report.sections, *again))
+    assert re.findall(r"<b>(Figure \d+)", render_report(twice)) == ["Figure 1", "Figure 2", "Figure 3"]
 
 
 def test_a_long_name_may_break_after_its_underscores_and_is_still_escaped(report):
@@ -210,7 +213,7 @@ def test_a_figure_is_drawn_once_for_its_file_and_the_page(report, tmp_path, monk
     monkeypatch.setattr(Axes, "draw", lambda axes, renderer: drawn.append(axes) or draw(axes, renderer))
     (picture,) = (block for section in report.sections for block in section.blocks if isinstance(block, Picture))
     write_pages(tmp_path, {}, {"what": picture.figure}, report)
-    assert len(drawn) == len(picture.figure.axes)
+    assert len([axes for axes in drawn if axes in picture.figure.axes]) == len(picture.figure.axes)
     content = (tmp_path / "what.svg").read_bytes()
     assert base64.b64encode(content).decode("ascii") in (tmp_path / "report.html").read_text(encoding="utf-8")
     assert {path.name for path in tmp_path.iterdir()} == {"summary.json", "report.html", "what.svg"}
@@ -246,3 +249,17 @@ def test_a_legend_is_never_wider_than_its_figure(length):
     box = legend.get_window_extent()
     assert 0 <= box.x0 < box.x1 <= figure.bbox.width
     assert box.y1 < axes[0, 0].get_window_extent().y0
+
+
+def test_dangers_come_first_and_what_asks_for_no_action_stands_below_the_first_figure(report):
+    notices = ("plain", Remark("the reference was raised"), Danger("drive too small"), "plain")
+    text = render_report(replace(report, warnings=notices))
+    places = [text.index(part) for part in ("drive too small", "plain", "<img", "the reference was raised")]
+    assert places == sorted(places)
+    assert text.count("plain</li>") == 1
+    assert text.count("the reference was raised") == 1
+
+
+def test_the_first_figure_is_the_report_s_own_and_the_drawing_follows(report):
+    text = render_report(report)
+    assert text.index("A line.") < text.index("What the scenario describes")

@@ -1,14 +1,18 @@
 """`tendonff new`: a commented scenario to start from."""
 
 import re
+import tomllib
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from tendonff.compensator.cli.options import option
 from tendonff.compensator.files.text import InputError
+
+if TYPE_CHECKING:
+    from tendonff.compensator.scenario.document import Document
 
 
 class Rig(StrEnum):
@@ -32,13 +36,16 @@ def new(
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a file that exists.")] = False,
 ) -> None:
-    """Write a commented scenario to start from."""
+    """Write a commented scenario to start from, and a drawing of what it describes (FILE.svg)."""
     from importlib.resources import files
 
     from tendonff.compensator.files.writing import write_text
+    from tendonff.compensator.reporting.drawing import described_figure
+    from tendonff.compensator.reporting.plots import save_figure
 
-    if file.exists() and not force:
-        raise InputError(f"{file} exists; choose another name, or replace it with --force")
+    for target in (file, file.with_suffix(".svg")):
+        if target.exists() and not force:
+            raise InputError(f"{target} exists; choose another name, or replace it with --force")
     folder = files("tendonff.compensator.scenario")
     template = folder.joinpath("scenario.toml") if rig is None else folder.joinpath("templates", f"{rig}.toml")
     text = template.read_text(encoding="utf-8")
@@ -49,4 +56,19 @@ def new(
             raise InputError(f'--joint must be letters, digits and underscores, got "{joint}"; --joint index_base')
         text = re.sub(r"^\[joints\.\w+\]", f"[joints.{joint}]", text, flags=re.MULTILINE)
         text = re.sub(r'^name = "(.*)"', f'name = "{joint}, \\1"', text, count=1, flags=re.MULTILINE)
+    system = _parsed(text, file).system
     write_text(file, text)
+    save_figure(described_figure(system), file.with_suffix(""), ("svg",))
+
+
+def _parsed(text: str, file: Path) -> "Document":
+    """Scenario of any kind from its text."""
+    from tendonff.compensator.finger.scenario import describes_finger, parse_finger_scenario
+    from tendonff.compensator.joint.scenario.detect import describes_joint
+    from tendonff.compensator.joint.scenario.scenario import parse_joint_scenario
+    from tendonff.compensator.scenario.scenario import parse_scenario
+
+    raw = tomllib.loads(text)
+    if describes_finger(raw):
+        return parse_finger_scenario(text, file)
+    return parse_joint_scenario(text, file) if describes_joint(raw) else parse_scenario(text, file)
