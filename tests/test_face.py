@@ -14,7 +14,6 @@ from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.compensators.profile import Profile
 from tendonff.compensator.compensators.score import verify
-from tendonff.compensator.joint.scenario.detect import is_joint_file
 
 ROOT = Path(__file__).resolve().parents[1]
 FACE = ast.parse((ROOT / "tendonff" / "__init__.py").read_text(encoding="utf-8"))
@@ -98,9 +97,10 @@ def test_readers_are_shown_the_public_names_only(code: str) -> None:
 def test_the_first_paragraph_of_the_readme_holds_for_every_example_of_a_tension() -> None:
     found = []
     for path in (ROOT / "examples").glob("*.toml"):
-        if is_joint_file(path):
+        scenario = tf.load_scenario(path)
+        if not isinstance(scenario, tf.Scenario):
             continue
-        problem = Problem.of(tf.load_scenario(path))
+        problem = Problem.of(scenario)
         direct = Profile(force_N=problem.reference.tension_N)
         plant = Plant(problem.transmission, problem.level)
         found.append(verify(plant, "none", direct, problem.reference).score.rmse_percent_of_range)

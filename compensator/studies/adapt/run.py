@@ -98,7 +98,9 @@ def adapt(scenario: Scenario, *, progress: Progress = silent) -> AdaptationStudy
         interval=None if bounds is None else bounds.interval,
         bounds_N=None if bounds is None else (bounds.low_N, bounds.high_N),
         cases=tuple(cases),
-        headline=_headline(cases, known, advice, reference),
+        headline=_headline(
+            cases, known, advice, reference.share_of if reference.position_m is None else "range of the tension"
+        ),
         warnings=_warnings(cases, known, certificate),
     )
 
@@ -263,13 +265,12 @@ def _widest(cases: list[Case]) -> Case:
     return max(cases, key=lambda case: case.traces[Scheme.SELF_TUNING].settled_percent)
 
 
-def _headline(cases: list[Case], known: Information, advice: tuple[str, float] | None, reference: Reference) -> str:
+def _headline(cases: list[Case], known: Information, advice: tuple[str, float] | None, share: str) -> str:
     off = [case for case in cases if case.variation in (friction_off(0.8), friction_off(1.2))]
     plain = max(case.traces[Scheme.FEEDFORWARD].settled_percent for case in off)
     tuned = max(case.traces[Scheme.SELF_TUNING].settled_percent for case in off)
     widest = _widest(cases)
     most, most_plain = (widest.traces[s].settled_percent for s in (Scheme.SELF_TUNING, Scheme.FEEDFORWARD))
-    share = reference.share_of if reference.position_m is None else "range of the tension"
     better = "" if advice is None else f"; with {advice[0]} {advice[1]:.2g} % there"
     return (
         f"Expect an RMS error of up to {tuned:.2g} % of {share} after {SETTLED_S:g} s with self-tuning "

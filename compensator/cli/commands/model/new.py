@@ -1,18 +1,14 @@
 """`tendonff new`: a commented scenario to start from."""
 
 import re
-import tomllib
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from tendonff.compensator.cli.options import option
 from tendonff.compensator.files.text import InputError
-
-if TYPE_CHECKING:
-    from tendonff.compensator.scenario.document import Document
 
 
 class Rig(StrEnum):
@@ -42,6 +38,7 @@ def new(
     from tendonff.compensator.files.writing import write_text
     from tendonff.compensator.reporting.drawing import described_figure
     from tendonff.compensator.reporting.plots import save_figure
+    from tendonff.compensator.scenarios import parse_any
 
     for target in (file, file.with_suffix(".svg")):
         if target.exists() and not force:
@@ -56,19 +53,6 @@ def new(
             raise InputError(f'--joint must be letters, digits and underscores, got "{joint}"; --joint index_base')
         text = re.sub(r"^\[joints\.\w+\]", f"[joints.{joint}]", text, flags=re.MULTILINE)
         text = re.sub(r'^name = "(.*)"', f'name = "{joint}, \\1"', text, count=1, flags=re.MULTILINE)
-    system = _parsed(text, file).system
+    system = parse_any(text, file).system
     write_text(file, text)
     save_figure(described_figure(system), file.with_suffix(""), ("svg",))
-
-
-def _parsed(text: str, file: Path) -> "Document":
-    """Scenario of any kind from its text."""
-    from tendonff.compensator.finger.scenario import describes_finger, parse_finger_scenario
-    from tendonff.compensator.joint.scenario.detect import describes_joint
-    from tendonff.compensator.joint.scenario.scenario import parse_joint_scenario
-    from tendonff.compensator.scenario.scenario import parse_scenario
-
-    raw = tomllib.loads(text)
-    if describes_finger(raw):
-        return parse_finger_scenario(text, file)
-    return parse_joint_scenario(text, file) if describes_joint(raw) else parse_scenario(text, file)

@@ -107,9 +107,9 @@ def test_every_plant_on_which_self_tuning_is_worse_is_named_with_both_figures():
     assert warning.startswith("do not use it where friction +20 %, load +20 %: RMS error 5.66 %")
     assert warning.endswith("plain feedforward 4.39 %")
     assert "5.7 % where other parameters are off too (friction +20 %, load +20 %; without: 4.4 %)" in _headline(
-        cases, known, None, SimpleNamespace(share_of="range")
+        cases, known, None, "range"
     )
-    raised = SimpleNamespace(share_of="range of the reference raised to 3 N")
+    raised = "range of the reference raised to 3 N"
     assert "0.39 % of range of the reference raised to 3 N" in _headline(cases, known, None, raised)
 
 
