@@ -4,11 +4,13 @@ Run: python benchmarks/mutants.py examples/finger.toml [--precision float] [--co
 
 Safety mutants (limits, rate, clamps, guards, status bits, data) are listed below and must all die. Random mutants
 change one operator or constant of a module; one that survives counts as observable where its outputs on a random
-sequence of references, jumps, holds and bad inputs differ from the original's by more than rounding.
+sequence of calls, jumps, holds and bad inputs differ from the original's by more than rounding. They are drawn from all
+modules of the scenario: those of examples/finger_adaptive.toml and of one whose joints move are all there are.
 """
 
 import argparse
 import hashlib
+import math
 import random
 import re
 import shutil
@@ -162,15 +164,13 @@ def answers(program: Path) -> list[list[float]]:
     return [[float(word) for word in line.split()] for line in said.splitlines()]
 
 
-def differ(one: list[list[float]], two: list[list[float]], relative: float) -> bool:
-    """Whether two sequences of outputs differ by more than rounding."""
-    if len(one) != len(two):
-        return True
-    return any(
-        not abs(a - b) <= relative * (1 + abs(a))
-        for x, y in zip(one, two, strict=True)
-        for a, b in zip(x, y, strict=True)
-    )
+def difference(one: list[list[float]], two: list[list[float]]) -> float:
+    """Largest difference of two sequences of outputs, relative to 1 and each; infinite where one ends or is NaN."""
+    if len(one) != len(two) or any(len(x) != len(y) for x, y in zip(one, two, strict=True)):
+        return math.inf
+    pairs = ((a, b) for x, y in zip(one, two, strict=True) for a, b in zip(x, y, strict=True))
+    apart = [0.0 if a == b else abs(a - b) / (1 + abs(a)) for a, b in pairs]
+    return math.inf if any(map(math.isnan, apart)) else max(apart, default=0.0)
 
 
 def main() -> int:
@@ -180,14 +180,18 @@ def main() -> int:
     parser.add_argument("--precision", choices=("double", "float"), default="double")
     parser.add_argument("--count", type=int, default=90)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--random-only", action="store_true", help="leave out the safety mutants")
     parser.add_argument("--only", default="", help="safety mutants whose name holds this")
     parser.add_argument("--first", type=int, default=0, help="random mutants to pass over, of the same seed")
     options = parser.parse_args()
     scenario = tf.load_scenario(options.scenario)
-    exported = tf.export_c(scenario, precision=tf.Precision(options.precision), force_export=True)
+    profile = tf.sample_reference(scenario).tension_N if options.random_only else None
+    exported = tf.export_c(scenario, precision=tf.Precision(options.precision), profile_N=profile, force_export=True)
     tension = tf.sample_reference(scenario).tension_N
     span = (float(tension.min()), float(tension.max()), float(tension[0]))
     defines = tuple(f"-D{n}={v!r}" for n, v in zip(("LOW", "HIGH", "START"), span, strict=True))
+    defines += (f"-DJOINTS={len(scenario.joints)}",)
+    defines += tuple(f"-DWITH_{Path(name).stem[4:].upper()}" for name in exported.files if name.endswith(".c"))
     relative = 1e-4 if options.precision == "float" else 1e-8
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch) / "code"
@@ -204,7 +208,8 @@ def main() -> int:
             return program is not None and passes(program)
 
         alive = []
-        listed = [m for m in safety(exported.files, options.precision) if options.only in m.what]
+        listed = [] if scenario.joints else list(safety(exported.files, options.precision))
+        listed = [m for m in listed if options.only in m.what and not options.random_only]
         for mutant in listed:
             if survives(mutant):
                 alive.append(mutant.what)
@@ -214,8 +219,9 @@ def main() -> int:
         for mutant in random_mutants(exported.files, options.count, options.seed, options.first):
             if survives(mutant):
                 program = build(folder, "driver.c", "driver", defines)
-                if program is not None and differ(expected, answers(program), relative):
-                    seen.append(mutant.what)
+                apart = 0.0 if program is None else difference(expected, answers(program))
+                if apart > relative:
+                    seen.append(f"{mutant.what} ({apart:.2g})")
                 else:
                     equal += 1
             else:

@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.fidelity import Level
+from tendonff.models.mechanism.chain import chain_equations
 from tendonff.models.parameters import Transmission
-from tendonff.models.tendon.chain import Chain, chain_equations
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.tendon.inverse import invert
 from tendonff.ocp.tendon.simulate import simulate
 from tendonff.ocp.tracking.limits import ForceLimits

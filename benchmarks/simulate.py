@@ -54,16 +54,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from benchmarks.adaptive import Adaptive, AdaptiveIntegrator
+from benchmarks.adaptive import ADAPTIVE, by_method
 from tendonff.compensator.joint.scenario.detect import is_joint_file
 from tendonff.compensator.scenario.sampled.sampling import initial_tension, sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs
+from tendonff.models.mechanism.chain import chain_equations
 from tendonff.models.parameters import Transmission
-from tendonff.models.tendon.chain import Chain, chain_equations
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.errors import SolveError
+from tendonff.ocp.integrate.method import Method
 from tendonff.ocp.step import c_engine, render
 from tendonff.ocp.tendon.inverse import invert
 from tendonff.ocp.tendon.simulate import Simulator, simulate
@@ -125,15 +127,13 @@ def ours(chain: Chain, rows: int, engine: Engine, step_s: float = STEP, every: i
     return lambda: np.concatenate([[START_N], prepared.pop().advance(inputs[1:]).tension_N[:, -1]])
 
 
-def by_rows(chain: Chain, rows: int, solver: Adaptive, tolerance: float) -> Callable[[], Array]:
+def by_rows(chain: Chain, rows: int, solver: Method, tolerance: float) -> Callable[[], Array]:
     """SUNDIALS through CasADi with the force as rows."""
-    integrator = AdaptiveIntegrator(chain, STEP, rows, solver=solver, tolerance=tolerance, scale_N=START_N)
     force = np.asarray(force_at(np.arange(rows + 1) * STEP))
-    state = chain.rest_state(START_N)
-    return lambda: integrator.run(state, force)[:, -1]
+    return lambda: by_method(chain, force, STEP, START_N, solver, tolerance)
 
 
-def by_rows_at_defaults(chain: Chain, rows: int, solver: Adaptive) -> Callable[[], Array]:
+def by_rows_at_defaults(chain: Chain, rows: int, solver: Method) -> Callable[[], Array]:
     """The same without a thought: CasADi's default tolerances, states in SI units."""
     equations, t, force = chain_equations(chain), ca.SX.sym("t"), ca.SX.sym("force", 3)
     now = ca.vertcat(force[0] + force[1] * (t - force[2]), 0, 0, 0)
@@ -197,7 +197,7 @@ def scipy_in_time(chain: Chain, rows: int, method: str, tolerance: float) -> Cal
 
 
 def scales(chain: Chain) -> Array:
-    """Typical size of every state, as `AdaptiveIntegrator` has it."""
+    """Typical size of every state."""
     n = chain.count
     stretch, _ = chain.link.shortened(chain.elements.ratio[1]).rest(START_N)
     return np.concatenate(
@@ -207,7 +207,7 @@ def scales(chain: Chain) -> Array:
 
 def main_table(chain: Chain, rows: int, quick: bool) -> list[Line]:
     """Every way on one chain."""
-    _, reference = least_time(by_rows(chain, rows, Adaptive.CVODES, 1e-11), 1)
+    _, reference = least_time(by_rows(chain, rows, Method.CVODES, 1e-11), 1)
     tight = {"reltol": 1e-11, "abstol": 1e-14, "max_num_steps": 200_000}
     _, reference_in_time = least_time(in_time(chain, rows, "cvodes", tight), 1)
     lines: list[Line] = []
@@ -234,7 +234,7 @@ def main_table(chain: Chain, rows: int, quick: bool) -> list[Line]:
             3,
         )
     add("ours, CasADi", "1 ms", lambda: ours(chain, rows, Engine.CASADI), 3)
-    for solver in Adaptive:
+    for solver in ADAPTIVE:
         add(f"{solver}, force in rows", "default", lambda s=solver: by_rows_at_defaults(chain, rows, s))
         add(f"{solver}, force in time", "default", lambda s=solver: in_time(chain, rows, s.value, {}))
         for tolerance in (1e-3, 1e-4, 1e-5, 1e-6):
@@ -292,7 +292,7 @@ def growth(rig: Transmission) -> None:
             seconds, _ = least_time(ours(chain, 600, Engine.CASADI), 2)
             text += f", CasADi {1e6 * seconds / 600:8.1f}"
             few = max(20, 4000 // n)
-            seconds, _ = least_time(by_rows(chain, few, Adaptive.CVODES, 1e-4), 1)
+            seconds, _ = least_time(by_rows(chain, few, Method.CVODES, 1e-4), 1)
             text += f", cvodes at 1e-4 {1e6 * seconds / few:10.0f}"
         print(text)
 
@@ -304,7 +304,7 @@ def euler_against_bdf2(rig: Transmission) -> None:
     original = render.BDF2_CARRY, render.BDF2_WEIGHT
     for level in (Level.VISCOELASTIC, Level.PRESLIDING):
         chain = Chain.of(rig, level, 6)
-        _, reference = least_time(by_rows(chain, 2000, Adaptive.CVODES, 1e-11), 1)
+        _, reference = least_time(by_rows(chain, 2000, Method.CVODES, 1e-11), 1)
         for name, (carry, weight) in (("BDF2", original), ("implicit Euler", (0.0, 1.0))):
             render.BDF2_CARRY, render.BDF2_WEIGHT = carry, weight
             c_engine._source.cache_clear()

@@ -13,12 +13,12 @@ import functools
 import math
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tendonff.models.cached import cached_property
 from tendonff.models.errors import ParameterError
 from tendonff.models.layout import Array
 
@@ -246,8 +246,13 @@ class CutPath:
         """Theta at joint angle zero [rad]."""
         return math.fsum(section.angle_rad for section in self.sections)
 
+    @property
+    def still(self) -> bool:
+        """Whether no section follows a joint."""
+        return not self.by_joint[1:].any()
+
     @cached_property
-    def _by_joint(self) -> Array:
+    def by_joint(self) -> Array:
         """Wrap angle of each section at joint angle zero, its change and that of the length per radian."""
         numbers = [(s.angle_rad, s.angle_per_rad, s.length_per_rad_m) for s in self.sections]
         return np.array(numbers, dtype=np.float64).T
@@ -272,7 +277,7 @@ class CutPath:
         for k, section in enumerate(self.sections):
             if joints and section.joint is not None:
                 turned[:, k] = joints[section.joint]
-        still, bending, gaining = self._by_joint
+        still, bending, gaining = self.by_joint
         angle, gained = bent_rad(still, bending, turned), gaining * turned
         lengths = self.lengths if self.length_m is None else self.lengths + gained / self.length_m
         of_links = np.broadcast_to(lengths, gained.shape) @ self.parts.T

@@ -16,6 +16,7 @@ from tendonff.models.errors import ParameterError
 from tendonff.models.layout import ChainInputs, ChainState
 from tendonff.models.tendon.chain import Chain
 from tendonff.models.tendon.elements import Whole
+from tendonff.models.turns import out_of_turn
 from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.step.c_engine import ReportStruct, chain_struct, host_source, library_of, places_of, pointer
@@ -213,25 +214,26 @@ def _run(
     slot[directions.watched - 1] = np.arange(len(directions.watched))
     report, worst = ReportStruct(), ctypes.c_int()
     record, places = chain_struct(chain), places_of(chain, state.time_s, step_s, rows)
-    done = library.tff_tangent_run(
-        ctypes.byref(record),
-        ctypes.c_double(step_s),
-        pointer(inputs),
-        ctypes.c_long(rows),
-        ctypes.c_int(1),
-        *map(pointer, (x, x_old, work, tension[1:], ends[1:])),
-        ctypes.byref(report),
-        ctypes.byref(worst),
-        *map(pointer, places),
-        ctypes.c_int(width),
-        pointer(directions.numbers),
-        *map(pointer, (directions.knot, directions.weight, directions.forgotten, dx, dx_old, tangent_work)),
-        ctypes.c_int(first_link),
-        pointer(slopes[1:]),
-        pointer(None if ends_slopes is None else ends_slopes[1:]),
-        pointer(slot),
-        pointer(watched_slopes),
-    )
+    with out_of_turn():
+        done = library.tff_tangent_run(
+            ctypes.byref(record),
+            ctypes.c_double(step_s),
+            pointer(inputs),
+            ctypes.c_long(rows),
+            ctypes.c_int(1),
+            *map(pointer, (x, x_old, work, tension[1:], ends[1:])),
+            ctypes.byref(report),
+            ctypes.byref(worst),
+            *map(pointer, places),
+            ctypes.c_int(width),
+            pointer(directions.numbers),
+            *map(pointer, (directions.knot, directions.weight, directions.forgotten, dx, dx_old, tangent_work)),
+            ctypes.c_int(first_link),
+            pointer(slopes[1:]),
+            pointer(None if ends_slopes is None else ends_slopes[1:]),
+            pointer(slot),
+            pointer(watched_slopes),
+        )
     if done < rows:
         failed = Rows(
             tension_N=tension[1 : done + 1],

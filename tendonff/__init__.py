@@ -57,11 +57,14 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.models.errors import ParameterError, TendonffError
     from tendonff.models.fidelity import Level
     from tendonff.models.joint.parameters import Mechanism
+    from tendonff.models.mechanism.equations import MechanismEquations, mechanism_equations
+    from tendonff.models.mechanism.interop import as_iosystem, linear_system
     from tendonff.models.parameters import Actuator, Friction, Load, Path, Tendon, Transmission
     from tendonff.models.tendon.chain import Chain
-    from tendonff.models.tendon.interop import as_iosystem, linear_system
     from tendonff.ocp.codegen.precision import Precision
     from tendonff.ocp.errors import CodeError, SolveError
+    from tendonff.ocp.integrate.integrate import Integration, integrate
+    from tendonff.ocp.integrate.method import Method
     from tendonff.ocp.joint.invert import invert_joint
     from tendonff.ocp.joint.simulate import simulate_joint
     from tendonff.ocp.joint.start import joint_problem
@@ -92,6 +95,7 @@ __all__ = [
     "Friction",
     "Identification",
     "InputError",
+    "Integration",
     "JointAdaptationStudy",
     "JointComparison",
     "JointDesign",
@@ -100,6 +104,8 @@ __all__ = [
     "Level",
     "Load",
     "Mechanism",
+    "MechanismEquations",
+    "Method",
     "Observation",
     "Observer",
     "ObserverStatus",
@@ -140,6 +146,7 @@ __all__ = [
     "export_joint_fmu",
     "identify",
     "identify_joint",
+    "integrate",
     "invert",
     "invert_joint",
     "joint_problem",
@@ -147,6 +154,7 @@ __all__ = [
     "load_joint_scenario",
     "load_scenario",
     "make_table",
+    "mechanism_equations",
     "read_centreline",
     "sample_reference",
     "simulate",
@@ -203,7 +211,8 @@ _HOMES = {
     "models.tendon.chain": ("Chain",),
     "models.errors": ("ParameterError", "TendonffError"),
     "models.fidelity": ("Level",),
-    "models.tendon.interop": ("as_iosystem", "linear_system"),
+    "models.mechanism.equations": ("MechanismEquations", "mechanism_equations"),
+    "models.mechanism.interop": ("as_iosystem", "linear_system"),
     "models.joint.parameters": ("Mechanism",),
     "models.parameters": ("Actuator", "Friction", "Load", "Path", "Tendon", "Transmission"),
     "models.capstan.two_ended": ("TwoEndedLaw",),
@@ -211,6 +220,8 @@ _HOMES = {
     "ocp.codegen.precision": ("Precision",),
     "ocp.errors": ("CodeError", "SolveError"),
     "ocp.tendon.inverse": ("invert",),
+    "ocp.integrate.integrate": ("Integration", "integrate"),
+    "ocp.integrate.method": ("Method",),
     "ocp.joint.invert": ("invert_joint",),
     "ocp.joint.simulate": ("simulate_joint",),
     "ocp.joint.start": ("joint_problem",),

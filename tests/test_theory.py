@@ -415,6 +415,9 @@ ELSEWHERE = {
     "10.3": "models/joint/test_closed_form.py",
     "10.4": "models/joint/test_closed_form.py",
     "10.5": "models/joint/test_closed_form.py",
+    "12.1": "models/mechanism/test_equations.py",
+    "12.2": "models/mechanism/test_equations.py",
+    "12.3": "models/mechanism/test_equations.py",
 }
 
 

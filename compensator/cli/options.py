@@ -11,6 +11,7 @@ from tendonff.compensator.cli.progress import warn
 from tendonff.compensator.files.dialect import is_number
 from tendonff.compensator.files.text import InputError
 from tendonff.models.fidelity import Level
+from tendonff.ocp.integrate.method import Method
 
 if TYPE_CHECKING:
     from tendonff.compensator.joint.scenario.scenario import JointScenario
@@ -38,6 +39,9 @@ def named_numbers(
 ScenarioArgument = Annotated[Path, typer.Argument(metavar="SCENARIO", help="Scenario file (TOML).", show_default=False)]
 LevelOption = Annotated[
     Level | None, option("--level", None, "Fidelity level of the chain; default: the scenario's own.")
+]
+MethodOption = Annotated[
+    Method, option("--method", None, "How to advance in time: the fixed step of tendonff, or an integrator of CasADi.")
 ]
 OutFolderOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")]
 PdfOption = Annotated[bool, typer.Option("--pdf", help="Write each figure as PDF too, for a printed page.")]
@@ -67,10 +71,15 @@ def any_looked_at(scenario: Path) -> "Scenario | JointScenario":
 
     if not is_joint_file(scenario):
         return looked_at(scenario)
+    return joint_looked_at(scenario)
+
+
+def joint_looked_at(scenario: Path) -> "JointScenario":
+    """Read a scenario of a driven joint and its reference: one without meaning is refused at once."""
     from tendonff.compensator.joint.scenario.scenario import load_joint_scenario, sample_joint
 
     loaded = load_joint_scenario(scenario)
-    sample_joint(loaded)  # a reference without meaning is refused at once
+    warn(*sample_joint(loaded).warnings)
     return loaded
 
 

@@ -7,7 +7,6 @@ then know it. `export-c` also needs its C template, named by `c_module`.
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from tendonff.compensator.scenario.reference import Hold
 from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.models.cached import cached_property
 from tendonff.models.errors import TendonffError
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission

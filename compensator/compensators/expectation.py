@@ -27,6 +27,10 @@ S = TypeVar("S")
 FRICTIONLESS = "frictionless"
 """Name of the compensator that stands for "without friction compensation"."""
 
+LARGE_PERCENT = 10.0
+"""An RMS error above this is large: a tenth of what is wanted [% of range]."""
+
+_PURPOSES = {"N": "force control", "N_m": "torque control"}  # by key of the unit; of the others: positioning
 _OVERCOMPENSATION = 0.02  # swing beyond that of the reference that is worth a warning [-]
 
 
@@ -153,11 +157,13 @@ class Expectation:
         elif without is not None:
             compared = f"; {two_digits(without)} % without friction compensation"
         percent = two_digits(worst.rmse_percent_of_range)
+        unfit = unfit_for(self.unit, worst.rmse_percent_of_range)
+        rmse, peak = (two_digits(self.unit.factor * value) for value in (worst.rmse, self.best.worst_peak))
         return (
-            f"Tracking error up to {two_digits(self.unit.factor * worst.rmse)} {self.unit.shown} RMS "
-            f"({percent} % of {self.share_of}), peak {two_digits(self.unit.factor * self.best.worst_peak)} "
-            f"{self.unit.shown}, with the {label}, for {self.doubt} on the {self.level} "
-            f"level{compared}. Largest contribution: {self.contributions[0].key}. Next: {next_command}"
+            f"{f'{unfit}: tracking' if unfit else 'Tracking'} error up to {rmse} {self.unit.shown} RMS "
+            f"({percent} % of {self.share_of}), peak {peak} {self.unit.shown}, with the {label}, for {self.doubt} "
+            f"on the {self.level} level{compared}. Largest contribution: {self.contributions[0].key}. "
+            f"Next: {next_command}"
         )
 
     @property
@@ -170,7 +176,7 @@ class Expectation:
         }
         if not over or self.doubt.is_assumed:
             return []
-        swings = ", ".join(f"{name} {100 * band.amplification:.2g}" for name, band in over.items())
+        swings = ", ".join(f"{name} {two_digits(100 * band.amplification)}" for name, band in over.items())
         largest = max(over.values(), key=lambda band: band.amplification).amplified_sample
         where = ", ".join(f"{key} = {value:.3g}" for key, value in largest.numbers.items()) or "the nominal values"
         text = (
@@ -178,6 +184,11 @@ class Expectation:
             "loop over-compensation injects energy: choose mu too low rather than too high"
         )
         return [text]
+
+
+def unfit_for(unit: Unit, percent: float) -> str:
+    """Verdict on a large error [% of range] of a quantity of that unit, in plain words; empty on a smaller one."""
+    return f"Not good enough for {_PURPOSES.get(unit.key, 'positioning')}" if percent > LARGE_PERCENT else ""
 
 
 def two_digits(value: float) -> str:
@@ -194,7 +205,8 @@ def expect(
     doubt: Doubt[Transmission], level: Level, profiles: Mapping[str, Profile], reference: Reference
 ) -> Expectation:
     """Try profiles, by name of the compensator, on all transmissions that may be the real one, at a fidelity level."""
-    return expectation_of(doubt, level, error_bands(doubt, level, profiles, reference), reference.share_of)
+    bands = error_bands(doubt, level, profiles, reference)
+    return expectation_of(doubt, level, bands, reference.share_of, reference.unit)
 
 
 def expectation_of(
@@ -220,12 +232,12 @@ def error_bands(
 
     def respond(transmission: Transmission, profile: Profile) -> tuple[FloatArray, bool]:
         response = Plant(transmission, level, FINE_SEGMENTS).respond(profile, reference)
-        return response.output_N, response.slack is not None
+        return response.delivered(reference), response.slack is not None
 
     def given(profile: Profile) -> bytes:
         return (profile.force_N if profile.command_m is None else profile.command_m).tobytes()
 
-    return bands_of(doubt, reference.tension_N, profiles, respond, given)
+    return bands_of(doubt, reference.wanted, profiles, respond, given)
 
 
 def bands_of(

@@ -9,12 +9,16 @@ import numpy as np
 from tendonff.compensator.compensators.base import CModule, Compensator, Problem
 from tendonff.compensator.compensators.expectation import worst_corner
 from tendonff.compensator.compensators.plant import Plant
-from tendonff.compensator.compensators.profile import Profile, ProfileStatus
+from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
+from tendonff.compensator.compensators.uncertain import Sample
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.reporting.colours import VERMILION, Style
+from tendonff.compensator.scenario.sampled.sampling import Reference
+from tendonff.models.parameters import Transmission
 from tendonff.models.parameters.drive import Drive
 from tendonff.models.parameters.uncertainty import Objective
 from tendonff.models.tendon.chain import Chain
+from tendonff.ocp.reference.motion import tension_of_motion
 from tendonff.ocp.tracking.cycle import track_cycle
 from tendonff.ocp.tracking.result import Tracking, TrackStatus
 from tendonff.ocp.tracking.track import track_robust
@@ -44,17 +48,17 @@ class Optimal(Compensator):
             force_N=tracking.force_N,
             status=status,
             message="" if status is ProfileStatus.GOOD else tracking.message,
-            warnings=(*_purpose(problem), *tracking_warnings(tracking)),
+            warnings=(*_purpose(problem), *tracking_warnings(tracking, problem.reference)),
             tracking=tracking,
         )
 
 
 def solve(problem: Problem, *, progress: Progress = silent) -> Tracking:
     """Solve the optimal-control problem, for the nominal transmission or for what the uncertainty admits."""
-    reference, chains = problem.reference, counted(problem)
+    reference, samples = problem.reference, counted(problem)
     method = track_cycle if reference.periodic else track_robust
     return method(
-        chains,
+        (problem.chain, *(Chain.of(sample.system, problem.level) for sample in samples)),
         problem.followed_N,
         reference.step_s,
         problem.limits,
@@ -63,11 +67,23 @@ def solve(problem: Problem, *, progress: Progress = silent) -> Tracking:
         initial_tension_N=reference.initial_tension_N,
         inversion=problem.inversion,
         progress=progress,
+        others_N=[_followed_N(problem, sample.system) for sample in samples],
     )
 
 
-def counted(problem: Problem) -> tuple[Chain, ...]:
-    """The chains whose errors the search makes small, the nominal one first; that alone where nothing else counts.
+def _followed_N(problem: Problem, transmission: Transmission) -> FloatArray:
+    """Tension that delivers the reference on a transmission: a position takes what its own load asks for [N]."""
+    reference = problem.reference
+    if reference.position_m is None or transmission.load == problem.transmission.load:
+        return problem.followed_N
+    start = reference.initial_tension_N
+    return tension_of_motion(
+        transmission.load, reference.position_m, reference.step_s, start, periodic=reference.periodic
+    )
+
+
+def counted(problem: Problem) -> tuple[Sample[Transmission], ...]:
+    """Transmissions beside the nominal one whose errors the search makes small; none where nothing else counts.
 
     For the worst case: the corner of all intervals that is worst for the exact inverse, and the opposite one. For the
     mean: all samples. Of a position drive the nominal one alone, since the search is for a force, and the same command
@@ -75,17 +91,15 @@ def counted(problem: Problem) -> tuple[Chain, ...]:
     """
     position = problem.transmission.actuator.drive is Drive.POSITION
     if not problem.is_robust or position:
-        return (problem.chain,)
+        return ()
     doubt, reference = problem.doubt, problem.reference
     if problem.uncertainty.objective is Objective.MEAN:
-        samples = doubt.samples[1:]
-    else:
-        profile = Profile(force_N=problem.limited(problem.inversion.force_N))
-        ends = doubt.samples[: 1 + 2 * len(doubt.spreads)]
-        outputs = [Plant(end.system, problem.level).respond(profile, reference).output_N for end in ends]
-        corner = worst_corner(doubt, np.array(outputs) - reference.tension_N)
-        samples = (doubt.at(corner), doubt.at([-place for place in corner]))
-    return (problem.chain, *(Chain.of(sample.system, problem.level) for sample in samples))
+        return doubt.samples[1:]
+    profile = Profile(force_N=problem.limited(problem.inversion.force_N))
+    ends = doubt.samples[: 1 + 2 * len(doubt.spreads)]
+    found = [Plant(end.system, problem.level).respond(profile, reference).delivered(reference) for end in ends]
+    corner = worst_corner(doubt, np.array(found) - reference.wanted)
+    return doubt.at(corner), doubt.at([-place for place in corner])
 
 
 def _purpose(problem: Problem) -> tuple[str, ...]:
@@ -95,16 +109,17 @@ def _purpose(problem: Problem) -> tuple[str, ...]:
     return ()
 
 
-def tracking_warnings(tracking: Tracking) -> tuple[str, ...]:
-    """Active limits of the optimal profile, by the scenario's keys."""
+def tracking_warnings(tracking: Tracking, reference: Reference) -> tuple[str, ...]:
+    """Active limits of the optimal profile of a reference, by the scenario's keys."""
     if tracking.status is TrackStatus.EXACT:
         return ()
     found = [] if tracking.status is TrackStatus.OPTIMAL else [f"optimal: {tracking.message}"]
     found += tracking.reasons
     if tracking.departures:
+        error = "error above 1 % of range" if reference.position_m is None else "tension error above 1 % of its range"
         worst = max(tracking.departures, key=lambda departure: abs(departure.peak_error_N))
         found.append(
-            f"optimal: error above 1 % of range in {len(tracking.departures)} "
+            f"optimal: {error} in {len(tracking.departures)} "
             f"{'interval' if len(tracking.departures) == 1 else 'intervals'}; worst {worst}"
         )
     return tuple(found)

@@ -11,11 +11,13 @@ import numpy as np
 from tendonff.compensator.compensators.profile import FloatArray, Profile
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.models.fidelity import Level
-from tendonff.models.parameters import Actuator, Transmission
+from tendonff.models.parameters import Actuator, Load, Transmission
 from tendonff.models.parameters.drive import Drive
 from tendonff.models.path import JointMotion
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.errors import SolveError
+from tendonff.ocp.integrate.method import Method
+from tendonff.ocp.reference.motion import motion_of_tension
 from tendonff.ocp.tendon.periodic import Steadiness, steady_response
 from tendonff.ocp.tendon.simulate import Outcome, Simulation, simulate
 
@@ -72,11 +74,23 @@ class Response:
     slack: Slack | None = None
     steadiness: Steadiness | None = None
 
+    def delivered(self, reference: Reference) -> FloatArray:
+        """What is compared with the reference's `wanted`: the output tension [N], or the load's position [m]."""
+        return self.output_N if reference.position_m is None else self.load_m
+
     def require(self) -> "Response":
         """Return itself, or raise `SolveError` with the message where the simulation failed."""
         if self.outcome is Outcome.FAILED:
             raise SolveError(self.message)
         return self
+
+
+def delivered_of(load: Load, tension_N: FloatArray, reference: Reference) -> FloatArray:
+    """What an output tension, shape (n,), delivers, for a plant that is no chain; see `Response.delivered`."""
+    if reference.position_m is None:
+        return tension_N
+    start = reference.initial_tension_N
+    return motion_of_tension(load, tension_N, reference.step_s, start, periodic=reference.periodic)
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +107,8 @@ class Plant:
         Steps to a row of the profile, which is linear in between, >= 1.
     joints : JointMotion, optional
         Motion of the joints instead of the transmission's.
+    method : Method, optional
+        How it is simulated.
     """
 
     transmission: Transmission
@@ -100,6 +116,7 @@ class Plant:
     segments: int | None = None
     refinement: int = 1
     joints: JointMotion | None = None
+    method: Method = Method.BDF2
 
     @classmethod
     def fine(cls, transmission: Transmission, level: Level) -> "Plant":
@@ -141,14 +158,14 @@ class Plant:
         steadiness = None
         if reference.periodic:
             try:
-                run, steadiness = steady_response(chain, drive, step, initial_tension_N=start)
+                run, steadiness = steady_response(chain, drive, step, initial_tension_N=start, method=self.method)
             except SolveError as error:
                 nothing = np.full(rows, np.nan)
                 return Response(
                     outcome=Outcome.FAILED, message=str(error), output_N=nothing, travel_m=nothing, load_m=nothing
                 )
         else:
-            run = simulate(chain, drive, step, initial_tension_N=start)
+            run = simulate(chain, drive, step, initial_tension_N=start, method=self.method)
         rest = own.rest_state(start)
 
         def column(values: FloatArray, origin: float = 0.0) -> FloatArray:

@@ -1,5 +1,6 @@
 """Errors of a profile on a plant, and what they say against its use."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -11,6 +12,7 @@ from tendonff.compensator.compensators.profile import FloatArray, Profile
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.unit import NEWTON, Unit
 from tendonff.models.path import JointMotion
+from tendonff.ocp.errors import SolveError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,15 +66,15 @@ def score(reference: FloatArray, output: FloatArray) -> Score:
     )
 
 
-def is_worse(score: Score, uncompensated: Score, reference_N: FloatArray) -> bool:
+def is_worse(score: Score, uncompensated: Score, wanted: FloatArray) -> bool:
     """Whether a compensator does harm: its error is above that of the reference itself as force, by more than 1 %.
 
     A millionth of the range of the reference is rounding.
     """
-    return score.rmse > 1.01 * uncompensated.rmse + 1e-6 * scale_of(reference_N)
+    return score.rmse > 1.01 * uncompensated.rmse + 1e-6 * scale_of(wanted)
 
 
-def harm_warnings(scores: Mapping[str, Score], reference_N: FloatArray) -> list[str]:
+def harm_warnings(scores: Mapping[str, Score], wanted: FloatArray) -> list[str]:
     """Compensators, by name, that do harm; "none" is what they are compared with, and without it there are none."""
     nothing = scores.get("none")
     if nothing is None:
@@ -81,7 +83,7 @@ def harm_warnings(scores: Mapping[str, Score], reference_N: FloatArray) -> list[
         f"{name}: RMS error {score.rmse_percent_of_range:.3g} % of range, more than the reference applied directly "
         f"({nothing.rmse_percent_of_range:.3g} %): do not use it for this reference and these limits"
         for name, score in scores.items()
-        if is_worse(score, nothing, reference_N)
+        if is_worse(score, nothing, wanted)
     ]
 
 
@@ -97,16 +99,16 @@ class Verified:
     response : Response
         What the plant does.
     score : Score
-        Error of the output tension.
-    position_error_m : tuple of float or None
-        Root mean square and largest error of the load's position [m], where that is the reference.
+        Error of what is delivered.
+    delivered : ndarray, shape (n,)
+        Output tension [N] at the rows of the reference, or the load's position [m] where that is the reference.
     """
 
     compensator: str
     plant: Plant
     response: Response
     score: Score
-    position_error_m: tuple[float, float] | None
+    delivered: FloatArray
 
     @property
     def output_N(self) -> FloatArray:
@@ -127,13 +129,13 @@ class Verified:
 def verify(plant: Plant, compensator: str, profile: Profile, reference: Reference) -> Verified:
     """Simulate a plant under a profile and score what arrives; SolveError if the simulation fails."""
     response = plant.respond(profile, reference).require()
-    off = None if reference.position_m is None else response.load_m - reference.position_m
+    delivered = response.delivered(reference)
     return Verified(
         compensator=compensator,
         plant=plant,
         response=response,
-        score=score(reference.tension_N, response.output_N),
-        position_error_m=None if off is None else (float(np.sqrt(np.mean(off**2))), float(np.max(np.abs(off)))),
+        score=score(reference.wanted, delivered),
+        delivered=delivered,
     )
 
 
@@ -168,7 +170,8 @@ class IgnoredMotion:
     motion : JointMotion
         What the joints do.
     known, ignored : Score
-        Of the exact inverse that knows the motion, and of the one for the mean pose, both on the moving path.
+        Of the exact inverse that knows the motion, and of the one for the mean pose, both on the moving path; infinite
+        where that cannot be simulated.
     """
 
     motion: JointMotion
@@ -182,23 +185,37 @@ class IgnoredMotion:
             f"{name} by {np.ptp(angle):.2f} rad around {angle.mean() + 0.0:.2f} rad"
             for name, angle in zip(self.motion.names, self.motion.angle_rad.T, strict=True)
         )
-        return (
-            f"The joints move: {joints}. RMS error of the exact inverse on the moving path: "
-            f"{self.ignored.percent} % of range if it is designed for the mean pose, {self.known.percent} % if it "
-            "knows the motion."
+        ignored, known = (
+            f"{found.percent} %{share}" if math.isfinite(found.rmse) else "not to be simulated"
+            for found, share in ((self.ignored, " of range"), (self.known, ""))
         )
+        return (
+            f"The joints move: {joints}. RMS error of the exact inverse on the moving path: {ignored} if it is "
+            f"designed for the mean pose, {known} if it knows the motion."
+        )
+
+    def named(self, unit: Unit) -> dict[str, float | None]:
+        """The errors of the one for the mean pose, as files have them; None where it cannot be simulated."""
+        return {key: value if math.isfinite(value) else None for key, value in self.ignored.named(unit).items()}
 
 
 def ignored_motion(problem: Problem) -> IgnoredMotion | None:
-    """Design the exact inverse for the mean pose and simulate it on the moving path; None where nothing moves."""
+    """Design the exact inverse for the mean pose and simulate it on the moving path; None where nothing moves.
+
+    A side calculation: that one of them cannot be simulated is a finding, and ends nothing.
+    """
     motion = problem.transmission.motion
     if motion is None or not motion.moves:
         return None
     still = replace(problem, model=problem.chain.at_rest(motion.angle_rad.mean(axis=0)))
     plant = Plant.fine(problem.transmission, problem.level)
     profiles = (Profile(force_N=each.limited(each.inversion.force_N)) for each in (problem, still))
-    known, ignored = (
-        verify(plant, "inverse", with_motion(each, "inverse", profile), problem.reference).score
-        for each, profile in zip((problem, still), profiles, strict=True)
-    )
+
+    def tried(each: Problem, profile: Profile) -> Score:
+        try:
+            return verify(plant, "inverse", with_motion(each, "inverse", profile), problem.reference).score
+        except SolveError:
+            return Score(rmse=math.inf, rmse_percent_of_range=math.inf, peak_error=math.inf)
+
+    known, ignored = (tried(each, profile) for each, profile in zip((problem, still), profiles, strict=True))
     return IgnoredMotion(motion=motion, known=known, ignored=ignored)

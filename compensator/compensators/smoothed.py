@@ -61,6 +61,6 @@ class Smoothed(Compensator):
 
             forces.append(problem.limited(problem.in_cycle(smoothed, reference.tension_N)))
             response = plant.respond(Profile(force_N=forces[-1]), reference)
-            errors.append(score(reference.tension_N, response.output_N).rmse)
+            errors.append(score(reference.wanted, response.delivered(reference)).rmse)
             progress(k, len(candidates))
         return Profile(force_N=forces[int(np.argmin(errors))])

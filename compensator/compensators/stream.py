@@ -6,7 +6,6 @@ The functions that give forces are the model of the exported C.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -16,9 +15,11 @@ from tendonff.compensator.compensators.profile import FloatArray, Profile
 from tendonff.compensator.compensators.score import Score, scale_of, score
 from tendonff.compensator.compensators.table import accepted_range
 from tendonff.compensator.scenario.settings import Stream
+from tendonff.models.cached import cached_property
 from tendonff.models.errors import ParameterError
 from tendonff.models.parameters import Transmission
 from tendonff.models.parameters.drive import Drive
+from tendonff.models.turns import in_turn
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.tendon.inverse import invert
 from tendonff.ocp.tracking.limits import ForceLimits
@@ -259,7 +260,7 @@ class Candidate:
     """Filter and its errors on the scenario's reference with the noise of a converter."""
 
     design: StreamDesign
-    score: Score  # output tension against the reference, delayed by the stated lag
+    score: Score  # of what is delivered against the reference, delayed by the stated lag
     noise_dB: float  # noise in the force over noise in the reference, both above 30 Hz [dB]
 
 
@@ -284,6 +285,7 @@ def followed_range(problem: Problem) -> tuple[float, float]:
     return max(low, least - margin), min(high, most + margin)
 
 
+@in_turn
 def choose_stream(problem: Problem, stream: Stream, *, with_ramps: bool = True) -> StreamChoice | None:
     """Try filters of all lengths that lag or preview admit, and pick one; None where no force can be simulated.
 
@@ -370,18 +372,22 @@ def stream_candidate(problem: Problem, design: StreamDesign, plant: Plant) -> Ca
     tension = np.pad(reference.tension_N, (0, ahead), mode="edge")
     noisy = quantised(tension, _resolution_N(problem, design.band_N))
     force, clean = (stream_force(design, problem, given) for given in (noisy, tension))
-    wanted = np.pad(tension, (delay, 0), mode="edge")[: len(force)]
+
+    def delayed(values: FloatArray) -> FloatArray:
+        return np.pad(values, (delay, 0), mode="edge")[: len(force)]
+
     time = np.arange(len(force), dtype=np.float64) * reference.step_s
-    once = replace(reference, time_s=time, tension_N=wanted, periodic=False, position_m=None)  # starts at rest
+    position = None if reference.position_m is None else delayed(np.pad(reference.position_m, (0, ahead), mode="edge"))
+    once = replace(reference, time_s=time, tension_N=delayed(tension), periodic=False, position_m=position)  # from rest
     profile = Profile(force_N=force)
     try:
         if plant.transmission.actuator.drive is Drive.POSITION:
             profile = with_motion(replace(problem, reference=once), "stream", profile)
-        output = plant.respond(profile, once).require().output_N
+        output = plant.respond(profile, once).require().delivered(once)
     except SolveError:
         return None
     noise_dB = _dB((force - clean)[:rows], reference.step_s) - _dB((noisy - tension)[:rows], reference.step_s)
-    return Candidate(design=design, score=score(wanted[ahead:], output[ahead:]), noise_dB=noise_dB)
+    return Candidate(design=design, score=score(once.wanted[ahead:], output[ahead:]), noise_dB=noise_dB)
 
 
 def _dB(values: FloatArray, step_s: float) -> float:

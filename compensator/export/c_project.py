@@ -36,6 +36,7 @@ from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.compensator.studies.adapt.setup import certified, check_tuning, learnt, tuning_of
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.fidelity import Level
+from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.step.joints import Joints
 
@@ -75,6 +76,7 @@ class Exported:
                 write_text(partial / name, text)
 
 
+@in_turn
 def export_project(
     scenario: Scenario,
     *,

@@ -16,11 +16,13 @@ from tendonff.compensator.studies.adapt.setup import check_tuning
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters.drive import Drive
 from tendonff.models.tendon.chain import Chain
+from tendonff.models.turns import in_turn
 from tendonff.ocp.adaptation.tuning import Sensor
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.step.joints import Joints
 
 
+@in_turn
 def build_fmu(
     scenario: Scenario,
     kind: Kind = Kind.INVERSE,

@@ -13,6 +13,7 @@ from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.compensators.score import scale_of
 from tendonff.compensator.compensators.stream import StreamDesign, quantised, smoothed, stream_force
 from tendonff.compensator.compensators.table import CompensationTable
+from tendonff.compensator.export.joint_jumps import has_jump, largest_starts_rad
 from tendonff.compensator.export.modules import exportable
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.models.capstan import CapstanLaw
@@ -31,8 +32,12 @@ _LIVE_ROWS = 500
 _OTHER_ROWS = 160
 _OTHER_ADHESION, _MOST_ADHESION_N = 0.1, 900.0  # more of it: share of the tension, and what every record accepts
 _OTHER_RELEASE = 0.9
-NUDGE, GROWTH = 1e-9, 1.0
-"""Relative change of the force from row to row, and how much larger its effect may get before comparing ends."""
+_LONGER_ROWS = 120
+LONGER = 1.5
+"""Length of the longer steps, in samples."""
+
+NUDGE, GROWTH = 1e-9, 100.0
+"""Relative change of the force, up or down in each row, and the growth of its effect at which comparing ends."""
 
 _TOGETHER = 8
 """Rows that are tried at once: most need two evaluations."""
@@ -83,6 +88,8 @@ class Golden:
     live: Course | None = None
     # the end of the course with other friction; None on a path in sections or one that moves
     other: "Other | None" = None
+    # the beginning of the course in steps of another length; None of a position drive
+    longer: Course | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -163,12 +170,26 @@ def _other(problem: Problem, course: Course, precision: Precision) -> Other | No
     return Other(mu_release=release, adhesion_N=adhesion, course=_answered(followed, None, precision))
 
 
+def _longer(problem: Problem, course: Course) -> Course:
+    """The beginning of the course as if its samples were further apart."""
+    rows = slice(_LONGER_ROWS)
+    step, reference, chain = LONGER * problem.reference.step_s, course.reference_N[rows], course.chain
+    if (motion := chain.motion) is not None:
+        time = np.arange(len(reference), dtype=np.float64) * step
+        chain = replace(chain, motion=replace(motion, time_s=time, angle_rad=motion.angle_rad[rows], period_s=None))
+    start = float(reference[0])
+    exact = invert(chain, reference, step, initial_tension_N=start)
+    force = problem.limits.apply(exact.force_N, step, start)
+    scale = float(np.abs(exact.force_N).max())
+    return Course(reference_N=reference, plant_force_N=force, columns={"inverse": force}, scale_N=scale, chain=chain)
+
+
 def _moving(problem: Problem, rows: NDArray[np.int_], count: int, precision: Precision) -> Chain:
     """The chain with the joint angles of some samples of the reference, then back to and fro; at rest at the end."""
     motion = problem.chain.motion
     if motion is None:
         return problem.chain
-    there_and_back = np.concatenate([rows, rows[::-1]])
+    there_and_back = np.concatenate([rows, rows[-2:0:-1]])  # no sample twice: a joint that starts at once has jumped
     chosen = np.resize(there_and_back, count)
     chosen[-2:] = chosen[-3:-2]
     time = np.arange(count, dtype=np.float64) * problem.reference.step_s
@@ -182,8 +203,7 @@ def _repeatable(problem: Problem, course: Course) -> Course:
     And as far as no step takes long, which the exported plant with its bounded work may give up.
     """
     force, plant, start = course.plant_force_N, course.columns["plant"], float(course.reference_N[0])
-    nudged = force + NUDGE * float(np.abs(force).max()) * np.where(np.arange(len(force)) % 2, 1, -1)
-    other = respond(problem, nudged, start, course.chain)
+    other = respond(problem, nudged(force, float(np.abs(force).max())), start, course.chain)
     rows = min(len(other.tension_N), len(plant))
     apart = np.abs(other.output_tension_N[:rows] - plant[:rows]) > GROWTH * NUDGE * course.scale_N
     chain, driven = _drive(problem, force, start, course.chain)
@@ -191,6 +211,11 @@ def _repeatable(problem: Problem, course: Course) -> Course:
         int(np.argmax(apart)) if apart.any() else rows, easy_rows(chain, driven, problem.reference.step_s, start)
     )
     return replace(course, columns={**course.columns, "plant": plant[: max(kept, 2)]})
+
+
+def nudged(values: FloatArray, scale: float) -> FloatArray:
+    """Inputs that are off by chance from row to row, as roundings are; a regular pattern would move hardly anything."""
+    return values + NUDGE * scale * np.random.default_rng(0).choice((-1.0, 1.0), len(values))
 
 
 def easy_rows(chain: Chain, force_N: FloatArray, step_s: float, start_N: float) -> int:
@@ -241,8 +266,8 @@ def golden_vectors(
 ) -> Golden:
     """Golden vectors along the scenario's own reference, then over reversals, then over jumps; live ones with a stream.
 
-    The reference is thinned so that its whole course fits, and the reversals are quick. Where the tendon cannot follow
-    that, the course is the beginning of the reference as it is, with reversals no faster than its own motion.
+    The reference is thinned so that its whole course fits, and the reversals are quick. Where tendon or joints cannot
+    follow that, the course is the beginning of the reference as it is, with reversals no faster than its own motion.
     """
     tension = problem.reference.tension_N
     stride = max(1, -(-len(tension) // _ROWS))
@@ -250,7 +275,9 @@ def golden_vectors(
     samples = np.arange(len(tension))
     chain = _moving(problem, samples[::stride], len(reference), precision)
     exact = invert(chain, reference, problem.reference.step_s, initial_tension_N=float(reference[0]))
-    if exact.status is not InverseStatus.EXACT:
+    starts_rad = largest_starts_rad(problem.chain, problem.reference.step_s)
+    torn = chain.motion is not None and has_jump(chain.motion.angle_rad, starts_rad)
+    if exact.status is not InverseStatus.EXACT or torn:
         stride, slow = 1, tension[:_ROWS]
         usual = float(np.abs(np.diff(tension)).max())
         reversals = to_and_fro(slow, step_N=usual, rows=_GENTLE_ROWS)
@@ -266,6 +293,7 @@ def golden_vectors(
         jumps=_answered(_following(problem, jumps, at_jumps), table, precision),
         live=None if stream is None else _live(problem, stream, reference, chain, precision),
         other=_other(problem, course, precision),
+        longer=None if servo_of(problem) is not None else _longer(problem, course),
     )
 
 

@@ -11,6 +11,7 @@ from tendonff.compensator.compensators.score import Score, is_worse, verify
 from tendonff.compensator.compensators.stream import StreamChoice, stream_candidate
 from tendonff.compensator.compensators.table import BuiltTable, CompensationTable
 from tendonff.compensator.export.modules import ADAPTIVE, BOUNDS, OBSERVER, PLANT, exportable
+from tendonff.compensator.scenario.unit import Unit
 from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.errors import SolveError
 
@@ -29,37 +30,41 @@ class Judged:
         Against the reference; None where the plant could not be simulated under this force.
     fault : str
         Why the module should not run on the rig; empty where nothing speaks against it.
+    unit : Unit
+        Of the errors.
     """
 
     module: str
     score: Score | None
     fault: str
+    unit: Unit
 
     def as_dict(self) -> dict[str, object]:
         """The entry of `design.json`."""
-        return {**(self.score.named() if self.score is not None else {}), "fault": self.fault}
+        return {**(self.score.named(self.unit) if self.score is not None else {}), "fault": self.fault}
 
 
 def judge(problem: Problem, profiles: Mapping[str, Profile]) -> tuple[Judged, ...]:
     """Simulate each module's profile on the plant that a design is verified on; none comes first."""
     plain = compensator(UNCOMPENSATED)
+    unit = problem.reference.unit
     nothing = _score(problem, with_motion(problem, UNCOMPENSATED, plain.profile(problem)))
     if nothing is None:
         raise SolveError(
             "the reference itself as force cannot be simulated on this chain, so no module can be judged; "
             "check the parameters with tendonff simulate"
         )
-    judged = [Judged(module=UNCOMPENSATED, score=nothing, fault="")]
+    judged = [Judged(module=UNCOMPENSATED, score=nothing, fault="", unit=unit)]
     for module, profile in profiles.items():
         score = _score(problem, profile)
         fault = ""
         if score is None:
             fault = "the chain cannot be simulated under its force"
-        elif is_worse(score, nothing, problem.reference.tension_N):
+        elif is_worse(score, nothing, problem.reference.wanted):
             fault = (
                 f"RMS error {score.percent} % of range, worse than the reference applied directly ({nothing.percent} %)"
             )
-        judged.append(Judged(module=module, score=score, fault=fault))
+        judged.append(Judged(module=module, score=score, fault=fault, unit=unit))
     return tuple(judged)
 
 
@@ -118,23 +123,26 @@ def chosen(
 def judge_stream(judged: Sequence[Judged], choice: StreamChoice | None, problem: Problem) -> Judged:
     """The stream module, against the reference delayed by its stated lag; it needs the inverse among those judged."""
     fault = next((each.fault for each in judged if each.module == "inverse"), "")
+    unit = problem.reference.unit
+    unsolved = Judged(module="stream", score=None, fault="the chain cannot be simulated under its force", unit=unit)
     if choice is None:
-        return Judged(module="stream", score=None, fault="the chain cannot be simulated under its force")
+        return unsolved
     fine = stream_candidate(problem, choice.picked.design, Plant.fine(problem.transmission, problem.level))
     if fine is None:
-        return Judged(module="stream", score=None, fault="the chain cannot be simulated under its force")
+        return unsolved
     own, nothing = fine.score, judged[0].score
-    if not fault and nothing is not None and is_worse(own, nothing, problem.reference.tension_N):
+    if not fault and nothing is not None and is_worse(own, nothing, problem.reference.wanted):
         fault = f"RMS error {own.percent} % of range, worse than the reference applied directly ({nothing.percent} %)"
-    return Judged(module="stream", score=own, fault=fault)
+    return Judged(module="stream", score=own, fault=fault, unit=unit)
 
 
 def score_lines(judged: Sequence[Judged]) -> list[str]:
     """The judgement as a table for the terminal."""
-    lines = [f"{'module':<10} {'RMS error, % of range':>22} {'largest error [N]':>18}"]
+    unit = judged[0].unit
+    lines = [f"{'module':<10} {'RMS error, % of range':>22} {f'largest error [{unit.shown}]':>18}"]
     for each in judged:
         score = each.score
-        figures = ("-", "-") if score is None else (score.percent, f"{score.peak_error:.3g}")
+        figures = ("-", "-") if score is None else (score.percent, f"{unit.factor * score.peak_error:.3g}")
         lines.append(f"{each.module:<10} {figures[0]:>22} {figures[1]:>18}{'  unfit' if each.fault else ''}")
     return lines
 

@@ -5,16 +5,16 @@ A scenario whose friction sets in gradually (spread plays, as `identify` fits th
 
 import math
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.compensators.table import accepted_range
-from tendonff.compensator.export.golden import GROWTH, NUDGE, easy_rows
+from tendonff.compensator.export.golden import GROWTH, NUDGE, easy_rows, nudged
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.studies.adapt.setup import BOUND_MASSES, BOUND_SPREAD
+from tendonff.models.cached import cached_property
 from tendonff.models.capstan import CapstanLaw, held_within
 from tendonff.models.capstan.spread_bounds import play_exponents
 from tendonff.models.layout import ChainInputs
@@ -318,8 +318,7 @@ def _repeatable(design: ObserverDesign, chain: Chain, input_N: FloatArray, outpu
     """Rows over which small differences stay small, and whose steps are easy, with some rows less at their end."""
     step, start = design.problem.reference.step_s, float(input_N[0])
     scale = max(float(np.abs(input_N).max()), start)
-    nudged = input_N + NUDGE * scale * np.where(np.arange(len(input_N)) % 2, 1, -1)
-    run = simulate(chain, nudged, step, initial_tension_N=start)
+    run = simulate(chain, nudged(input_N, scale), step, initial_tension_N=start)
     other = run.output_tension_N
     apart = np.abs(other - output_N[: len(other)]) > GROWTH * NUDGE * scale
     same = int(np.argmax(apart)) if apart.any() else len(other)

@@ -15,7 +15,7 @@ from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.compensators.score import scale_of
 from tendonff.compensator.compensators.table import accepted_range
-from tendonff.compensator.export.golden import Course, Golden, respond, servo_of
+from tendonff.compensator.export.golden import LONGER, Course, Golden, respond, servo_of
 from tendonff.compensator.export.repeat import InFloat, compared_modules, largest_error
 from tendonff.compensator.export.text.parameters import settable_numbers
 from tendonff.compensator.export.text.table_index import share_index
@@ -207,6 +207,9 @@ def self_test_context(
         "other": {}
         if other is None
         else compared_modules(other.course, precision, [run.other for run in found], unit, span),
+        "longer": {}
+        if golden.longer is None or precision is Precision.FLOAT
+        else compared_modules(golden.longer, precision, (), unit, span),
     }
     of_plant_N = largest_error(course.columns["plant"], [run.course["plant"] for run in found])
     least, most = actuator.force_min_N, actuator.force_max_N
@@ -221,6 +224,7 @@ def self_test_context(
     return {
         "golden": golden,
         "compared": compared,
+        "longer": LONGER,
         "led_to": far if abs(far - start) > 1e-3 * start else None,
         "start_force_N": _start_force_N(problem, start),
         "live_ramps": ramps and servo_of(problem) is None,

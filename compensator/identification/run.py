@@ -46,6 +46,7 @@ from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import exponent_lines
 from tendonff.models.path import SectionKind
+from tendonff.models.turns import in_turn
 from tendonff.ocp.fits.static import StaticParameter
 
 P, D = StaticParameter, Parameter
@@ -56,6 +57,7 @@ STILL_RAD = 0.05
 register_writer(Identification, write_files)
 
 
+@in_turn
 def identify(
     scenario: Scenario,
     data: Sequence[str | os.PathLike[str]],

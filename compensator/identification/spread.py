@@ -4,11 +4,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+from tendonff.compensator.compensators.uncertain import ASSUMED
 from tendonff.compensator.identification.answer.result import Estimate
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.parameters import MU_PULL, MU_RELEASE, PARAMETERS, Parameter
 from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.models.parameters.numbers import number_of
 from tendonff.models.parameters.uncertainty import Spread
 
 LEAST = 1e-4
@@ -21,7 +23,9 @@ _FACTORS = {"mu": MU_PULL, "stiffness": Parameter.STIFFNESS, "bristle_stiffness"
 def with_spread(scenario: Scenario, estimates: Sequence[Estimate], names: Sequence[str], matrix: Array) -> Scenario:
     """The scenario with the interval of every identified value; `matrix` is the correlation of the values `names`.
 
-    Coefficients of both directions that are one value, or known only together, vary together.
+    Coefficients of both directions that are one value, or known only together, vary together. Friction that is not
+    identified has the width that the scenario states or, where it states none, the one that a design assumes: beside
+    intervals of other values it would count as known exactly.
     """
     found = {
         e.name: (e, Parameter(e.name).spec.key)
@@ -46,7 +50,27 @@ def with_spread(scenario: Scenario, estimates: Sequence[Estimate], names: Sequen
     taken = {key for spread in spreads for key in spread.keys}
     others = tuple(spread for spread in scenario.robust.spread if not taken & set(spread.keys))
     known: dict[str, Any] = {factor: 0.0 for factor, name in _FACTORS.items() if name in found}
+    if spreads or not scenario.robust.is_certain:
+        covered = taken | {key for spread in others for key in spread.keys}
+        widths, known["mu"] = _of_kept_friction(scenario, taken, covered)
+        spreads += widths
     return replace(scenario, robust=replace(scenario.robust, spread=(*others, *spreads), **known))
+
+
+def _of_kept_friction(scenario: Scenario, taken: set[str], covered: set[str]) -> tuple[list[Spread], float]:
+    """Widths of coefficients that are not identified, as intervals of their own, and as the factor `mu` of all.
+
+    Identified keys are `taken`; `covered` are those too that the scenario gives an interval.
+    """
+    friction, width = scenario.transmission.friction, scenario.robust.mu or ASSUMED.mu
+    keys = [Parameter(name).spec.key for name in (MU_PULL, MU_RELEASE)][
+        : 1 if friction.mu_dynamic_release is None else 2
+    ]
+    alone = taken & set(keys) or (covered & set(keys) and not scenario.robust.mu)
+    if not alone:
+        return [], width
+    kept = [key for key in keys if key not in covered and number_of(scenario.transmission, key)]
+    return [Spread(keys=(key,), half_width=width) for key in kept], 0.0
 
 
 def _half_width(estimate: Estimate) -> float | None:

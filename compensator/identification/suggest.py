@@ -14,6 +14,7 @@ from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.tendon.chain import Chain
+from tendonff.models.turns import in_turn
 from tendonff.ocp.fits.chain import ChainResponse, Drive
 from tendonff.ocp.tendon.inverse import invert
 
@@ -126,6 +127,7 @@ PLANS = (
 """Those that are tried; the first is the longest that is suggested."""
 
 
+@in_turn
 def suggest(scenario: Scenario) -> Excitation:
     """An excitation for the rig of a scenario, within the limits of its actuator.
 

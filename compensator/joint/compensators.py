@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
@@ -15,6 +14,7 @@ from tendonff.compensator.joint.plant import JointPlant, joint_load, verifying_m
 from tendonff.compensator.joint.scenario.reference import JointQuantity
 from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint, sample_joint
 from tendonff.compensator.reporting.colours import BLUE, GREEN, GREY, ORANGE, Style
+from tendonff.models.cached import cached_property
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.joint.parameters import DriveKind, Mechanism
@@ -101,10 +101,7 @@ class JointTask:
     @cached_property
     def doubt(self) -> Doubt[Mechanism]:
         """Mechanisms that may be the real one, by [robust] or, where it states nothing, assumed."""
-        loop = self.mechanism.drive.kind is DriveKind.LOOP and self.mechanism.drive.pretension_N
-        pretension = (Spread(keys=("drive.pretension_N",), half_width=ASSUMED_SPREAD),) if loop else ()
-        assumed = Uncertainty(mu=ASSUMED_SPREAD, stiffness=ASSUMED_SPREAD, spread=pretension, samples=2)
-        return Doubt.of(self.mechanism, self.scenario.robust, assumed)
+        return Doubt.of(self.mechanism, self.scenario.robust, assumed(self.mechanism))
 
     def plant(self, mechanism: Mechanism, level: Level, refinement: int = 1, masses: int | None = None) -> JointPlant:
         """A plant for its reference."""
@@ -133,6 +130,13 @@ class JointTask:
             return plant.reached(run)[self.sampled.lead :], run.outcome is JointOutcome.SLACK
 
         return bands_of(self.doubt, self.wanted, commands, respond, np.ndarray.tobytes)
+
+
+def assumed(mechanism: Mechanism) -> Uncertainty:
+    """What is unknown of a mechanism that nobody has identified."""
+    loop = mechanism.drive.kind is DriveKind.LOOP and mechanism.drive.pretension_N
+    pretension = (Spread(keys=("drive.pretension_N",), half_width=ASSUMED_SPREAD),) if loop else ()
+    return Uncertainty(mu=ASSUMED_SPREAD, stiffness=ASSUMED_SPREAD, spread=pretension, samples=2)
 
 
 def middle_compliance(mechanism: Mechanism, robust: Uncertainty) -> Mechanism | None:

@@ -10,6 +10,7 @@ from tendonff.compensator.joint.scenario.reference import JointQuantity
 from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint
 from tendonff.models.fidelity import Level
 from tendonff.models.joint.parameters import Mechanism
+from tendonff.ocp.integrate.method import Method
 from tendonff.ocp.joint.simulate import JointSimulation, simulate_joint
 from tendonff.ocp.joint.start import joint_problem
 
@@ -35,6 +36,8 @@ class JointPlant:
         Masses of each tendon; None for the paths' own.
     refinement : int
         Steps in one of the design.
+    method : Method
+        How it is simulated.
     """
 
     mechanism: Mechanism
@@ -43,6 +46,7 @@ class JointPlant:
     level: Level | None = None
     masses: int | None = None
     refinement: int = 1
+    method: Method = Method.BDF2
 
     def respond(self, command_rad: FloatArray) -> JointSimulation:
         """Response to commands of the motors, shape (rows, motors), rows as those of the reference.
@@ -72,6 +76,7 @@ class JointPlant:
             step / fine,
             contact_N_m=contact if led is None else contact[0],
             led_rad=led,
+            method=self.method,
         ).require()
         keep = slice(rows * (repeats - 1), None, fine)
         return replace(

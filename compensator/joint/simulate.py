@@ -13,6 +13,7 @@ from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_j
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.joint.parameters import DriveKind
+from tendonff.ocp.integrate.method import Method
 from tendonff.ocp.joint.simulate import JointOutcome, simulate_joint
 from tendonff.ocp.joint.start import joint_problem
 
@@ -20,7 +21,12 @@ _LOOP_COLUMNS = ("motor_rad", "motor_inverse_rad")
 
 
 def simulate_joint_file(
-    scenario: JointScenario, level: Level, motors: Path, column: str | None, out: Path
+    scenario: JointScenario,
+    level: Level,
+    motors: Path,
+    column: str | None,
+    out: Path,
+    method: Method = Method.BDF2,
 ) -> tuple[str, ...]:
     """Simulate a joint under motor angles of a file, and write a table; what the user should know.
 
@@ -36,6 +42,7 @@ def simulate_joint_file(
     out : Path
         CSV file: time_s, angles and torques of the motors, angle_rad, torque_N_m of the tendons on the joint, tensions
         at the joint and at the drums.
+    method : Method, optional
 
     Raises
     ------
@@ -66,6 +73,7 @@ def simulate_joint_file(
         step,
         contact_N_m=contact if led is None else float(contact[0]),
         led_rad=led,
+        method=method,
     ).require()
     columns: dict[str, FloatArray] = {"time_s": run.time_s}
     columns |= {name: run.motor_rad[:, k] for k, name in enumerate(_motor_columns(scenario))}
@@ -76,7 +84,12 @@ def simulate_joint_file(
     for k, tendon in enumerate(mechanism.tendons):
         columns[f"tension_{tendon.name}_at_drum_N"] = run.drum_N[:, k]
     write_csv(out, columns)
-    return (run.message,) if run.outcome is JointOutcome.SLACK else ()
+    said = [run.message] if run.outcome is JointOutcome.SLACK else []
+    if run.method is not method:
+        said.append(
+            f"simulated by {run.method}, without a C compiler: slower, to the same numbers within its tolerance"
+        )
+    return tuple(said)
 
 
 def _motor_columns(scenario: JointScenario) -> tuple[str, ...]:

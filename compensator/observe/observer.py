@@ -14,6 +14,7 @@ from tendonff.compensator.observe.mechanism import MechanismObserver
 from tendonff.compensator.observe.tendon import TendonObserver
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario
 from tendonff.models.errors import ParameterError
+from tendonff.models.turns import in_turn
 
 
 class Observer:
@@ -57,6 +58,7 @@ class Observer:
     True
     """
 
+    @in_turn
     def __init__(
         self,
         scenario: str | os.PathLike[str] | Scenario | JointScenario,

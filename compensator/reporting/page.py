@@ -25,9 +25,8 @@ from tendonff._version import __version__
 from tendonff.compensator.files.reading import open_text
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.files.writing import write_json, write_text
-from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.reporting.plots import draw_figure, save_figure
-from tendonff.compensator.scenario.scenario import Scenario, scenario_hash, scenario_to_toml
+from tendonff.compensator.scenario.document import Document
 
 Cell = str | float | int | bool | None  # what a table holds; None shows as a dash
 
@@ -157,7 +156,7 @@ class FileNote:
 class Provenance:
     """Data needed to reproduce the result."""
 
-    scenario: Scenario | JointScenario  # shown whole, with its hash
+    scenario: Document  # shown whole, with its hash
     command: str = ""  # command line, without the folders of this machine: "tendonff design finger.toml --out DIR"
     # further files that went in (force, measured data); named with the first digits of their SHA-256
     inputs: Sequence[Path] = ()
@@ -181,17 +180,11 @@ def pictures_of(figures: Mapping[str, Figure], captions: Mapping[str, str]) -> d
     return {name: Picture(figure=figure, caption=captions[name]) for name, figure in figures.items()}
 
 
-def provenance_of(scenario: Scenario | JointScenario, command: str, options: str = "") -> Provenance:
+def provenance_of(scenario: Document, command: str, options: str = "") -> Provenance:
     """Provenance of a command that was given a scenario and a folder."""
-    inputs: tuple[Path, ...] = ()
-    if isinstance(scenario, JointScenario):  # its tables of lengths, and motions from files
-        inputs = tuple(path for path in scenario.inputs if path != scenario.reference_file())
+    inputs = tuple(path for path in scenario.inputs if path != scenario.reference_file())
     written = f"tendonff {command} {as_argument(scenario.source)} --out DIR {options}".strip()
     return Provenance(scenario=scenario, command=written, inputs=inputs)
-
-
-def _hash_of(scenario: Scenario | JointScenario) -> str:
-    return scenario.digest() if isinstance(scenario, JointScenario) else scenario_hash(scenario)
 
 
 def write_report(path: Path, report: Report, files: Mapping[Figure, Path] = MappingProxyType({})) -> None:
@@ -213,10 +206,7 @@ def render_report(report: Report, files: Mapping[Figure, Path] = MappingProxyTyp
         keep_trailing_newline=True,
     )
     provenance, figures, scenario = report.provenance, count(1), report.provenance.scenario
-    if isinstance(scenario, JointScenario):
-        caption, text = "Scenario file", scenario.to_toml()
-    else:
-        caption, text = "Complete scenario, including defaults", scenario_to_toml(scenario)
+    caption = "Complete scenario, including defaults" if scenario.is_complete else "Scenario file"
     reference = provenance.scenario.reference_file()
     inputs = [*([] if reference is None else [reference]), *provenance.inputs]
     blocks = [block for section in report.sections for block in section.blocks]
@@ -228,9 +218,9 @@ def render_report(report: Report, files: Mapping[Figure, Path] = MappingProxyTyp
             for section in report.sections
         ],
         scenario_caption=caption,
-        scenario_text=text,
+        scenario_text=scenario.to_toml(),
         scenario_file=provenance.scenario.source.name,
-        scenario_hash=_hash_of(provenance.scenario),
+        scenario_hash=provenance.scenario.digest(),
         inputs=[(path.name, file_hash(path)) for path in inputs],
         versions=versions(),
     )
@@ -307,12 +297,12 @@ def versions() -> tuple[tuple[str, str], ...]:
     return tuple(found)
 
 
-def summary_head(scenario: Scenario | JointScenario) -> dict[str, object]:
+def summary_head(scenario: Document) -> dict[str, object]:
     """Common first keys of every `summary.json`."""
     return {
         "schema": 1,
         "scenario": scenario.name,
-        "scenario_hash": _hash_of(scenario),
+        "scenario_hash": scenario.digest(),
         "tool": f"tendonff {__version__}",
     }
 

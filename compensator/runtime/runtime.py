@@ -18,6 +18,7 @@ from tendonff.compensator.runtime.code import joint_runtime, tendon_runtime
 from tendonff.compensator.runtime.kinds import RuntimeKind, RuntimeStatus, statuses
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario
 from tendonff.models.errors import ParameterError
+from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.compiler import why_no_compiler
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import CodeError
@@ -80,6 +81,7 @@ class Runtime:
     >>> motor_rad = knuckle.step(0.1, dt=0.012)  # doctest: +SKIP
     """
 
+    @in_turn
     def __init__(
         self,
         scenario: str | os.PathLike[str] | Scenario | JointScenario,

@@ -61,11 +61,17 @@ def out_of_reach(transmission: Transmission, time_s: float, peak_N: float) -> st
     actuator, most = transmission.actuator, largest_tension(transmission)
     if peak_N <= most:
         return ""
-    needed = float(CapstanLaw.of(transmission).input_for_N(peak_N, Branch.PULL)) + (actuator.coulomb_N or 0.0)
-    name = actuator.largest_force_name
+    name, needed = actuator.largest_force_name, needed_force(transmission, peak_N)
     return (
         f"the peak of {peak_N:.4g} N at t = {time_s:g} s needs {needed:.4g} N through the friction, "
         f"{name} = {actuator.largest_force_N:g} delivers at most {most:.4g} N; lower the reference or raise {name}"
+    )
+
+
+def needed_force(transmission: Transmission, peak_N: float) -> float:
+    """Force of the actuator for an output tension reached by slow pulling [N]."""
+    return float(CapstanLaw.of(transmission).input_for_N(peak_N, Branch.PULL)) + (
+        transmission.actuator.coulomb_N or 0.0
     )
 
 

@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray
+from tendonff.compensator.scenario.unit import METRE, NEWTON, Unit
 from tendonff.models.errors import ParameterError, require, require_given
 
 
@@ -96,6 +97,16 @@ class Request:
     def wants_position(self) -> bool:
         """Whether the reference is the load's position."""
         return self.quantity is Quantity.POSITION
+
+    @property
+    def unit(self) -> Unit:
+        """Unit of its quantity."""
+        return METRE if self.wants_position else NEWTON
+
+    @property
+    def output(self) -> str:
+        """What follows the reference, in words."""
+        return "load position" if self.wants_position else "output tension"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -110,6 +110,24 @@ class Scenario:
     joints: dict[str, Joint] = field(default_factory=dict)
     source: Path = Path("scenario.toml")
 
+    @property
+    def inputs(self) -> tuple[Path, ...]:
+        """None: reports name the reference's file apart."""
+        return ()
+
+    @property
+    def is_complete(self) -> bool:
+        """Its text states every default."""
+        return True
+
+    def to_toml(self) -> str:
+        """Text that reads back as the same scenario."""
+        return scenario_to_toml(self)
+
+    def digest(self) -> str:
+        """Sixteen hexadecimal digits that change when a value, or the contents of its CSV reference, change."""
+        return scenario_hash(self)
+
     def reference_file(self) -> Path | None:
         """The file of a CSV reference, resolved; None for the other kinds."""
         if isinstance(self.reference, CsvReference):

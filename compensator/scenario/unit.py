@@ -25,4 +25,5 @@ class Unit:
 
 NEWTON = Unit(key="N", shown="N")
 RADIAN = Unit(key="rad", shown="deg", factor=180 / math.pi)
+METRE = Unit(key="m", shown="mm", factor=1e3)
 NEWTON_METRE = Unit(key="N_m", shown="N m")

@@ -16,6 +16,7 @@ import numpy as np
 from tendonff.models.fidelity import Level
 from tendonff.models.joint.parameters import DrivenJoint
 from tendonff.models.layout import Array, fields_of
+from tendonff.models.mechanism.loads import beyond_stops, gravity_torque, spring_force
 from tendonff.models.parameters import Friction
 from tendonff.models.tendon.bounds import at_least
 from tendonff.models.tendon.chain import Chain
@@ -63,9 +64,9 @@ class JointLaw:
     def torque(self, q: ca.SX, w: ca.SX, acceleration: ca.SX, dry_N_m: ca.SX) -> ca.SX:
         """Torque that the tendons give the joint where it touches nothing [N m]."""
         moving = self.inertia_kg_m2 * acceleration + self.damping_N_m_s_per_rad * w + dry_N_m
-        beyond = at_least(q - self.stop_high_rad, 0.0) - at_least(self.stop_low_rad - q, 0.0)
-        held = self.stiffness_N_m_per_rad * (q - self.rest_rad) + self.stop_stiffness_N_m_per_rad * beyond
-        return moving + held + self.gravity_N_m * ca.sin(q - self.gravity_zero_rad)
+        stopped = self.stop_stiffness_N_m_per_rad * beyond_stops(q, self.stop_low_rad, self.stop_high_rad)
+        held = spring_force(self.stiffness_N_m_per_rad, q, self.rest_rad) + stopped
+        return moving + held + gravity_torque(self.gravity_N_m, q, self.gravity_zero_rad)
 
     def dry_friction(self, w: ca.SX, base: ca.SX, step_s: ca.SX) -> ca.SX:
         """Dry friction at the end of a step of weight H that ends at the speed w [N m]."""

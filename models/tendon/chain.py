@@ -21,13 +21,13 @@ import numpy as np
 
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
-from tendonff.models.layout import INPUT_NAMES, Array, ChainState, StateLayout, fields_of
+from tendonff.models.layout import Array, ChainState, StateLayout, fields_of
 from tendonff.models.parameters import Transmission
-from tendonff.models.path import ANGLE_FLOOR_RAD, CutPath, JointMotion, PathRows
-from tendonff.models.tendon.assembly import End, end_force, normal_force, path_force
+from tendonff.models.path import CutPath, JointMotion, PathRows
+from tendonff.models.tendon.assembly import End
 from tendonff.models.tendon.elements import Elements, bristle_stiffness_N_per_m, whole_of
 from tendonff.models.tendon.friction import FrictionLaw, LuGreBristle, RubbingEnd
-from tendonff.models.tendon.link import LinkLaw, tendon_force
+from tendonff.models.tendon.link import LinkLaw
 
 _CELL_MASS_KG = 1e-6
 
@@ -222,71 +222,10 @@ def _actuator_end(transmission: Transmission, level: Level) -> End:
     return RubbingEnd(**end, coulomb_N=actuator.coulomb_N, bristle_stiffness_N_per_m=bristle)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ChainEquations:
-    """The continuous-time chain as CasADi expressions."""
-
-    state: ca.SX  # shape (size, 1); in the order of `StateLayout`
-    inputs: ca.SX  # shape (4, 1); in the order of `INPUT_NAMES`
-    place: ca.SX  # shape (3 N + 3, 1); a row of `PathRows.table`
-    place_rate: ca.SX  # shape (3 N + 3, 1); its time derivative
-    rate: ca.SX  # shape (size, 1); time derivative of `state`
-    tension_N: ca.SX  # shape (N + 1, 1); f_1 .. f_{N+1}
-
-
-def chain_equations(chain: Chain) -> ChainEquations:
-    """Write the chain of Fig. 2 with laws (4) to (7) as one system of differential equations."""
-    n, layout, piece = chain.count, chain.layout, chain.elements.piece
-    state = ca.SX.sym("x", layout.size)
-    inputs = ca.SX.sym("u", len(INPUT_NAMES))
-    place, place_rate = ca.SX.sym("place", 3 * n + 3), ca.SX.sym("place_rate", 3 * n + 3)
-    angle_rate, _, gained_rate, far_rate = ca.vertsplit(place_rate, [0, n, 2 * n + 1, 3 * n + 2, 3 * n + 3])
-    f_c1, x_c1, f_c2, x_c2 = ca.vertsplit(inputs)
-    v, *own, q_a, q_l = ca.vertsplit(state, layout.cuts)
-    rubbing, (e, *own) = tuple(own[: len(layout.end_states)]), own[len(layout.end_states) :]
-    friction, link = laws_at(chain, place)
-    links, masses = tuple(own[: len(link.states)]), tuple(own[len(link.states) :])
-
-    v_far = v[n + 1] if chain.far_joint is None else far_rate
-    e_rate = ca.vertcat(v[:-2] - v[1:-1], v[n] - v_far) + (gained_rate if chain.moving else 0)
-    f = tendon_force(link.unclipped_force(e, e_rate, links))
-    on_path = v[1:-1]
-    f_n = normal_force(f[:-1], f[1:], piece.adhesion_N)
-    f_f = friction.state_force(masses) + friction.viscous_force(on_path)
-
-    near, far = chain.near, chain.far
-    near_force = end_force(v[0], q_a, f[0], -1, f_c1, x_c1, near, rubbing)
-    far_force = end_force(v[n + 1], q_l, f[n], 1, f_c2, x_c2, far) if chain.far_joint is None else 0
-    masses_rate = path_force(f[:-1], f[1:], f_f) / ca.DM(piece.mass_kg)
-    own_rate = friction.rate(on_path, masses, f_n)
-    if chain.moving:  # contact that is lost takes its bristle force along
-        lost = ca.fmin(angle_rate, 0) / ca.fmax(place[:n], ANGLE_FLOOR_RAD)
-        own_rate = tuple(rate + lost * state for rate, state in zip(own_rate, masses, strict=True))
-    accelerations = (near_force / near.mass_kg, masses_rate, far_force / far.mass_kg)
-    return ChainEquations(
-        state=state,
-        inputs=inputs,
-        place=place,
-        place_rate=place_rate,
-        rate=ca.vertcat(
-            *accelerations, *near.rate(v[0], rubbing), e_rate, *link.rate(e, links), *own_rate, v[0], v_far
-        ),
-        tension_N=f,
-    )
-
-
 def laws_at(chain: Chain, place: ca.SX) -> tuple[FrictionLaw, LinkLaw]:
     """Laws of the masses and of the links for a pose of the path; fields are numbers, or one for each mass and link.
 
     The place, shape (3 N + 3, 1), is a row of `PathRows.table`; without use where nothing moves.
     """
-    e, n = chain.elements, chain.count
-    if not chain.moving:
-        return e.friction, e.link.shortened(ca.DM(e.ratio))
-    columns = {
-        name: ca.DM(value) if isinstance(value, np.ndarray) else value for name, value in fields_of(e.contact).items()
-    }
-    angle, ratio = place[:n], place[n : 2 * n + 1]
-    contact: FrictionLaw = replace(e.contact, **columns)  # type: ignore[type-var]
-    share = e.angle_share(angle)
-    return contact.on_piece(angle, share, ca.DM(e.path.length_share)), e.link.shortened(ratio)
+    n = chain.count
+    return chain.elements.laws_at(place[:n], place[n : 2 * n + 1]) if chain.moving else chain.elements.laws

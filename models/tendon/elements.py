@@ -56,6 +56,21 @@ class Elements:
         """All masses are alike."""
         return len(self.path.sections) == 1
 
+    @property
+    def laws(self) -> tuple[FrictionLaw, LinkLaw]:
+        """Laws of the masses and of the links at joint angle zero."""
+        return self.friction, self.link.shortened(ca.DM(self.ratio))
+
+    def laws_at(self, angle_rad: ca.SX, ratio: ca.SX) -> tuple[FrictionLaw, LinkLaw]:
+        """The same for wrap angles of the pieces, (N, 1), and lengths of the whole over those of links, (N + 1, 1)."""
+        columns = {
+            name: ca.DM(value) if isinstance(value, np.ndarray) else value
+            for name, value in fields_of(self.contact).items()
+        }
+        contact: FrictionLaw = replace(self.contact, **columns)  # type: ignore[type-var]
+        share = self.angle_share(angle_rad)
+        return contact.on_piece(angle_rad, share, ca.DM(self.path.length_share)), self.link.shortened(ratio)
+
     def angle_share(self, angle_rad: Any) -> Any:
         """Share of the contact that a piece with phi_i has [-]: phi_i/theta; by length on a path straight at rest."""
         total = self.path.total_angle_rad

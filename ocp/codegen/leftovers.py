@@ -12,7 +12,9 @@ _MARK = re.compile(r"\.(?P<host>[0-9a-f]{8})-(?P<process>\d+)-[0-9a-f]{12}\.part
 
 
 def temporary_name(stem: str) -> str:
-    """A new name for something that is not complete yet."""
+    """A new name for something that is not complete yet; within what is not complete either, of the same stem."""
+    if within := _MARK.search(stem):
+        stem = stem[1 : within.start()]
     return f".{stem[:80]}.{_host()}-{os.getpid()}-{uuid.uuid4().hex[:12]}.partial"
 
 

@@ -6,10 +6,10 @@ friction of its gear first of all, turns over within a short way of the motor at
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
+from tendonff.models.cached import cached_property
 from tendonff.models.fidelity import Level
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.models.path import JointMotion

@@ -8,6 +8,7 @@ import numpy as np
 from tendonff.models.joint.balance import Followed
 from tendonff.models.layout import fields_of
 from tendonff.models.tendon.chain import Chain
+from tendonff.models.turns import out_of_turn
 from tendonff.ocp.joint.laws import JOINT_NUMBERS, joint_torque, link_back, path_mass_back, representative
 from tendonff.ocp.joint.protocol import Array, JointInverseRows, JointMemory, JointProblem, JointRows
 from tendonff.ocp.step.c_engine import ReportStruct, chain_struct, host_source, library_of, pointer
@@ -113,13 +114,18 @@ class CompiledJoint:
         tension[:1] = memory.tension_N
         records, kept = self._tendons(memory, rows)
         evaluations = ctypes.c_long()
-        done = self._library.tff_joint_invert(
-            *(ctypes.byref(self._joint), records, ctypes.c_int(count), ctypes.c_double(self._step_s)),
-            *(ctypes.c_long(rows), ctypes.c_int(memory.fresh), pointer(angle), pointer(contact)),
-            *(ctypes.c_int(self._problem.loop), ctypes.c_double(memory.closure_rad), ctypes.c_double(least_tension_N)),
-            *map(pointer, (memory.z, memory.z_old, travel, tension, drum, slack, lowest)),
-            *(ctypes.c_void_p(None), ctypes.byref(evaluations)),
-        )
+        with out_of_turn():
+            done = self._library.tff_joint_invert(
+                *(ctypes.byref(self._joint), records, ctypes.c_int(count), ctypes.c_double(self._step_s)),
+                *(ctypes.c_long(rows), ctypes.c_int(memory.fresh), pointer(angle), pointer(contact)),
+                *(
+                    ctypes.c_int(self._problem.loop),
+                    ctypes.c_double(memory.closure_rad),
+                    ctypes.c_double(least_tension_N),
+                ),
+                *map(pointer, (memory.z, memory.z_old, travel, tension, drum, slack, lowest)),
+                *(ctypes.c_void_p(None), ctypes.byref(evaluations)),
+            )
         del kept
         self._moved(memory, done, tension)
         return JointInverseRows(
@@ -144,13 +150,14 @@ class CompiledJoint:
         )
         report = ReportStruct()
         records, kept = self._tendons(memory, rows)
-        done = self._library.tff_joint_run(
-            *(ctypes.byref(self._joint), records, ctypes.c_int(count), ctypes.c_double(self._step_s)),
-            *(ctypes.c_long(rows), ctypes.c_int(memory.fresh), pointer(travel), pointer(contact), pointer(angle)),
-            ctypes.c_double(self._problem.scale_m),
-            *map(pointer, (memory.z, memory.z_old, out, tension, drum, lowest)),
-            *(ctypes.c_void_p(None), ctypes.byref(report)),
-        )
+        with out_of_turn():
+            done = self._library.tff_joint_run(
+                *(ctypes.byref(self._joint), records, ctypes.c_int(count), ctypes.c_double(self._step_s)),
+                *(ctypes.c_long(rows), ctypes.c_int(memory.fresh), pointer(travel), pointer(contact), pointer(angle)),
+                ctypes.c_double(self._problem.scale_m),
+                *map(pointer, (memory.z, memory.z_old, out, tension, drum, lowest)),
+                *(ctypes.c_void_p(None), ctypes.byref(report)),
+            )
         del kept
         self._moved(memory, done, tension)
         return JointRows(

@@ -12,6 +12,7 @@ from enum import StrEnum
 import numpy as np
 
 from tendonff.models.errors import ParameterError
+from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.compiler import find_compiler, why_no_compiler
 from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.errors import CodeError
@@ -87,13 +88,18 @@ class JointInversion:
 
 def engine_of(problem: JointProblem, step_s: float, engine: Engine) -> JointEngine:
     """Engine of a problem; ParameterError for a step that is no time, CodeError where no C compiler works."""
-    if not 0 < step_s < math.inf:
-        raise ParameterError(f"step_s must be a finite number > 0, got {step_s}; 0.001 suits most rigs")
+    require_step(step_s)
     if resolve_engine(engine) is not Engine.COMPILED:
         asked = "the engine casadi was asked for, here or by TENDONFF_ENGINE; leave that out"
         reason = why_no_compiler() if find_compiler() is None else asked
-        raise CodeError(f"a joint on tendons runs in compiled C only; {reason}")
+        raise CodeError(f"the exact inverse of a joint runs in compiled C only; {reason}")
     return CompiledJoint(problem, step_s)
+
+
+def require_step(step_s: float) -> None:
+    """Refuse a step that is no time."""
+    if not 0 < step_s < math.inf:
+        raise ParameterError(f"step_s must be a finite number > 0, got {step_s}; 0.001 suits most rigs")
 
 
 def as_rows(name: str, values: Array | float, rows: int | None, step_s: float) -> Array:
@@ -110,6 +116,7 @@ def as_rows(name: str, values: Array | float, rows: int | None, step_s: float) -
     return given
 
 
+@in_turn
 def invert_joint(
     problem: JointProblem,
     angle_rad: Array,

@@ -132,6 +132,8 @@ class JointRows:
     iterations, splits : int
     residual_N : float
         Largest balance of the last step.
+    reason : str or None
+        Why an integrator gave up.
     """
 
     angle_rad: Array
@@ -142,15 +144,20 @@ class JointRows:
     iterations: int
     splits: int
     residual_N: float
+    reason: str | None = None
 
 
-class JointEngine(Protocol):
+class JointRunner(Protocol):
+    """Forward simulation of a given problem."""
+
+    def run(self, memory: JointMemory, travel_m: Array, contact_N_m: Array, angle_rad: Array | None) -> JointRows:
+        """Advance over travels, shape (rows + 1, tendons), the first at the present instant; the joint led or free."""
+
+
+class JointEngine(JointRunner, Protocol):
     """Engine for a given problem and step."""
 
     def invert(
         self, memory: JointMemory, angle_rad: Array, contact_N_m: Array, least_tension_N: float
     ) -> JointInverseRows:
         """Motor travels for angles at the present instant and the ends of the steps that follow, shape (rows + 1,)."""
-
-    def run(self, memory: JointMemory, travel_m: Array, contact_N_m: Array, angle_rad: Array | None) -> JointRows:
-        """Advance over travels, shape (rows + 1, tendons), the first at the present instant; the joint led or free."""

@@ -6,10 +6,13 @@ from enum import StrEnum
 import numpy as np
 
 from tendonff.models.errors import ParameterError
-from tendonff.ocp.codegen.engine import Engine
+from tendonff.models.turns import in_turn
+from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.joint.invert import as_rows, engine_of, motor_torques
-from tendonff.ocp.joint.protocol import Array, JointMemory, JointProblem
+from tendonff.ocp.integrate.joint import IntegratedJoint
+from tendonff.ocp.integrate.method import Accuracy, Method
+from tendonff.ocp.joint.invert import as_rows, engine_of, motor_torques, require_step
+from tendonff.ocp.joint.protocol import Array, JointMemory, JointProblem, JointRows, JointRunner
 from tendonff.ocp.joint.start import start_memory
 
 
@@ -54,6 +57,8 @@ class JointSimulation:
         Linear solves, and steps that had to be split.
     final : JointMemory
         State after the last good row.
+    method : Method
+        That advanced it.
     """
 
     outcome: JointOutcome
@@ -69,6 +74,7 @@ class JointSimulation:
     iterations: int
     splits: int
     final: JointMemory
+    method: Method = Method.BDF2
 
     def require(self) -> "JointSimulation":
         """Return itself, or raise `SolveError` with the message if it failed."""
@@ -77,6 +83,7 @@ class JointSimulation:
         return self
 
 
+@in_turn
 def simulate_joint(
     problem: JointProblem,
     motor_rad: Array,
@@ -86,6 +93,9 @@ def simulate_joint(
     led_rad: Array | None = None,
     memory: JointMemory | None = None,
     engine: Engine = Engine.AUTO,
+    method: Method = Method.BDF2,
+    rtol: float = 1e-6,
+    atol: float = 1e-9,
 ) -> JointSimulation:
     """Turn the motors, and see what the joint does.
 
@@ -103,6 +113,13 @@ def simulate_joint(
     memory : JointMemory, optional
         Start from here instead of from rest.
     engine : Engine, optional
+        The step of a joint exists in compiled C alone: CASADI, or AUTO where no compiler works, stands for the method
+        "idas".
+    method : {"bdf2", "cvodes", "idas", "collocation"}, optional
+        How it advances: by the step of this package, or by an integrator of CasADi on `mechanism_equations`, a hundred
+        times slower or more.
+    rtol, atol : float, optional
+        Relative and absolute tolerance of an integrator, for every state in its SI unit.
 
     Raises
     ------
@@ -121,7 +138,15 @@ def simulate_joint(
     >>> bool(abs(run.angle_rad).max() < 1e-3)
     True
     """
-    runner = engine_of(problem, step_s, engine)
+    require_step(step_s)
+    if method is Method.BDF2 and resolve_engine(engine) is not Engine.COMPILED:
+        method = Method.IDAS
+    accuracy = Accuracy(rtol=rtol, atol=atol)
+    runner: JointRunner = (
+        engine_of(problem, step_s, engine)
+        if method is Method.BDF2
+        else IntegratedJoint(problem, step_s, Method(method), accuracy)
+    )
     motor = np.asarray(motor_rad, dtype=np.float64)
     motor = motor[:, None] if motor.ndim == 1 else motor
     motors = 1 if problem.loop else len(problem.chains)
@@ -142,7 +167,7 @@ def simulate_joint(
     drum = np.vstack([first.tension_N, rows.drum_N])
     torque = float(problem.mechanism.joint.static_torque_N_m(first.z[1])) + float(contact[0])
     lowest = np.concatenate([[float(first.tension_N.min())], rows.lowest_N])
-    outcome, message = _outcome(len(motor), lowest, rows.residual_N, step_s)
+    outcome, message = _outcome(len(motor), lowest, rows, step_s)
     return JointSimulation(
         outcome=outcome,
         message=message,
@@ -157,14 +182,18 @@ def simulate_joint(
         iterations=rows.iterations,
         splits=rows.splits,
         final=memory,
+        method=Method(method),
     )
 
 
-def _outcome(rows: int, lowest: Array, residual: float, step_s: float) -> tuple[JointOutcome, str]:
+def _outcome(rows: int, lowest: Array, last: JointRows, step_s: float) -> tuple[JointOutcome, str]:
+    if len(lowest) < rows and last.reason is not None:
+        return JointOutcome.FAILED, f"simulation stopped before t = {len(lowest) * step_s:.6g} s: {last.reason}"
     if len(lowest) < rows:
         return JointOutcome.FAILED, (
             f"simulation stopped at t = {len(lowest) * step_s:.6g} s: the step did not converge although it was split; "
-            f"worst balance {residual:.3g} N; check the motor angle there for jumps, or use a step below {step_s:g} s"
+            f"worst balance {last.residual_N:.3g} N; check the motor angle there for jumps, or use a step below "
+            f"{step_s:g} s"
         )
     slack = lowest <= 0
     if slack.any():

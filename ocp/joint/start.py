@@ -10,9 +10,11 @@ from tendonff.models.joint.balance import JointLaw
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.models.layout import ChainState
 from tendonff.models.path import JointMotion
+from tendonff.models.turns import in_turn
 from tendonff.ocp.joint.protocol import Array, JointMemory, JointProblem
 
 
+@in_turn
 def joint_problem(
     mechanism: Mechanism, level: Level, motion: JointMotion, *, segments: int | None = None
 ) -> JointProblem:

@@ -1,4 +1,4 @@
-"""The tension that a motion of the load asks for: the load's own balance under the scheme of the simulation."""
+"""Tension and motion of the load, one from the other: its own balance under the scheme of the simulation."""
 
 import numpy as np
 
@@ -28,6 +28,30 @@ def tension_of_motion(
     without_tension = end_force(velocity, course, 0.0, 1.0, 0.0, 0.0, end)
     tension: Array = initial_tension_N + load.mass_kg * acceleration - without_tension
     return tension[-len(position_m) :] if periodic else tension
+
+
+def motion_of_tension(
+    load: Load, tension_N: Array, step_s: float, initial_tension_N: float, *, periodic: bool = False
+) -> Array:
+    """Position of the load under a tension, shape (n,), relative to the start [m]; inverse of `tension_of_motion`.
+
+    A periodic course is one period of the steady cycle, its last row the first of the next.
+    """
+    pull = np.asarray(tension_N, dtype=np.float64) - initial_tension_N
+    m, b, k = load.mass_kg, load.damping_N_s_per_m, load.stiffness_N_per_m
+    if periodic:
+        shift = np.exp(-2j * np.pi * np.fft.rfftfreq(len(pull) - 1))
+        rate = (1 - (1 + BDF2_CARRY) * shift + BDF2_CARRY * shift**2) / (BDF2_WEIGHT * step_s)
+        cycle = np.fft.irfft(np.fft.rfft(pull[:-1]) / (m * rate**2 + b * rate + k), len(pull) - 1)
+        return np.append(cycle, cycle[0])
+    position, velocity = np.zeros_like(pull), np.zeros_like(pull)
+    for n in range(1, len(pull)):
+        carry, step = (0.0, step_s) if n == 1 else (BDF2_CARRY, BDF2_WEIGHT * step_s)
+        x, v = (rows[n - 1] + carry * (rows[n - 1] - rows[n - 2]) for rows in (position, velocity))
+        # m (v' - v)/step + b v' + k x' = pull with x' = x + step v'
+        velocity[n] = (pull[n] - k * x + m / step * v) / (m / step + b + k * step)
+        position[n] = x + step * velocity[n]
+    return position
 
 
 def _rate(course: Array, step_s: float) -> Array:

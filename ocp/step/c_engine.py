@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from tendonff.models.layout import ChainInputs
 from tendonff.models.path import CutPath, JointMotion
 from tendonff.models.tendon.chain import Chain, path_at
+from tendonff.models.turns import out_of_turn
 from tendonff.ocp.codegen.compiler import load_library
 from tendonff.ocp.codegen.partial_evaluation import PartialEvaluator
 from tendonff.ocp.codegen.precision import Precision
@@ -179,14 +180,15 @@ class CompiledStepper:
         states = np.empty((rows, self._chain.layout.size)) if record else None
         report, worst = ReportStruct(), ctypes.c_int()
         places = places_of(self._chain, memory.time_s, self._step_s, rows)
-        done = self._library.tff_run(
-            *(ctypes.byref(self._struct), ctypes.c_double(self._step_s), pointer(table)),
-            *(ctypes.c_long(rows), ctypes.c_int(memory.fresh)),
-            *map(pointer, (*places, memory.x, memory.x_old)),
-            self._work_at,
-            *map(pointer, (tension, ends, states)),
-            *map(ctypes.byref, (report, worst)),
-        )
+        with out_of_turn():
+            done = self._library.tff_run(
+                *(ctypes.byref(self._struct), ctypes.c_double(self._step_s), pointer(table)),
+                *(ctypes.c_long(rows), ctypes.c_int(memory.fresh)),
+                *map(pointer, (*places, memory.x, memory.x_old)),
+                self._work_at,
+                *map(pointer, (tension, ends, states)),
+                *map(ctypes.byref, (report, worst)),
+            )
         if done:
             memory.fresh = False
             memory.time_s += done * self._step_s
@@ -224,9 +226,10 @@ class CompiledInverse:
         states = np.empty((rows, len(x))) if record else None
         places = places_of(self._chain, time_s, self._step_s, rows)
         work = np.empty(self._library.tff_work_reals(ctypes.c_int(self._chain.count)))
-        self._library.tff_invert_run(
-            *(ctypes.byref(self._struct), ctypes.c_double(self._step_s), pointer(reference)),
-            *(ctypes.c_long(rows), ctypes.c_int(1), *map(pointer, [*places, work] if places else [])),
-            *map(pointer, (now, old, force, least, states)),
-        )
+        with out_of_turn():
+            self._library.tff_invert_run(
+                *(ctypes.byref(self._struct), ctypes.c_double(self._step_s), pointer(reference)),
+                *(ctypes.c_long(rows), ctypes.c_int(1), *map(pointer, [*places, work] if places else [])),
+                *map(pointer, (now, old, force, least, states)),
+            )
         return InverseRows(force_N=force, least_tension_N=least, states=states, x=now)

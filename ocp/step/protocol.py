@@ -44,6 +44,7 @@ class Rows:
     residual_N: float  # largest force balance of the last step tried [N]
     worst_mass: int  # mass with that balance: 0 actuator, 1 .. N on the path, N + 1 load
     evaluations: int = 0  # of the balances, tries of the line search among them; CasADi does not count
+    reason: str | None = None  # why an integrator gave up
 
     @property
     def recorded(self) -> Array:

@@ -12,6 +12,7 @@ from typing import Generic, TypeVar
 
 from tendonff.models.layout import ChainState, fields_of
 from tendonff.models.tendon.chain import Chain
+from tendonff.models.turns import in_turn, out_of_turn
 from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.step.protocol import Array
@@ -39,6 +40,7 @@ class Done(Generic[R]):
         return self.value
 
 
+@out_of_turn()
 def run_jobs(
     function: Callable[[J], R],
     jobs: Sequence[J],
@@ -48,9 +50,10 @@ def run_jobs(
 ) -> list[Done[R]]:
     """Apply a function to many jobs at once, results in their order; a job that fails does not stop the others.
 
-    By default one thread per core runs them, for compiled steps leave the interpreter free. For other processes or
-    machines the function must be importable there, and jobs and results pickled; the executor stays open. Progress is
-    Callback(completed, total) in this thread, whenever one ends.
+    By default one thread per core runs them: compiled steps beside each other, what CasADi does in turn
+    (`models.turns`), which without a compiler is all. Processes (`ProcessPoolExecutor`, Dask) do not wait for each
+    other; for them the function must be importable there, and jobs and results pickled. The executor stays open.
+    Progress is Callback(completed, total) in this thread, whenever one ends.
     """
     if executor is None:
         with ThreadPoolExecutor(max_workers=os.cpu_count() or 1) as threads:
@@ -106,6 +109,7 @@ class SimulationJob:
     engine: Engine = Engine.AUTO
 
 
+@in_turn
 def run_simulation(job: SimulationJob) -> Simulation:
     """Simulate one job."""
     return simulate(**fields_of(job))

@@ -15,6 +15,7 @@ from tendonff.models.errors import ParameterError
 from tendonff.models.layout import ChainState
 from tendonff.models.tendon.assembly import end_force
 from tendonff.models.tendon.chain import Chain
+from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.step.c_engine import CompiledInverse
 from tendonff.ocp.step.casadi_inverse import CasadiInverse
@@ -63,6 +64,7 @@ class Inversion:
         return require_recorded(self.states)
 
 
+@in_turn
 def invert(
     chain: Chain,
     reference_N: Array,

@@ -13,6 +13,8 @@ import numpy as np
 
 from tendonff.models.layout import ChainState, StateLayout
 from tendonff.models.tendon.chain import Chain
+from tendonff.models.turns import in_turn
+from tendonff.ocp.integrate.method import Method
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tendon.inverse import InverseStatus, Inversion, invert
 from tendonff.ocp.tendon.simulate import Simulation, simulate
@@ -48,6 +50,7 @@ class Steadiness:
         return f"after {self.cycles} cycles the state {state}: {self.change_N:.2g} N from one cycle to the next"
 
 
+@in_turn
 def steady_inverse(chain: Chain, cycle_N: Array, step_s: float) -> tuple[Inversion, Steadiness]:
     """Exact inverse of a reference that repeats, in its steady state; the near end of the chain must act.
 
@@ -77,8 +80,9 @@ def steady_inverse(chain: Chain, cycle_N: Array, step_s: float) -> tuple[Inversi
     ), steadiness
 
 
+@in_turn
 def steady_response(
-    chain: Chain, cycle_N: Array, step_s: float, *, initial_tension_N: float
+    chain: Chain, cycle_N: Array, step_s: float, *, initial_tension_N: float, method: Method = Method.BDF2
 ) -> tuple[Simulation, Steadiness]:
     """Response to a force that repeats, in its steady state; SolveError if a simulation fails.
 
@@ -88,11 +92,11 @@ def steady_response(
     force = np.asarray(cycle_N, dtype=np.float64)
 
     def run(state: ChainState) -> tuple[Array, ChainState]:
-        found = simulate(chain, force, step_s, state=state).require()
+        found = simulate(chain, force, step_s, state=state, method=method).require()
         return found.output_tension_N[1:], found.final
 
     state, steadiness = _steady(run, chain.rest_state(initial_tension_N), chain.layout, float(np.ptp(force)))
-    twice = simulate(chain, np.concatenate([force[:-1], force]), step_s, state=state).require()
+    twice = simulate(chain, np.concatenate([force[:-1], force]), step_s, state=state, method=method).require()
     second = slice(len(force) - 1, None)
     return replace(
         twice,

@@ -10,8 +10,11 @@ from tendonff.models.errors import ParameterError
 from tendonff.models.layout import ChainInputs, ChainState
 from tendonff.models.tendon.chain import Chain
 from tendonff.models.tendon.link import tendon_force
+from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.errors import SolveError
+from tendonff.ocp.integrate.method import Accuracy, Method
+from tendonff.ocp.integrate.tendon import IntegratedStepper
 from tendonff.ocp.step.c_engine import CompiledStepper
 from tendonff.ocp.step.casadi_engine import CasadiStepper
 from tendonff.ocp.step.protocol import Array, Rows, Stepper, StepperMemory
@@ -79,19 +82,26 @@ class Simulator:
     """A chain in motion: feed it inputs, chunk by chunk, in bounded memory.
 
     It starts at a state, with the inputs there in one row, and goes on in steps of h [s] > 0, else ParameterError.
-    CodeError if the compiled engine was requested and no compiler works.
+    CodeError if the compiled engine was requested and no compiler works. Any method but BDF2 is one of CasADi's
+    integrators, to an accuracy, whatever the engine.
     """
 
     def __init__(
-        self, chain: Chain, step_s: float, state: ChainState, inputs: ChainInputs, engine: Engine = Engine.AUTO
+        self,
+        chain: Chain,
+        step_s: float,
+        state: ChainState,
+        inputs: ChainInputs,
+        engine: Engine = Engine.AUTO,
+        method: Method = Method.BDF2,
+        accuracy: Accuracy | None = None,
     ) -> None:
         if not 0 < step_s < math.inf:
             raise ParameterError(f"step_s must be a finite number > 0, got {step_s}; 0.001 suits most rigs")
         self._chain = chain
         x = state.vector()
         self._memory = StepperMemory(x=x, x_old=x.copy(), inputs=inputs, time_s=state.time_s, fresh=True)
-        compiled = resolve_engine(engine) is Engine.COMPILED
-        self._stepper: Stepper = CompiledStepper(chain, step_s) if compiled else CasadiStepper(chain, step_s)
+        self._stepper: Stepper = _stepper(chain, step_s, engine, Method(method), accuracy or Accuracy())
 
     @property
     def state(self) -> ChainState:
@@ -111,6 +121,13 @@ class Simulator:
         return self._stepper.advance(self._memory, inputs, record)
 
 
+def _stepper(chain: Chain, step_s: float, engine: Engine, method: Method, accuracy: Accuracy) -> Stepper:
+    if method is not Method.BDF2:
+        return IntegratedStepper(chain, step_s, method, accuracy)
+    compiled = resolve_engine(engine) is Engine.COMPILED
+    return CompiledStepper(chain, step_s) if compiled else CasadiStepper(chain, step_s)
+
+
 def tensions_of(chain: Chain, states: Array, time_s: Array | float = 0.0) -> Array:
     """Tensions of recorded states, shape (rows, size), as shape (rows, N + 1) [N].
 
@@ -125,6 +142,8 @@ def tensions_of(chain: Chain, states: Array, time_s: Array | float = 0.0) -> Arr
 
 def describe_failure(chain: Chain, rows: Rows, time_s: float, step_s: float) -> str:
     """Text of a step that failed and ended at `time_s`: when, which mass, how far off, what to try."""
+    if rows.reason is not None:
+        return f"simulation stopped before t = {time_s:.6g} s: {rows.reason}"
     masses = {0: "the actuator", chain.count + 1: "the load"}
     where = masses.get(rows.worst_mass, f"mass {rows.worst_mass} of {chain.count}")
     return (
@@ -134,6 +153,7 @@ def describe_failure(chain: Chain, rows: Rows, time_s: float, step_s: float) -> 
     )
 
 
+@in_turn
 def simulate(
     chain: Chain,
     force_N: Array,
@@ -143,6 +163,9 @@ def simulate(
     state: ChainState | None = None,
     record: bool = False,
     engine: Engine = Engine.AUTO,
+    method: Method = Method.BDF2,
+    rtol: float = 1e-6,
+    atol: float = 1e-9,
 ) -> Simulation:
     """Play a force on the actuator; the load moves only with the tendon (x_c2 = f_c2 = 0).
 
@@ -158,6 +181,11 @@ def simulate(
         Start from here instead.
     record : bool, optional
         Keep every state.
+    method : {"bdf2", "cvodes", "idas", "collocation"}, optional
+        How it advances: by the step of this package, or by an integrator of CasADi on `mechanism_equations`, a hundred
+        times slower or more.
+    rtol, atol : float, optional
+        Relative and absolute tolerance of an integrator, for every state in its SI unit.
 
     Returns
     -------
@@ -189,7 +217,7 @@ def simulate(
     if state is None:
         state = at_rest(chain, float(force[0]) if initial_tension_N is None else initial_tension_N)
     inputs = ChainInputs.of_force(force)
-    simulator = Simulator(chain, step_s, state, inputs[:1], engine)
+    simulator = Simulator(chain, step_s, state, inputs[:1], engine, method, Accuracy(rtol=rtol, atol=atol))
     first = state.vector()
     rows = simulator.advance(inputs[1:], record)
     tension = np.vstack([tensions_of(chain, first, state.time_s), rows.tension_N])

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tendonff.models.layout import ChainState
+from tendonff.models.mechanism.linearise import Lineariser
 from tendonff.models.tendon.chain import Chain
-from tendonff.models.tendon.linearise import Lineariser
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tendon.inverse import Inversion, invert
 from tendonff.ocp.tendon.simulate import Outcome, simulate
@@ -92,8 +92,9 @@ def predict_stick_slip(
     if inversion is None or inversion.states is None:
         inversion = invert(chain, reference, step_s, record=True)
     force = inversion.force_N if force_N is None else force_N
-    expected = expected_error_N(chain, force, reference, step_s, float(inversion.force_N[0]))
     states = inversion.recorded
+    begin = ChainState.from_vector(states[0], chain.layout)  # of a cycle it is no rest
+    expected = expected_error_N(chain, force, reference, step_s, begin)
     last = len(reference) - 1
     rows = np.unique(np.linspace(min(1, last), last, min(_SAMPLES, max(last, 1))).astype(int))
     linear, layout = Lineariser(chain), chain.layout
@@ -112,13 +113,11 @@ def predict_stick_slip(
     )
 
 
-def expected_error_N(
-    chain: Chain, force_N: Array, reference_N: Array, step_s: float, initial_tension_N: float
-) -> float:
-    """Error of a force, shape (n,), on the same chain with a quarter of the step [N]; NaN if that fails."""
+def expected_error_N(chain: Chain, force_N: Array, reference_N: Array, step_s: float, state: ChainState) -> float:
+    """Error of a force, shape (n,), from a state of the same chain with a quarter of the step [N]; NaN if that fails."""
     coarse = np.arange(len(force_N)) * step_s
     fine = np.arange((len(force_N) - 1) * _REPLAY_STEPS + 1) * (step_s / _REPLAY_STEPS)
-    run = simulate(chain, np.interp(fine, coarse, force_N), step_s / _REPLAY_STEPS, initial_tension_N=initial_tension_N)
+    run = simulate(chain, np.interp(fine, coarse, force_N), step_s / _REPLAY_STEPS, state=state)
     if run.outcome is Outcome.FAILED:
         return math.nan
     return float(np.sqrt(np.mean((run.output_tension_N[::_REPLAY_STEPS] - reference_N) ** 2)))

@@ -1,5 +1,6 @@
 """Optimal control of a reference that repeats: the cycle between its neighbours."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from time import perf_counter
 
@@ -8,6 +9,7 @@ import numpy as np
 from tendonff.models.layout import ChainState
 from tendonff.models.parameters.uncertainty import Objective
 from tendonff.models.tendon.chain import Chain
+from tendonff.models.turns import in_turn
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tendon.batch import Progress
@@ -23,6 +25,7 @@ from tendonff.ocp.tracking.track import solve_tracking
 _CYCLES = 3
 
 
+@in_turn
 def track_cycle(
     chains: tuple[Chain, ...],
     cycle_N: Array,
@@ -34,6 +37,7 @@ def track_cycle(
     initial_tension_N: float,
     inversion: Inversion,
     progress: Progress | None = None,
+    others_N: Sequence[Array] = (),
 ) -> Tracking:
     """Find the force of a cycle within the limits: three cycles from the inverse's steady state, the middle one kept.
 
@@ -56,6 +60,8 @@ def track_cycle(
         `steady_inverse` of the same cycle on the nominal chain, with its states.
     progress : callable, optional
         Callback(completed, total), in iterations.
+    others_N : sequence of ndarray, optional
+        Reference of each further chain, shape (n,) [N]; default: that of the nominal one.
 
     Returns
     -------
@@ -84,6 +90,7 @@ def track_cycle(
         start_N=limits.start(float(inversion.force_N[0])),
         inverse_N=repeated(inversion.force_N),
         objective=objective,
+        others_N=[repeated(each) for each in others_N],
     )
     force = repeated(inversion.force_N)
     time = np.arange(len(force), dtype=np.float64) * step_s

@@ -20,11 +20,12 @@ output under the exact inverse without limits, so where no limit binds nothing i
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
+from tendonff.models.cached import cached_property
 from tendonff.models.layout import ChainInputs, ChainState
 from tendonff.models.parameters.uncertainty import Objective
 from tendonff.models.tendon.chain import Chain
@@ -152,20 +153,23 @@ class TrackingProblem:
         start_N: float,
         inverse_N: Array,
         objective: Objective = Objective.WORST,
+        others_N: Sequence[Array] = (),
     ) -> "TrackingProblem":
         """The problem of chains in these states, the nominal one first; `inverse_N` is its exact inverse, shape (n,).
 
-        The travel of that within the limits is what the task needs.
+        The travel of that within the limits is what the task needs. `others_N` is the reference of each further chain,
+        shape (n,), where that is not the nominal one's.
         """
         span = max(float(np.ptp(reference_N)), 1e-3 * float(reference_N.max()))
         margin = 1e-4 * span  # the search aims a little inside, so that what it finds is inside
         travel = max(travel_N(limits.apply(inverse_N, step_s, start_N)), 1e-3 * span)
         slack = 1e-3 * min(float(reference_N.min()), initial_tension_N)
         plants = []
-        for chain, state in zip(chains, states, strict=True):
+        every = (reference_N, *(others_N or [reference_N] * (len(chains) - 1)))
+        for chain, state, wanted in zip(chains, states, every, strict=True):
             rest_m = chain.rest_state(initial_tension_N).near_position_m
             bounds = motion_bounds(limits.motion, span, initial_tension_N / rest_m)
-            plants.append(PlantModel(chain=chain, state=state, origin_m=rest_m, wanted_N=reference_N, bounds=bounds))
+            plants.append(PlantModel(chain=chain, state=state, origin_m=rest_m, wanted_N=wanted, bounds=bounds))
         if len(chains) == 1 and options.stiffer_weight > 0:
             plants += _stiffer(plants[0], inverse_N, step_s, options.stiffer_weight)
         # What the largest force cannot hold, only shaking gains: there travel has to pay off more.

@@ -2,11 +2,13 @@
 
 import math
 import time
+from collections.abc import Sequence
 
 import numpy as np
 
 from tendonff.models.parameters.uncertainty import Objective
 from tendonff.models.tendon.chain import Chain
+from tendonff.models.turns import in_turn
 from tendonff.ocp.errors import CodeError, SolveError
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tendon.batch import Progress
@@ -26,6 +28,7 @@ _BEYOND = 5e-4  # of the reference's range, as `MotionBound` counts: half a perc
 _EXACT = 1e-3  # of the reference's range: an error below this is called rounding
 
 
+@in_turn
 def track(
     chain: Chain,
     reference_N: Array,
@@ -92,6 +95,7 @@ def track(
     )
 
 
+@in_turn
 def track_robust(
     chains: tuple[Chain, ...],
     reference_N: Array,
@@ -103,6 +107,7 @@ def track_robust(
     initial_tension_N: float | None = None,
     inversion: Inversion | None = None,
     progress: Progress | None = None,
+    others_N: Sequence[Array] = (),
 ) -> Tracking:
     """Find one profile that is best in the worst case or on average over some chains; see `track`.
 
@@ -121,6 +126,8 @@ def track_robust(
     inversion : Inversion, optional
         Of the nominal chain, where the caller has it already.
     progress : callable, optional
+    others_N : sequence of ndarray, optional
+        Reference of each further chain, shape (n,) [N]; default: that of the nominal one.
 
     Returns
     -------
@@ -142,6 +149,7 @@ def track_robust(
         start_N=limits.start(start),
         inverse_N=inverse.force_N,
         objective=objective,
+        others_N=others_N,
     )
     return solve_tracking(problem, inverse, options, progress, build_s=time.perf_counter() - began)
 

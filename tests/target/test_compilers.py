@@ -23,7 +23,7 @@ pytestmark = pytest.mark.compiler
 
 STIFFNESSES = (Tunable.MU, Tunable.TENDON_STIFFNESS)
 
-STRICT = ("-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror", "-O2")
+STRICT = ("-pedantic", "-Wall", "-Wextra", "-Wshadow", "-Wconversion", "-Wdouble-promotion", "-Werror", "-O2")
 # Only GCC finds more where it optimises, and that in C as in C++.
 LANGUAGES = {
     "gcc": ("-std=c99", "-c"),

@@ -17,6 +17,8 @@ from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.stream import RE_ENTRY_S, RE_ENTRY_SHARE, SLACK, StreamDesign
 from tendonff.compensator.compensators.table import BuiltTable, accepted_range
 from tendonff.compensator.export.adaptive import adaptive_code
+from tendonff.compensator.export.joint_jumps import FACTOR as JUMP_FACTOR
+from tendonff.compensator.export.joint_jumps import largest_starts_rad
 from tendonff.compensator.export.modules import ADAPTIVE_MODULES, BOUNDS, OBSERVER, PLANT, STREAM, accepted_steps
 from tendonff.compensator.export.observer import ObserverDesign, observer_code
 from tendonff.compensator.export.text.parameters import parameter_context, settable_inverse
@@ -262,6 +264,7 @@ def _context(
     if design is not None and "stream" in names:
         line = design.line + (6 if precision is Precision.FLOAT else 5) + (2 * (design.ahead + 1) + 2 if ramp else 0)
         places = _padded(4, size) + 8 if ramp else 4
+        line += len(joints.names) if joints is not None else 0  # angles of the last call
         state["stream"] = _padded(output + state["inverse"] + line * size + entry + places, size)
     return _naming(scenario, problem.level, precision, prefix) | {
         "joints": joints,
@@ -270,6 +273,8 @@ def _context(
         "carry": BDF2_CARRY,
         "weight": BDF2_WEIGHT,
         "rated": [] if joints is None else _rated(joints),
+        "joint_jumps_rad": largest_starts_rad(chain, step),
+        "jump_factor": f"{JUMP_FACTOR:g}",
         "friction_shares": _friction_shares(chain),
         "title": f"{prefix}: feedforward force for a tendon",
         "count": count,

@@ -8,6 +8,7 @@ from typing import Any
 
 from tendonff.compensator.identification.answer.result import Estimate
 from tendonff.compensator.identification.joint.parameters import JointNumber, key_in
+from tendonff.compensator.joint.compensators import ASSUMED_SPREAD, assumed
 from tendonff.compensator.joint.observer_table import ObserverTable
 from tendonff.compensator.joint.scenario.base import with_base
 from tendonff.compensator.joint.scenario.scenario import JointScenario
@@ -19,6 +20,9 @@ from tendonff.models.parameters.numbers import FACTORS, keys_of
 _PARTS = ("path", "tendon", "friction")
 WITH_SPREAD = (JointNumber.MU, JointNumber.TENSION, JointNumber.STIFFNESS, JointNumber.GRAVITY)
 """Numbers whose intervals a design is judged with."""
+_BOTH = (JointNumber.TENSION, JointNumber.STIFFNESS)
+_FACTORS = {JointNumber.MU: "mu", JointNumber.STIFFNESS: "stiffness"}
+"""Keys of [robust] that stand for a number where the tendons differ in it."""
 
 
 def fitted_text(scenario: JointScenario, mechanism: Mechanism, estimates: Sequence[Estimate]) -> str:
@@ -36,9 +40,8 @@ def fitted_text(scenario: JointScenario, mechanism: Mechanism, estimates: Sequen
             row.pop(part, None)
             if getattr(tendon, part) != getattr(first, part):
                 row[part] = _part(tendon, part)
-    if spread := _spread(mechanism, estimates):
-        robust = {key: value for key, value in raw.get("robust", {}).items() if key not in FACTORS}
-        raw["robust"] = {**robust, "spread": {**robust.get("spread", {}), **spread}}
+    if robust := _robust(mechanism, estimates, raw.get("robust", {})):
+        raw["robust"] = robust
     raw["run"]["level"] = "presliding"
     return to_toml(raw)
 
@@ -51,16 +54,54 @@ def observer_text(scenario: JointScenario, table: ObserverTable) -> str:
     return to_toml(raw)
 
 
-def _spread(mechanism: Mechanism, estimates: Sequence[Estimate]) -> dict[str, float]:
-    """Relative half-widths of the intervals of numbers that the scenario has, by their keys."""
-    known, found = keys_of(mechanism), {}
-    for number in WITH_SPREAD:
-        one = next((e for e in estimates if e.name == number and e.interval is not None), None)
+def _robust(mechanism: Mechanism, estimates: Sequence[Estimate], stated: Mapping[str, Any]) -> dict[str, Any]:
+    """[robust] with the interval of every identified number; empty where nothing is identified or stated.
+
+    A number that is not identified has the width that the scenario states or, where it states none, the one that a
+    design assumes: what nobody has measured is not known exactly. Pre-tension and stiffness that belong to a kept
+    coefficient of friction are known by their ratio, so they vary together.
+    """
+    by_name = {each.name: each for each in estimates}
+    identified = {n: width for n in WITH_SPREAD if (width := _half_width(by_name.get(n))) is not None}
+    if not identified and not stated:
+        return {}
+    known, loose = keys_of(mechanism), assumed(mechanism)
+    robust = {key: value for key, value in stated.items() if key != "spread"}
+    spread = dict(stated.get("spread", {}))
+
+    def place(number: JointNumber, half_width: float) -> None:
         key = key_in(mechanism, number)
-        if one is not None and one.interval is not None and one.value and key in known:
-            half = (one.interval[1] - one.interval[0]) / 2 / abs(one.value)
-            found[key] = round(min(max(half, 1e-4), 0.99), 4)
-    return found
+        if key in known:
+            spread[key] = half_width
+        else:
+            robust[_FACTORS[number]] = half_width
+
+    for number, half_width in identified.items():
+        key = key_in(mechanism, number)
+        spread = {name: value for name, value in spread.items() if key not in map(str.strip, name.split(","))}
+        robust.pop(_FACTORS.get(number, ""), None)
+        place(number, half_width)
+    covered = {key.strip() for name in spread for key in name.split(",")} | {k for k in FACTORS if robust.get(k)}
+    widths = {JointNumber.MU: loose.mu, JointNumber.STIFFNESS: loose.stiffness}
+    if loose.spread:
+        widths[JointNumber.TENSION] = ASSUMED_SPREAD
+    kept = [n for n in widths if not {key_in(mechanism, n), _FACTORS.get(n, "")} & covered]
+    fitted = [n for n in kept if (one := by_name.get(n)) is not None and one.fitted]
+    together = ", ".join(key_in(mechanism, n) for n in _BOTH)
+    if JointNumber.MU not in fitted and set(_BOTH) <= set(fitted) and key_in(mechanism, JointNumber.STIFFNESS) in known:
+        spread[together] = widths[JointNumber.TENSION]
+        kept = [n for n in kept if n not in _BOTH]
+    for number in kept:
+        place(number, widths[number])
+    return {**robust, "spread": spread} if spread else robust
+
+
+def _half_width(estimate: Estimate | None) -> float | None:
+    """Half of the interval over the value; None for a number that is not identified."""
+    if estimate is None or estimate.interval is None or not estimate.value:
+        return None
+    half = (estimate.interval[1] - estimate.interval[0]) / 2 / abs(estimate.value)
+    return round(min(max(half, 1e-4), 0.99), 4)
 
 
 def moved_files(text: str, source: Path, folder: Path) -> str:

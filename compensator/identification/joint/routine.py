@@ -11,6 +11,7 @@ from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_j
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.closed_form import GrossSliding, data_sheet
 from tendonff.models.joint.parameters import Mechanism
+from tendonff.models.turns import in_turn
 from tendonff.ocp.fits.mechanism import MotorResponse, MotorRun, respond
 
 ROW_S = 0.01
@@ -72,6 +73,7 @@ class _Pen:
         self._pieces.append(start + (to_rad - start) * s**3 * (10 - 15 * s + 6 * s * s))
 
 
+@in_turn
 def suggest_routine(scenario: JointScenario) -> MotorRoutine:
     """Motor angles for a log that identifies the loop of a scenario, within its range and the motor's limits.
 

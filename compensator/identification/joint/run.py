@@ -37,6 +37,7 @@ from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters import Mechanism
+from tendonff.models.turns import in_turn
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fits.least_squares import Solution
 
@@ -61,6 +62,7 @@ FIRST_STEPS, STEPS, FINE_STEPS = 5, 15, 4
 register_writer(JointIdentification, write_files)
 
 
+@in_turn
 def identify_joint(
     scenario: JointScenario,
     data: Sequence[str | os.PathLike[str]],

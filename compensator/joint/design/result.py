@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tendonff.compensator.compensators.expectation import Expectation
+from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.results import writer_of
 from tendonff.compensator.files.text import as_argument
@@ -15,7 +16,9 @@ from tendonff.compensator.joint.scenario.reference import JointQuantity
 from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint
 from tendonff.models.joint.closed_form import DataSheet
 from tendonff.models.joint.parameters import DriveKind, Mechanism
-from tendonff.ocp.joint.invert import JointInversion
+from tendonff.ocp.joint.invert import JointInversion, JointStatus
+
+_BEYOND = 1.005  # of a limit: rounding
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -126,10 +129,30 @@ class JointDesign:
         return next(c for c in self.compensators if c.name == self.expectation.recommended)
 
     @property
+    def change(self) -> str:
+        """What to change where the motor cannot follow the reference; empty where it can."""
+        drive, inversion = self.scenario.mechanism.drive, self.inversion
+        torque = float(np.abs(inversion.motor_torque_N_m).max())
+        if drive.torque_max_N_m is not None and torque > _BEYOND * drive.torque_max_N_m:
+            return (
+                f"a motor or gear_ratio for {torque:.3g} N m (torque_max_N_m = {drive.torque_max_N_m:g}), or less load"
+            )
+        speed = float(np.abs(np.diff(inversion.motor_rad, axis=0)).max()) / self.scenario.run.step_s
+        if drive.speed_max_rad_per_s is not None and speed > _BEYOND * drive.speed_max_rad_per_s:
+            return (
+                f"a reference slower by {speed / drive.speed_max_rad_per_s:.2g}, or a motor for {speed:.3g} rad/s "
+                f"(speed_max_rad_per_s = {drive.speed_max_rad_per_s:g})"
+            )
+        if inversion.status is JointStatus.SLACK and self.sheet is not None:
+            return f"raise pretension_N from {drive.pretension_N:g} to {self.sheet.recommended_pretension_N:.3g}"
+        return ""
+
+    @property
     def headline(self) -> str:
         """Expected error on a rig, and the next command."""
-        export = f"tendonff export-c {as_argument(self.scenario.source)} --out c"
-        return self.expectation.headline(self.recommended.label, export)
+        file = as_argument(self.scenario.source)
+        then = next_step(self.expectation, file, f"tendonff export-c {file} --out c", change=self.change)
+        return self.expectation.headline(self.recommended.label, then)
 
     @property
     def fine_print(self) -> str:

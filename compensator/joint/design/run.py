@@ -15,6 +15,7 @@ from tendonff.compensator.joint.plant import REFINEMENT, joint_load, verifying_m
 from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint
 from tendonff.models.joint.closed_form import DataSheet, GrossSliding, data_sheet, sweep_pretension
 from tendonff.models.joint.parameters import DriveKind, JointDrive, Mechanism
+from tendonff.models.turns import in_turn
 from tendonff.ocp.joint.invert import JointInversion, JointStatus
 
 LEAST_DAMPING_RATIO, LEAST_COMMANDS = 0.02, 20.0
@@ -23,6 +24,7 @@ LEAST_DAMPING_RATIO, LEAST_COMMANDS = 0.02, 20.0
 register_writer(JointDesign, write_files)
 
 
+@in_turn
 def design_joint(scenario: JointScenario, *, strict: bool = True, progress: Progress = silent) -> JointDesign:
     """Design and verify the motor angles of a joint.
 
@@ -30,7 +32,7 @@ def design_joint(scenario: JointScenario, *, strict: bool = True, progress: Prog
     ----------
     scenario : JointScenario
     strict : bool, optional
-        Refuse a reference for which a tendon of a pair would have to push.
+        Refuse a reference beyond a stop, or one for which a tendon of a pair would have to push.
     progress : callable, optional
 
     Raises
@@ -48,6 +50,8 @@ def design_joint(scenario: JointScenario, *, strict: bool = True, progress: Prog
     >>> print(result.headline)  # doctest: +SKIP
     """
     task = JointTask.of(scenario)
+    if task.sampled.warnings and strict:
+        raise InputError("; ".join(task.sampled.warnings))
     sampled, mechanism, drive = task.sampled, task.mechanism, task.mechanism.drive
     inversion = task.inversion
     if inversion.status is JointStatus.WOULD_PUSH and strict and drive.kind is DriveKind.PAIR:
@@ -71,7 +75,7 @@ def design_joint(scenario: JointScenario, *, strict: bool = True, progress: Prog
         parts.done()
     expectation = task.expect(commands)
     sheet, sheets, warned = _data_sheet(scenario, sampled, inversion)
-    warnings = [*task.notes, *warned, *_drive_warnings(drive, inversion, scenario.run.step_s)]
+    warnings = [*sampled.warnings, *task.notes, *warned, *_drive_warnings(drive, inversion, scenario.run.step_s)]
     warnings += _ringing(mechanism, sampled)
     if inversion.status is not JointStatus.EXACT:
         warnings.insert(0, inversion.message)

@@ -11,12 +11,14 @@ from tendonff.compensator.joint.export.golden import followed_course
 from tendonff.compensator.joint.export.judgement import JudgedJoint, judge_joint
 from tendonff.compensator.joint.export.text import accepted_rad, joint_sources, problem_of
 from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
+from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.joint.start import start_tensions
 from tendonff.ocp.joint.target import other_joints
 
 
+@in_turn
 def build_joint_fmu(
     scenario: JointScenario,
     fmi: FmiVersion = FmiVersion.V2,

@@ -23,6 +23,7 @@ from tendonff.compensator.joint.export.judgement import JudgedJoint, judge_joint
 from tendonff.compensator.joint.export.text import module_text, problem_of, render, transmission_files
 from tendonff.compensator.joint.plant import REFINEMENT, verifying_masses
 from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
+from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.joint.invert import JointStatus
@@ -60,6 +61,7 @@ class ExportedJoints:
                 write_text(partial / name, text)
 
 
+@in_turn
 def export_joints(
     scenarios: Sequence[JointScenario],
     *,
@@ -130,7 +132,8 @@ def export_joints(
     files = sources | {name: render(f"{name}.j2", context) for name in _FILES}
     files |= transmission_files(context, others)
     files["design.json"] = _design_json(scenarios, problems, judged, precision, prefix, loss)
-    kept = tuple(f"{fault}; exported because of --force-export" for fault in faults)
+    kept = [note for each in sampled for note in each.warnings]
+    kept += [f"{fault}; exported because of --force-export" for fault in faults]
     return ExportedJoints(
         files=files, judged=tuple(judged), loss_rad=loss, warnings=(*_warnings(runs, scenarios), *kept)
     )

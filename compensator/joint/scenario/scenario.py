@@ -90,6 +90,11 @@ class JointScenario:
         spec = self.reference if self.motion is None else self.motion
         return float(spec.sample(np.zeros(1), self.source.parent)[0])
 
+    @property
+    def is_complete(self) -> bool:
+        """Its text leaves out what has a default."""
+        return False
+
     def to_toml(self) -> str:
         """The text of the file."""
         return self.text
@@ -116,6 +121,8 @@ class SampledJoint:
         Of the driven joint and all others.
     lead : int
         Rows of the homing stroke, which come first.
+    warnings : tuple of str
+        Where the motion was taken back to a stop.
     """
 
     time_s: FloatArray
@@ -124,6 +131,7 @@ class SampledJoint:
     wanted: FloatArray
     motion: JointMotion
     lead: int = 0
+    warnings: tuple[str, ...] = ()
 
     @property
     def range(self) -> float:
@@ -216,9 +224,11 @@ def sample_joint(scenario: JointScenario) -> SampledJoint:
     wanted = spec.sample(time, folder)
     torque = spec.quantity is JointQuantity.TORQUE
     angle = scenario.motion.sample(time, folder) if torque and scenario.motion is not None else wanted
-    contact = wanted if torque else np.zeros_like(wanted)
     if not np.ptp(wanted) > 0:
         raise InputError(f"{file} [reference]: it never changes, so there is nothing to design; let it move")
+    kept, warnings = _within_stops(scenario, angle, time)
+    angle, wanted = kept, wanted if torque else kept
+    contact = wanted if torque else np.zeros_like(wanted)
     if spec.periodic:
         for each in (wanted, angle):
             off = abs(float(each[-1] - each[0]))
@@ -244,7 +254,49 @@ def sample_joint(scenario: JointScenario) -> SampledJoint:
         angle_rad=np.column_stack([angle, *columns]),
         period_s=float(time[-1]) if spec.periodic else None,
     )
-    return SampledJoint(time_s=time, angle_rad=angle, contact_N_m=contact, wanted=wanted, motion=motion, lead=lead)
+    return SampledJoint(
+        time_s=time, angle_rad=angle, contact_N_m=contact, wanted=wanted, motion=motion, lead=lead, warnings=warnings
+    )
+
+
+_BLEND_SHARE = 0.02  # of the range: way before a stop on which a motion that would cross it is slowed down
+
+
+def _within_stops(
+    scenario: JointScenario, angle_rad: FloatArray, time_s: FloatArray
+) -> tuple[FloatArray, tuple[str, ...]]:
+    """A motion, shape (rows,), that no stop keeps the joint from, and where that is not the requested one.
+
+    A parabola leads to the stop, so that the speed does not jump; the start, where the joint rests, stays.
+    """
+    joint, file = scenario.mechanism.joint, scenario.source.name
+    table = "[reference]" if scenario.motion is None else "[reference.motion]"
+    found, warnings = angle_rad, []
+    for way, name, stop in ((1, "stop_high_rad", joint.stop_high_rad), (-1, "stop_low_rad", joint.stop_low_rad)):
+        if stop is None:
+            continue
+        over = way * (angle_rad - stop)
+        worst = int(np.argmax(over))
+        if not over[worst] > 0:
+            continue
+        where = f"{angle_rad[worst]:.4g} rad at t = {time_s[worst]:.4g} s, beyond {name} = {stop:g} of the joint"
+        if over[0] > 0:
+            raise InputError(
+                f"{file} {table}: it starts at {angle_rad[0]:.4g} rad and goes to {where}; start within the stops, or "
+                f"correct {name}"
+            )
+        width = min(_BLEND_SHARE * float(np.ptp(angle_rad)), -float(over[0]))
+        into = np.clip(over + width, 0.0, 2 * width)
+        slowed = into**2 / (4 * width) if width > 0 else 0.0
+        found = found - way * (slowed + np.maximum(over - width, 0.0))
+        first = float(time_s[int(np.argmax(over > 0))])
+        warnings.append(
+            f"{file} {table}: it goes to {where}, from t = {first:.4g} s on in {100 * np.mean(over > 0):.2g} % of the "
+            "samples: taken back to the stop, and errors are relative to that"
+        )
+    if warnings and not np.ptp(found) > 0:
+        raise InputError(f"{'; '.join(warnings)}; nothing is left of it")
+    return found, tuple(warnings)
 
 
 def _homing(scenario: JointScenario, start_rad: float, torque: bool) -> FloatArray:
@@ -299,7 +351,7 @@ def _split_joints(raw: object, file: str) -> tuple[DrivenJoint, dict[str, Joint]
     return read_table(DrivenJoint, keys, file=file, table=f"joints.{name}", extra_keys=("kind",)), others
 
 
-def _part(key: str, raw: object, file: str, table: str) -> object:
+def tendon_part(key: str, raw: object, file: str, table: str) -> object:
     """[path], [tendon] or [friction], of all tendons or of one."""
     sections: tuple[object, ...] = ()
     if key == "path":
@@ -339,7 +391,7 @@ def _tendons(raw: Mapping[str, object], joint: str, source: Path, inputs: list[P
                     f"{file} [{where}]: [{key}] is missing; give it for all tendons, or in [tendons.{key}]"
                 )
             at = f"{where}.{key}" if key in row else key
-            parts[key] = _part(key, row.get(key, raw.get(key)), file, at)
+            parts[key] = tendon_part(key, row.get(key, raw.get(key)), file, at)
         try:
             arm = _arm(row, joint, source, where, inputs)
             found.append(JointTendon(name=name, arms=(arm,), **parts))  # type: ignore[arg-type]

@@ -18,6 +18,7 @@ from tendonff.compensator.scenario.reference import (
 )
 from tendonff.compensator.scenario.sampled.from_file import read_samples, resample
 from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.scenario.unit import METRE, NEWTON, Unit
 
 _MAX_STEPS = 50_000_000
 _LONG_RUN = 200_000
@@ -63,18 +64,34 @@ class Reference:
     warnings: tuple[str, ...] = ()
 
     @property
+    def wanted(self) -> FloatArray:
+        """What errors are relative to, shape (n + 1,), in `unit`: the load's position where that is the reference."""
+        return self.tension_N if self.position_m is None else self.position_m
+
+    @property
+    def unit(self) -> Unit:
+        """Unit of the reference and its errors."""
+        return NEWTON if self.position_m is None else METRE
+
+    @property
+    def output(self) -> str:
+        """What follows the reference, in words."""
+        return "output tension" if self.position_m is None else "load position"
+
+    @property
     def name(self) -> str:
-        """Reference of the errors: as the user wrote it, or raised."""
-        return "reference" if self.raised_N == 0 else f"reference raised to {self.raised_N:.3g} N"
+        """Reference of the errors: as the user wrote it, or raised; a position is never raised."""
+        raised = self.raised_N > 0 and self.position_m is None
+        return f"reference raised to {self.raised_N:.3g} N" if raised else "reference"
 
     @property
     def share_of(self) -> str:
         """Scale of percentages: "range", and of which reference where it is not as the user wrote it."""
-        return "range" if self.raised_N == 0 else f"range of the {self.name}"
+        return "range" if self.name == "reference" else f"range of the {self.name}"
 
     @property
     def range_N(self) -> float:
-        """Largest minus smallest reference tension [N]: what percentages refer to."""
+        """Largest minus smallest reference tension [N]: what percentages refer to, unless that is a position."""
         return float(np.ptp(self.tension_N))
 
 

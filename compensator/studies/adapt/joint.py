@@ -32,6 +32,7 @@ from tendonff.compensator.studies.adapt.result import moving_rms
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.models.path import JointMotion
+from tendonff.models.turns import in_turn
 from tendonff.ocp.adaptation.joint import JointTunable, JointTuning
 from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.errors import SolveError
@@ -171,6 +172,7 @@ class JointAdaptationStudy:
             write_pages(partial, summary, figures, _report(self, figures), pdf=pdf)
 
 
+@in_turn
 def adapt_joint(scenario: JointScenario, *, progress: Progress = silent) -> JointAdaptationStudy:
     """Try self-tuning of a joint on loops of 40 masses that differ from the scenario.
 

@@ -38,6 +38,7 @@ from tendonff.compensator.studies.adapt.setup import (
     tuned_chain,
     tuning_of,
 )
+from tendonff.models.turns import in_turn
 from tendonff.ocp.adaptation.code import TunedChain
 from tendonff.ocp.adaptation.information import Information
 from tendonff.ocp.adaptation.tuner import SelfTuner, SimulatedRig, TunedRun, TunerStatus
@@ -53,6 +54,7 @@ _POSTURE_S = 4.0  # period of a load that changes with posture
 register_writer(AdaptationStudy, write_files)
 
 
+@in_turn
 def adapt(scenario: Scenario, *, progress: Progress = silent) -> AdaptationStudy:
     """Try the self-tuning compensator on plants that differ from the scenario.
 
@@ -267,9 +269,10 @@ def _headline(cases: list[Case], known: Information, advice: tuple[str, float] |
     tuned = max(case.traces[Scheme.SELF_TUNING].settled_percent for case in off)
     widest = _widest(cases)
     most, most_plain = (widest.traces[s].settled_percent for s in (Scheme.SELF_TUNING, Scheme.FEEDFORWARD))
+    share = reference.share_of if reference.position_m is None else "range of the tension"
     better = "" if advice is None else f"; with {advice[0]} {advice[1]:.2g} % there"
     return (
-        f"Expect an RMS error of up to {tuned:.2g} % of {reference.share_of} after {SETTLED_S:g} s with self-tuning "
+        f"Expect an RMS error of up to {tuned:.2g} % of {share} after {SETTLED_S:g} s with self-tuning "
         f"from {known.tuning.sensor.words}, for mu ±20 % and all else as in the scenario (without: up to "
         f"{plain:.2g} %), and of up to {most:.2g} % where other parameters are off too "
         f"({widest.variation.name}; without: {most_plain:.2g} %{better}). "

@@ -127,7 +127,8 @@ def certified(problem: Problem) -> Certified:
 
     The margin is the largest over plants of 40 masses: at every corner of what friction of the two directions may be,
     as the scenario, and with tendon, load and bristles all softer or all stiffer; and with each number of [robust] at
-    the ends of its interval, where the directions are apart the most.
+    the ends of its interval, where the directions are apart the most. Where a plant goes slack, the force is taken to
+    be off by as much as makes the static law slack too.
     """
     start, step = problem.reference.initial_tension_N, problem.reference.step_s
     force, spread = problem.limited(problem.inversion.force_N), friction_spread(problem)
@@ -145,10 +146,14 @@ def certified(problem: Problem) -> Certified:
             rig = TunedChain.of(_at(problem, stated, end), problem.level, _BOUNDED[:2], BOUND_MASSES)
             corners = ({Tunable.MU_PULL: 1 + apart, Tunable.MU_RELEASE: 1 - apart} for apart in (-left, left))
             chains.extend(map(rig.with_factors, corners))
-    outputs = [simulate(chain, force, step, initial_tension_N=start).require().output_tension_N for chain in chains]
-    slack = float(force.min()) + problem.transmission.friction.adhesion_N <= 0
-    noise_N = _SLACK_NOISE * problem.reference.range_N if slack else 0.0
+    outputs = np.stack(
+        [simulate(chain, force, step, initial_tension_N=start).require().output_tension_N for chain in chains]
+    )
+    slack = np.any(outputs + problem.transmission.friction.adhesion_N <= 0, axis=0)
+    noise_N = 0.0  # no ratio to the static law's output holds what is slack: an error of the force is admitted instead
+    if float(force.min()) + problem.transmission.friction.adhesion_N <= 0 or slack.any():
+        noise_N = float(force[slack].max(initial=0.0)) + _SLACK_NOISE * problem.reference.range_N
     bare = CertifiedInterval(law=CapstanLaw.of(problem.transmission), spread=spread, noise_N=noise_N)
-    interval = bare.with_margin_for(force, np.stack(outputs))
+    interval = bare.with_margin_for(force, outputs)
     low, high = interval.history_N(force, start)
     return Certified(interval=interval, low_N=low, high_N=high)

@@ -19,9 +19,9 @@ from tendonff.compensator.reporting.plots import (
 from tendonff.compensator.studies.compare.matrix import Entry, MatrixData
 from tendonff.compensator.studies.compare.result import CAPSTAN_PLANT, Comparison
 from tendonff.models.fidelity import Level
+from tendonff.models.mechanism.linearise import Lineariser
 from tendonff.models.path import JointMotion
 from tendonff.models.tendon.chain import Chain
-from tendonff.models.tendon.linearise import Lineariser
 
 LEVEL_COLOURS = {"elastic": BLUE, "viscoelastic": VERMILION, "presliding": GREEN, CAPSTAN_PLANT: INK}
 _LEAST, _COARSE = 0.01, 10.0  # errors not resolved, and from which on two decimals are enough [% of range]

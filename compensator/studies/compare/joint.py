@@ -27,6 +27,7 @@ from tendonff.compensator.studies.compare.matrix import (
 from tendonff.compensator.studies.compare.output import matrix_summary, write_matrix
 from tendonff.compensator.studies.compare.report import CAPTIONS, FILES, matrix_sections
 from tendonff.models.fidelity import Level
+from tendonff.models.turns import in_turn
 from tendonff.ocp.joint.simulate import JointOutcome
 from tendonff.ocp.tendon.crosscheck import NUDGE
 
@@ -81,6 +82,7 @@ class JointComparison(MatrixData):
             write_pages(partial, summary, figures, _report(self, figures), pdf=pdf)
 
 
+@in_turn
 def compare_joint(scenario: JointScenario, *, progress: Progress = silent) -> JointComparison:
     """Compare the fidelity levels with each other on a scenario of a joint.
 
@@ -111,7 +113,7 @@ def compare_joint(scenario: JointScenario, *, progress: Progress = silent) -> Jo
     entries: list[Entry] = []
     outputs: dict[tuple[str, Level, str], FloatArray] = {}
     seen: dict[tuple[bytes, str], tuple[Entry, FloatArray]] = {}
-    warnings: list[str] = []
+    warnings = list(own.sampled.warnings)
     for level, task in tasks.items():
         for each in compensators:
             commands[each.name, level] = each.command_rad(task)
@@ -135,7 +137,7 @@ def compare_joint(scenario: JointScenario, *, progress: Progress = silent) -> Jo
                 entries.append(replace(found, compensator=each.name, design_level=level, plant_level=plant))
             parts.done()
     bands = own.bands(commands)
-    text, best = recommend(entries, compensators, bands, str(own.doubt), _SIMPLE)
+    text, best = recommend(entries, compensators, bands, str(own.doubt), _SIMPLE, scenario.reference.shown)
     order = {each.name: k for k, each in enumerate(compensators)}
     entries.sort(key=lambda entry: order[entry.compensator])  # stable: levels and plants keep their order
     on_level = {name: band for (name, level), band in bands.items() if level is best}

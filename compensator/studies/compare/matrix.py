@@ -8,14 +8,21 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonff.compensator.compensators.expectation import FRICTIONLESS, ErrorBand, Expectation, two_digits
+from tendonff.compensator.compensators.expectation import (
+    FRICTIONLESS,
+    ErrorBand,
+    Expectation,
+    two_digits,
+    unfit_for,
+)
+from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.compensators.score import scale_of, score
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.reporting.colours import Style
 from tendonff.compensator.scenario.scenario import Scenario
-from tendonff.compensator.scenario.unit import Unit
+from tendonff.compensator.scenario.unit import NEWTON, Unit
 from tendonff.models.fidelity import Level
 
 ENOUGH_PERCENT = 0.5
@@ -114,7 +121,9 @@ class MatrixData:
     def headline(self) -> str:
         """Expected error on a rig of the best design on the recommended level, and the next command."""
         best = next(c for c in self.compensators if c.name == self.expectation.recommended)
-        return self.expectation.headline(best.label, f"tendonff design {as_argument(self.scenario.source)} --out out")
+        file = as_argument(self.scenario.source)
+        then = next_step(self.expectation, file, f"tendonff design {file} --out out")
+        return self.expectation.headline(best.label, then)
 
     def entry(self, name: str, design_level: Level, plant_level: str) -> Entry:
         """Cell of the matrix."""
@@ -171,6 +180,7 @@ def recommend(
     bands: Mapping[tuple[str, Level], ErrorBand],
     doubt: str,
     simple: Sequence[Simple],
+    unit: Unit = NEWTON,
 ) -> tuple[str, Level]:
     """Recommended design level, in one sentence; the most detailed level represents the real transmission.
 
@@ -206,8 +216,10 @@ def recommend(
         if error(entry) <= error(ideal) + margin:
             if entry.plant_level == entry.design_level and entry.compensator not in {*fixed, *_NO_MODEL}:
                 break
-            text = f"{name} is enough here: RMS error {two_digits(error(entry))} %{over}; the best design {best}."
-            return text, entry.design_level
+            unfit = unfit_for(unit, error(entry))
+            as_good = f"{name} is as good as any here" if unfit else f"{name} is enough here"
+            text = f"{as_good}: RMS error {two_digits(error(entry))} %{over}; the best design {best}."
+            return f"{text} {unfit}." if unfit else text, entry.design_level
     others = ", ".join(f"{name[0].lower()}{name[1:]} {two_digits(error(entry))} %" for name, entry in candidates[1:-1])
     return f"Design on the {plant} level: RMS error {best}{over}, against {others}.", Level.PRESLIDING
 

@@ -50,7 +50,7 @@ def summary(result: Comparison) -> dict[str, object]:
     """The contents of `summary.json`."""
     return {
         **matrix_summary(result),
-        **({} if result.ignored is None else {"ignored_motion": result.ignored.ignored.named()}),
+        **({} if result.ignored is None else {"ignored_motion": result.ignored.named(result.unit)}),
         "levels": {
             name: {
                 "relaxation_percent": traits.relaxation_percent,

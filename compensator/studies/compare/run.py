@@ -11,7 +11,7 @@ from tendonff.compensator.compensators.expectation import (
     expectation_of,
 )
 from tendonff.compensator.compensators.optimal import Optimal
-from tendonff.compensator.compensators.plant import Plant, Slack
+from tendonff.compensator.compensators.plant import Plant, Slack, delivered_of
 from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import ignored_motion, slack_warnings
@@ -20,7 +20,6 @@ from tendonff.compensator.files.results import register_writer
 from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
-from tendonff.compensator.scenario.unit import NEWTON
 from tendonff.compensator.studies.compare.levels import level_cost, level_traits
 from tendonff.compensator.studies.compare.matrix import (
     REFINEMENTS,
@@ -36,6 +35,7 @@ from tendonff.compensator.studies.compare.result import CAPSTAN_PLANT, PLANTS, C
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
+from tendonff.models.turns import in_turn
 from tendonff.ocp.tendon.crosscheck import NUDGE
 from tendonff.ocp.tracking.options import TrackOptions
 
@@ -51,6 +51,7 @@ SIMPLE = (
 register_writer(Comparison, write_files)
 
 
+@in_turn
 def compare(
     scenario: Scenario,
     *,
@@ -101,7 +102,7 @@ def compare(
                 if key not in seen:  # none and capstan do not depend on the design level
                     replays = _outputs(transmission, plant, profile, reference, (name, plant), slack)
                     seen[key] = entry_of(
-                        replays, reference.tension_N, reference.step_s, name=name, level=level, plant=plant
+                        replays, reference.wanted, reference.step_s, name=name, level=level, plant=plant
                     )
                 found, outputs[name, level, plant] = seen[key]
                 entries.append(replace(found, compensator=name, design_level=level, plant_level=plant))
@@ -123,8 +124,8 @@ def compare(
     return Comparison(
         scenario=scenario,
         time_s=reference.time_s,
-        wanted=reference.tension_N,
-        unit=NEWTON,
+        wanted=reference.wanted,
+        unit=reference.unit,
         plants=PLANTS,
         static="capstan",
         reference=reference,
@@ -134,7 +135,7 @@ def compare(
         traits=traits,
         costs=costs,
         bands=bands,
-        expectation=expectation_of(problem.doubt, Level.PRESLIDING, on_level, reference.share_of),
+        expectation=expectation_of(problem.doubt, Level.PRESLIDING, on_level, reference.share_of, reference.unit),
         recommended_level=best,
         recommendation=text,
         ignored=ignored_motion(Problem.of(scenario, reference=reference, options=options)),
@@ -171,20 +172,21 @@ def _outputs(
     what: tuple[str, str],
     slack: dict[tuple[str, str], Slack],
 ) -> Iterator[FloatArray]:
-    """Output tension of a plant with ever larger steps, then with a force that is a little different."""
+    """What a plant delivers with ever larger steps, then with a force that is a little different."""
     if plant == CAPSTAN_PLANT:
         # Exact for a force that is linear between rows: nothing to refine.
         law, rows, start = CapstanLaw.of(transmission), profile.force_N, reference.initial_tension_N
         if reference.periodic:  # the second period is that of the steady state
             rows = np.concatenate([rows[:-1], rows])
-        yield law.output_history_N(rows, start)[-len(profile.force_N) :]
+        tension = law.output_history_N(rows, start)[-len(profile.force_N) :]
+        yield delivered_of(transmission.load, tension, reference)
         return
     level = Level(plant)
     for refinement in REFINEMENTS:
         run = Plant(transmission, level, refinement=refinement).respond(profile, reference).require()
         if refinement == REFINEMENTS[0] and run.slack is not None:
             slack[what] = run.slack
-        yield run.output_N
+        yield run.delivered(reference)
     # Steps are solved to rounding, so a tolerance is the last digits: the answer must not depend on them.
     start = reference.initial_tension_N
     nudged = replace(
@@ -192,4 +194,6 @@ def _outputs(
         force_N=start + (profile.force_N - start) * (1 + NUDGE),
         command_m=None if profile.command_m is None else profile.command_m * (1 + NUDGE),
     )
-    yield Plant(transmission, level, refinement=REFINEMENTS[0]).respond(nudged, reference).require().output_N
+    yield (
+        Plant(transmission, level, refinement=REFINEMENTS[0]).respond(nudged, reference).require().delivered(reference)
+    )

@@ -45,14 +45,17 @@ def design_figures(result: Design) -> dict[str, Figure]:
 
 
 def expectation_figure(result: Design) -> Figure:
-    """Output tension of the recommended profile over all that the uncertainty admits."""
+    """Output of the recommended profile over all that the uncertainty admits."""
     figure, axes = new_figure(2, 1, share_x=True, height_in=4.4, height_ratios=(3, 2))
     tension, error = axes[:, 0]
-    time, wanted, rows = result.reference.time_s, result.reference.tension_N, thinned(len(result.reference.time_s))
+    time, rows, unit = result.reference.time_s, thinned(len(result.reference.time_s)), result.reference.unit
     best, found = result.recommended, result.expectation
+    wanted, least, most = (
+        unit.factor * values for values in (result.reference.wanted, found.best.low, found.best.high)
+    )
     none = result.on_level("none", result.level) if "none" in result.profiles else None
     for panel, base in ((tension, 0 * wanted), (error, wanted)):
-        low, high = found.best.low - base, found.best.high - base
+        low, high = least - base, most - base
         panel.fill_between(
             time[rows],
             low[rows],
@@ -64,11 +67,11 @@ def expectation_figure(result: Design) -> Figure:
         )
         if none is not None:
             label = f"reference applied directly: {none.score.percent} % of range"
-            panel.plot(time[rows], (none.output_N - base)[rows], color=GREY, linestyle=":", label=label)
+            panel.plot(time[rows], (unit.factor * none.delivered - base)[rows], color=GREY, linestyle=":", label=label)
         panel.plot(time[rows], (wanted - base)[rows], color=INK, linewidth=0.8, label="reference")
-    tension.set(ylabel="output tension [N]", ylim=_around(np.append(found.best.low, found.best.high), wanted))
-    band = np.append(found.best.low - wanted, found.best.high - wanted)
-    error.set(xlabel="time [s]", ylabel="error [N]", ylim=_around(band, 0.01 * (wanted - wanted.mean())))
+    tension.set(ylabel=f"{result.reference.output} [{unit.shown}]", ylim=_around(np.append(least, most), wanted))
+    band = np.append(least - wanted, most - wanted)
+    error.set(xlabel="time [s]", ylabel=f"error [{unit.shown}]", ylim=_around(band, 0.01 * (wanted - wanted.mean())))
     legend_below(figure, tension, columns=3)
     return figure
 
@@ -82,23 +85,24 @@ def _around(*shown: FloatArray) -> tuple[float, float]:
 
 
 def tension_figure(result: Design) -> Figure:
-    """Reference and output tension of each compensator on the design level, and the compensated errors enlarged."""
+    """Reference and output of each compensator on the design level, and the compensated errors enlarged."""
     moved = result.ignored is not None
     height, ratios = (6.2, (3, 2, 1)) if moved else (5.0, (3, 2))
     figure, axes = new_figure(len(ratios), 1, share_x=True, height_in=height, height_ratios=ratios)
-    reference, rows = result.reference, thinned(len(result.reference.time_s))
-    outputs = {c.name: result.on_level(c.name, result.level).output_N for c in result.compensators}
+    reference, rows, unit = result.reference, thinned(len(result.reference.time_s)), result.reference.unit
+    outputs, wanted = _delivered(result, result.level), unit.factor * reference.wanted
 
     def label(compensator: Compensator) -> str:
         return f"{compensator.label}: {result.on_level(compensator.name, result.level).score.percent} %"
 
     _draw(axes[0, 0], result, outputs, label)
-    axes[0, 0].plot(reference.time_s[rows], reference.tension_N[rows], color=INK, linewidth=0.8, label="reference")
-    axes[0, 0].set(ylabel="output tension [N]", title=f"RMS error in % of range, same parameters, {result.level} level")
-    errors = {name: output - reference.tension_N for name, output in outputs.items() if name not in _BARE}
+    axes[0, 0].plot(reference.time_s[rows], wanted[rows], color=INK, linewidth=0.8, label="reference")
+    title = f"RMS error in % of range, same parameters, {result.level} level"
+    axes[0, 0].set(ylabel=f"{reference.output} [{unit.shown}]", title=title)
+    errors = {name: output - wanted for name, output in outputs.items() if name not in _BARE}
     _draw(axes[1, 0], result, errors)
     _zoom(axes[1, 0], errors)
-    axes[1, 0].set(ylabel="error [N]", title="Compensated, enlarged")
+    axes[1, 0].set(ylabel=f"error [{unit.shown}]", title="Compensated, enlarged")
     if result.ignored is not None:
         draw_joints(axes[2, 0], result.ignored.motion, reference.time_s)
     axes[-1, 0].set(xlabel="time [s]")
@@ -160,22 +164,25 @@ def drive_figure(result: Design) -> Figure:
 
 
 def loop_figure(result: Design) -> Figure:
-    """Hysteresis: output tension over the force, and over the reference."""
+    """Hysteresis: output tension over the force, and what is delivered over the reference."""
     figure, axes = new_figure(1, 2, height_in=3.8)
     by_force, by_reference = axes[0]
-    rows = thinned(len(result.reference.time_s))
-    wanted = result.reference.tension_N[rows]
-    outputs = {c.name: result.on_level(c.name, result.level).output_N for c in result.compensators}
+    rows, reference = thinned(len(result.reference.time_s)), result.reference
+    wanted = reference.unit.factor * reference.wanted[rows]
+    outputs = _delivered(result, result.level)
     looks = _looks(result, outputs)
     for compensator in result.compensators:
-        output = outputs[compensator.name][rows]
         if compensator.name in _LOOPS:
-            by_force.plot(result.profiles[compensator.name].force_N[rows], output, **asdict(compensator.style))
-        by_reference.plot(wanted, output, **looks[compensator.name])
+            tension = result.on_level(compensator.name, result.level).output_N
+            force = result.profiles[compensator.name].force_N
+            by_force.plot(force[rows], tension[rows], **asdict(compensator.style))
+        by_reference.plot(wanted, outputs[compensator.name][rows], **looks[compensator.name])
     ends = [float(np.min(wanted)), float(np.max(wanted))]
     by_reference.plot(ends, ends, color=INK, linewidth=0.8, label="output = reference")
     by_force.set(xlabel="actuator force [N]", ylabel="output tension [N]", title="Tendon hysteresis")
-    by_reference.set(xlabel="reference [N]", ylabel="output tension [N]", title="Delivered versus desired tension")
+    shown, what = reference.unit.shown, reference.output
+    title = f"Delivered versus desired {what.rpartition(' ')[2]}"
+    by_reference.set(xlabel=f"reference [{shown}]", ylabel=f"{what} [{shown}]", title=title)
     for panel in (by_force, by_reference):
         panel.set_aspect("equal", adjustable="datalim")
     legend_below(figure, by_reference, columns=3)
@@ -185,18 +192,16 @@ def loop_figure(result: Design) -> Figure:
 def error_figure(result: Design) -> Figure:
     """Error over time on each level, on one scale; right: enlarged."""
     figure, axes = new_figure(len(Level), 2, share_x=True, height_in=5.8)
-    wanted = result.reference.tension_N
-    by_level = {
-        level: {c.name: result.on_level(c.name, level).output_N - wanted for c in result.compensators}
-        for level in Level
-    }
+    unit = result.reference.unit
+    wanted = unit.factor * result.reference.wanted
+    by_level = {level: {name: output - wanted for name, output in _delivered(result, level).items()} for level in Level}
     largest = max(float(np.max(np.abs(e))) for errors in by_level.values() for e in errors.values())
     zoomed = max(_zoom_limit({k: e for k, e in errors.items() if k not in _BARE}) for errors in by_level.values())
     for (whole, zoom), (level, errors) in zip(axes, by_level.items(), strict=True):
         here = " (design level)" if level is result.level else ""
         _draw(whole, result, errors, lambda c: c.label)
         _draw(zoom, result, {name: error for name, error in errors.items() if name not in _BARE})
-        whole.set(ylabel="error [N]", title=f"{level}{here}")
+        whole.set(ylabel=f"error [{unit.shown}]", title=f"{level}{here}")
         zoom.set(title="enlarged")
         for panel, limit in ((whole, 1.05 * largest), (zoom, zoomed)):
             if limit > 0:  # nothing to scale by where every compensator is exact
@@ -205,6 +210,12 @@ def error_figure(result: Design) -> Figure:
         panel.set_xlabel("time [s]")
     legend_below(figure, axes[0, 0], columns=3)
     return figure
+
+
+def _delivered(result: Design, level: Level) -> dict[str, FloatArray]:
+    """Output of each compensator on a level, by name, in the unit that figures show."""
+    factor = result.reference.unit.factor
+    return {c.name: factor * result.on_level(c.name, level).delivered for c in result.compensators}
 
 
 def _draw(

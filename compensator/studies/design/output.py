@@ -5,6 +5,7 @@ import os
 from dataclasses import asdict
 from pathlib import Path
 
+import numpy as np
 from rich.box import HEAVY_HEAD, SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
@@ -49,6 +50,7 @@ def profile_columns(result: Design) -> dict[str, FloatArray]:
     return {
         "time_s": result.reference.time_s,
         "reference_N": result.reference.tension_N,
+        **({} if result.reference.position_m is None else {"reference_m": result.reference.position_m}),
         **forces,
         **drive_columns(result),
         **joints,
@@ -57,21 +59,19 @@ def profile_columns(result: Design) -> dict[str, FloatArray]:
 
 def summary(result: Design) -> dict[str, object]:
     """The contents of `summary.json`."""
+    unit = result.reference.unit
 
-    def scores(verified: tuple[Verified, ...]) -> dict[str, dict[str, object]]:
-        found: dict[str, dict[str, object]] = {}
+    def scores(verified: tuple[Verified, ...]) -> dict[str, dict[str, dict[str, float]]]:
+        found: dict[str, dict[str, dict[str, float]]] = {}
         for one in verified:
-            entry: dict[str, object] = dict(one.score.named())
-            if one.position_error_m is not None:
-                entry |= {"rmse_m": one.position_error_m[0], "peak_error_m": one.position_error_m[1]}
-            found.setdefault(one.compensator, {})[one.plant.level.value] = entry
+            found.setdefault(one.compensator, {})[one.plant.level.value] = one.score.named(unit)
         return found
 
     error = result.stick_slip.expected_error_N
     return {
         **summary_head(result.scenario),
         "design_level": result.level.value,
-        "reference_range_N": result.reference.range_N,
+        f"reference_range_{unit.key}": float(np.ptp(result.reference.wanted)),
         "compensators": scores(result.verified),
         "proof": {
             "segments": FINE_SEGMENTS,
@@ -88,7 +88,7 @@ def summary(result: Design) -> dict[str, object]:
             "expected_error_N": error if math.isfinite(error) else None,
             "stretches": [asdict(stretch) for stretch in result.stick_slip.stretches],
         },
-        **({} if result.ignored is None else {"ignored_motion": result.ignored.ignored.named()}),
+        **({} if result.ignored is None else {"ignored_motion": result.ignored.named(unit)}),
         "warnings": list(result.warnings),
     }
 
@@ -125,7 +125,8 @@ def print_scores(result: Design, folder: Path) -> None:
         worst = result.expectation.worst_percent.get(name, math.inf)
         table.add_row(name, two_digits(worst), *[score.percent for score in result.scores(name)])
     console.print(table)
-    span = f"range {result.reference.range_N:.4g} N"
+    unit = result.reference.unit
+    span = f"range {unit.factor * np.ptp(result.reference.wanted):.4g} {unit.shown}"
     over = f"worst case: over {result.expectation.doubt}, on {FINE_SEGMENTS} masses; {span}"
     console.print(over, soft_wrap=True, markup=False, highlight=False)
     console.print("* design level, used for the worst case and the last column too")

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.expectation import two_digits
+from tendonff.compensator.compensators.next_step import limited_by, next_step, within_reach
 from tendonff.compensator.compensators.plant import FINE_REFINEMENT, FINE_SEGMENTS
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.reporting.colours import INK, Style
@@ -34,11 +35,11 @@ from tendonff.ocp.reference.hold import find_holds
 _MOVES_IN_A_HOLD = 0.05  # of the force's range: what is worth a word
 
 _CAPTIONS = {
-    "expectation": "Output tension of the recommended profile over all sampled parameters (band), and of the reference "
+    "expectation": "Output of the recommended profile over all sampled parameters (band), and of the reference "
     "applied directly with nominal ones. Below: the error; a curve that leaves the panel is larger.",
     "contributions": "RMS error of the recommended profile at the worse end of each interval alone, all else nominal; "
     "the line is the worst case with all of them together.",
-    "tension": "Reference and output tension of each profile with the design's own parameters. Below: the "
+    "tension": "Reference and output of each profile with the design's own parameters. Below: the "
     "compensated errors, enlarged; a curve that leaves the panel is larger.",
     "force": "Actuator force, its rate of change, and the travel of the actuator's end. Dashed: limits of the "
     "actuator; those off the scale are written.",
@@ -51,11 +52,12 @@ _CAPTIONS = {
 
 def headline(result: Design) -> str:
     """Expected error on a rig, and the next command."""
-    found, best = result.expectation, result.recommended
-    label = best.label
-    file = as_argument(result.scenario.source)
-    measure = f"tendonff identify {file} --suggest --out excite"
-    return found.headline(label, measure if found.doubt.is_assumed else f"tendonff export-c {file} --out c")
+    found, file = result.expectation, as_argument(result.scenario.source)
+    change = within_reach(result.scenario.transmission, float(result.reference.tension_N.max()))
+    if result.tracking is not None:
+        change = change or limited_by(found, result.tracking.reasons)
+    then = next_step(found, file, f"tendonff export-c {file} --out c", change=change)
+    return found.headline(result.recommended.label, then)
 
 
 def fine_print(result: Design) -> str:
@@ -74,15 +76,16 @@ def fine_print(result: Design) -> str:
 
 
 def interactive_panels(result: Design) -> Interactive:
-    """Output tension, force and error of all profiles, to be zoomed."""
+    """Output, force and error of all profiles, to be zoomed."""
     reference = result.reference
-    output, force, error = {"reference": (reference.tension_N, Style(color=INK, linestyle="-"))}, {}, {}
+    factor, shown = reference.unit.factor, reference.unit.shown
+    output, force, error = {"reference": (factor * reference.wanted, Style(color=INK, linestyle="-"))}, {}, {}
     for c in result.compensators:
-        delivered = result.on_proof(c.name).output_N
-        output[c.label] = (delivered, c.style)
+        delivered = result.on_proof(c.name).delivered
+        output[c.label] = (factor * delivered, c.style)
         force[c.label] = (result.profiles[c.name].force_N, c.style)
-        error[c.label] = (delivered - reference.tension_N, c.style)
-    panels = {"output tension [N]": output, "actuator force [N]": force, "error [N]": error}
+        error[c.label] = (factor * (delivered - reference.wanted), c.style)
+    panels = {f"{reference.output} [{shown}]": output, "actuator force [N]": force, f"error [{shown}]": error}
     return Interactive(
         html=interactive_view(reference.time_s, panels),
         caption="Drag a box to zoom, hover for values, click a name in a legend to hide its curve. "
@@ -95,7 +98,7 @@ def design_report(result: Design, figures: dict[str, Figure], view: Interactive 
     joints = "" if result.ignored is None else " Bottom: the joint angles."
     ignored = () if result.ignored is None else (Text(result.ignored.text),)
     pictures = pictures_of(figures, {**_CAPTIONS, "tension": _CAPTIONS["tension"] + joints})
-    worst = result.expectation.worst_percent
+    worst, unit = result.expectation.worst_percent, result.reference.unit
     scores = Table(
         caption=f"RMS error, % of reference range. Worst case: over {result.expectation.doubt}, on {FINE_SEGMENTS} "
         "masses; the other columns: the design's own parameters; * design level, used for the first and last column",
@@ -117,9 +120,12 @@ def design_report(result: Design, figures: dict[str, Figure], view: Interactive 
         one_quantity=True,
     )
     peaks = Table(
-        caption="Largest error [N], the design's own parameters",
+        caption=f"Largest error [{unit.shown}], the design's own parameters",
         columns=("profile", *(level.value for level in Level)),
-        rows=[(c.label, *(score.peak_error for score in result.scores(c.name)[:-1])) for c in result.compensators],
+        rows=[
+            (c.label, *(unit.factor * score.peak_error for score in result.scores(c.name)[:-1]))
+            for c in result.compensators
+        ],
         least=1e-3,
         one_quantity=True,
     )
@@ -133,7 +139,7 @@ def design_report(result: Design, figures: dict[str, Figure], view: Interactive 
                 title="What to expect", blocks=(pictures["expectation"], scores, pictures["contributions"], *ignored)
             ),
             *([] if view is None else [Section(title="Interactive view", blocks=(view,))]),
-            Section(title="Output tension", blocks=(pictures["tension"], peaks, *_positions(result))),
+            Section(title=result.reference.output.capitalize(), blocks=(pictures["tension"], peaks)),
             Section(title="Actuator force", blocks=(pictures["force"], *_holds(result), *_solver(result))),
             Section(title="Sizing the drive", blocks=(pictures["drive"], *_drive(result))),
             Section(title="Hysteresis", blocks=(pictures["loop"],)),
@@ -170,25 +176,6 @@ def _holds(result: Design) -> tuple[Block, ...]:
         'move: hold = "keep" in [reference] keeps the force, and the report states what that costs.'
     )
     return (Text(note),)
-
-
-def _positions(result: Design) -> tuple[Block, ...]:
-    """Errors of the load's position, where the reference is a position."""
-    if result.reference.position_m is None:
-        return ()
-    span = float(np.ptp(result.reference.position_m))
-    rows = []
-    for c in result.compensators:
-        own, fine = (v.position_error_m for v in (result.on_level(c.name, result.level), result.on_proof(c.name)))
-        if own is not None and fine is not None:
-            share = 100 * fine[0] / span if span > 0 else None
-            rows.append((c.label, own[0], own[1], fine[0], fine[1], share))
-    table = Table(
-        caption="Error of the load's position: design level, and finer chain",
-        columns=("profile", "RMS [m]", "largest [m]", "RMS, finer [m]", "largest, finer [m]", "% of range, finer"),
-        rows=tuple(rows),
-    )
-    return (table,)
 
 
 def _drive(result: Design) -> tuple[Block, ...]:

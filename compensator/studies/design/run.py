@@ -25,6 +25,7 @@ from tendonff.compensator.studies.design.drive_use import drive_warnings
 from tendonff.compensator.studies.design.output import write_files
 from tendonff.compensator.studies.design.result import Design
 from tendonff.models.fidelity import Level
+from tendonff.models.turns import in_turn
 from tendonff.ocp.tendon.inverse import invert
 from tendonff.ocp.tendon.stability import predict_stick_slip
 from tendonff.ocp.tracking.options import TrackOptions
@@ -32,6 +33,7 @@ from tendonff.ocp.tracking.options import TrackOptions
 register_writer(Design, write_files)
 
 
+@in_turn
 def design(
     scenario: Scenario,
     *,
@@ -97,7 +99,7 @@ def design(
             found.append(verify(plant, name, profile, reference) if tried is None else replace(tried, compensator=name))
             parts.done()
     judged = [v for v in verified if v.plant.level is level]
-    warnings += harm_warnings({v.compensator: v.score for v in judged}, reference.tension_N)
+    warnings += harm_warnings({v.compensator: v.score for v in judged}, reference.wanted)
     warnings += _promises(judged, proof, is_compared=not problem.is_robust)
     warnings += slack_warnings({(v.compensator, v.plant.level.value): v.slack for v in verified if v.slack})
     result = Design(

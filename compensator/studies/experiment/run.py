@@ -22,6 +22,7 @@ from tendonff.compensator.studies.experiment.output import write_files
 from tendonff.compensator.studies.experiment.result import ExperimentResult, ExperimentRun
 from tendonff.compensator.studies.experiment.rig import Plan, Rig, RigRows
 from tendonff.models.fidelity import Level
+from tendonff.models.turns import in_turn
 
 Ends = tuple[float | None, float | None]
 
@@ -80,6 +81,7 @@ def _scales(rates: FloatArray, starts_N: Ends, ends_N: Ends, step_s: float) -> F
     return scales
 
 
+@in_turn
 def experiment(
     scenario: Scenario, measured: str | os.PathLike[str] | None = None, *, progress: Progress = silent
 ) -> ExperimentResult:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.compensators.score import score
 from tendonff.compensator.joint.compensators import JointTask, compensators_of, joint_compensator
 from tendonff.compensator.joint.scenario.scenario import JointScenario
@@ -123,7 +124,7 @@ class JointExplorer(Subject):
         commands = {curve.name: joint_compensator(curve.name).command_rad(design) for curve in self.fast}
         found = task.expect(commands)
         label = joint_compensator(found.recommended).label
-        return found.headline(label, f"tendonff design {self.file} --out out")
+        return found.headline(label, next_step(found, self.file, f"tendonff design {self.file} --out out"))
 
     def toml(self, values: Mapping[str, float]) -> str:  # noqa: ARG002
         """There is none: a scenario of a joint is not written anew, its comments would be lost."""

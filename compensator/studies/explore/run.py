@@ -2,14 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from tendonff.compensator.compensators.base import Compensator, Problem, answers_of, with_motion
 from tendonff.compensator.compensators.expectation import expect
-from tendonff.compensator.compensators.plant import Plant
+from tendonff.compensator.compensators.next_step import next_step
+from tendonff.compensator.compensators.plant import Plant, delivered_of
 from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import score, verify
@@ -17,6 +17,7 @@ from tendonff.compensator.compensators.uncertain import Doubt
 from tendonff.compensator.files.progress import Parts, silent
 from tendonff.compensator.reporting.colours import PURPLE, Style
 from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, Joint, SineJoint, WaypointJoint
+from tendonff.compensator.scenario.reference import ReferenceSpec
 from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario, scenario_to_toml
@@ -144,29 +145,34 @@ SLOW = (
 """These take a second or more, and come when they are asked for."""
 
 
+def _panels(wanted: ReferenceSpec) -> dict[str, Panel]:
+    """Panels of a page whose curves are compared with this reference."""
+    what, unit = wanted.output, wanted.unit.shown
+    short = what.rpartition(" ")[2]
+    return {
+        "loop": Panel(
+            title="Tendon hysteresis", x="given", y="output", x_label="force [N]", y_label=f"{what} [{unit}]"
+        ),
+        "force": Panel(title="Force profile", x="time", y="given", x_label="time [s]", y_label="force [N]"),
+        "output": Panel(
+            title=f"{what.capitalize()} (black: reference)",
+            x="time",
+            y="output",
+            x_label="time [s]",
+            y_label=f"{short} [{unit}]",
+        ),
+        "error": Panel(title="Error", x="time", y="error", x_label="time [s]", y_label=f"error [{unit}]"),
+    }
+
+
 class Explorer(Subject):
     """A scenario of a tension to be explored."""
 
-    panels = MappingProxyType(
-        {
-            "loop": Panel(
-                title="Tendon hysteresis", x="given", y="output", x_label="force [N]", y_label="output tension [N]"
-            ),
-            "force": Panel(title="Force profile", x="time", y="given", x_label="time [s]", y_label="force [N]"),
-            "output": Panel(
-                title="Output tension (black: reference)",
-                x="time",
-                y="output",
-                x_label="time [s]",
-                y_label="tension [N]",
-            ),
-            "error": Panel(title="Error", x="time", y="error", x_label="time [s]", y_label="error [N]"),
-        }
-    )
     fast, slow = FAST, SLOW
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
+        self.panels = _panels(scenario.reference)
         self.start = start = ExploreParameters.of(scenario)
         self.name, self.file = scenario.name, scenario.source.name
         angle, mu = start.total_angle_deg, start.mu
@@ -252,7 +258,10 @@ class Explorer(Subject):
         reference = problem.reference
         rows = slice(None, None, max(1, len(reference.time_s) // MOST_POINTS))
         return Exploration(
-            time_s=reference.time_s[rows], wanted=reference.tension_N[rows], courses=courses, notes=tuple(notes)
+            time_s=reference.time_s[rows],
+            wanted=reference.unit.factor * reference.wanted[rows],
+            courses=courses,
+            notes=tuple(notes),
         )
 
     def worst_case_at(self, parameters: ExploreParameters, *, design_knows: bool = True) -> str:
@@ -264,7 +273,8 @@ class Explorer(Subject):
         profiles = answers_of(problem, fast, Parts(silent, len(fast))).profiles
         found = expect(doubt, problem.level, profiles, problem.reference)
         file = self._scenario.source.name
-        return found.headline(labels[found.recommended], f"tendonff design {file} --out out")
+        then = next_step(found, file, f"tendonff design {file} --out out")
+        return found.headline(labels[found.recommended], then)
 
     def _posed(self, parameters: ExploreParameters, *, design_knows: bool) -> tuple[Problem, Transmission]:
         """The problem of the nominal design, and the plant that it is tried on."""
@@ -285,8 +295,8 @@ def _course(
     """Curve on the plant; warnings go to `notes`."""
     reference = problem.reference
     if curve.compensator is None:
-        force, output = _tuned(problem, plant, settings or Adaptation(sensor=Sensor.ACTUATOR_POSITION))
-        return _thinned(problem, force, output)
+        force, tension = _tuned(problem, plant, settings or Adaptation(sensor=Sensor.ACTUATOR_POSITION))
+        return _thinned(problem, force, delivered_of(plant.load, tension, reference))
     if reason := curve.compensator.refusal(problem):
         raise SolveError(reason)
     profile: Profile = with_motion(problem, curve.name, curve.compensator.profile(problem))
@@ -295,7 +305,7 @@ def _course(
     found = verify(Plant(plant, problem.level), curve.name, profile, reference)
     if found.slack:
         notes.append(f"{curve.label}: {found.slack.message}")
-    return _thinned(problem, profile.force_N, found.output_N)
+    return _thinned(problem, profile.force_N, found.delivered)
 
 
 def _tuned(problem: Problem, plant: Transmission, settings: Adaptation) -> tuple[FloatArray, FloatArray]:
@@ -308,13 +318,14 @@ def _tuned(problem: Problem, plant: Transmission, settings: Adaptation) -> tuple
     return np.concatenate([[start], run.force_N]), np.concatenate([[start], run.tension_N])
 
 
-def _thinned(problem: Problem, force_N: FloatArray, output_N: FloatArray) -> Course:
+def _thinned(problem: Problem, force_N: FloatArray, output: FloatArray) -> Course:
     reference = problem.reference
+    factor = reference.unit.factor
     rows = slice(None, None, max(1, len(reference.time_s) // MOST_POINTS))
     return Course(
         time_s=reference.time_s[rows],
         given=force_N[rows],
-        output=output_N[rows],
-        error=(output_N - reference.tension_N)[rows],
-        score=score(reference.tension_N, output_N),
+        output=factor * output[rows],
+        error=factor * (output - reference.wanted)[rows],
+        score=score(reference.wanted, output),
     )

@@ -23,6 +23,7 @@ from tendonff.models.layout import ChainInputs
 from tendonff.models.parameters.drive import Drive
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.errors import SolveError
+from tendonff.ocp.integrate.method import Method
 from tendonff.ocp.tendon.crosscheck import StepHalving
 from tendonff.ocp.tendon.simulate import Simulator, describe_failure, tensions_of
 
@@ -111,14 +112,17 @@ def simulate_force(
     out: Path,
     *,
     check: bool = False,
+    method: Method = Method.BDF2,
     progress: Progress = silent,
 ) -> SimulatedForce:
     """Simulate the chain under a force file, from rest at the scenario's initial tension, and write the rows.
 
     The file has the columns `time_s,force_N,tension_1_N,...,actuator_position_m,load_position_m`. A check runs with a
-    half and a quarter of the step as well and states the error estimate. SolveError when a step cannot be solved;
-    nothing is written then.
+    half and a quarter of the step as well and states the error estimate; an integrator has no step to check. SolveError
+    when a step cannot be solved; nothing is written then.
     """
+    if check and method is not Method.BDF2:
+        raise InputError(f"--check halves the fixed step, which --method {method} does not have; leave one of them out")
     step = scenario.run.step_s
     total = profile.steps(step) + 1
     if total > 2_000_000_000:
@@ -136,7 +140,7 @@ def simulate_force(
     pieces = [(first, min(first + size, total)) for first in range(1, total, size)]
     columns = [*names, "actuator_position_m", "load_position_m"]
     with open_csv(out, columns) as stream, ThreadPoolExecutor(max_workers=1) as worker:
-        run = _Run(chain, profile, start_tension, step, check=check)
+        run = _Run(chain, profile, start_tension, step, check=check, method=method)
         stream.write(run.first_row())
         # Compiled steps leave the interpreter free to write what came before them.
         computed = (worker.submit(run.next_rows, *piece) for piece in pieces)
@@ -165,7 +169,14 @@ class _Run:
     """A simulation on its way from chunk to chunk."""
 
     def __init__(
-        self, chain: Chain, profile: ForceProfile, start_tension: float, step_s: float, *, check: bool
+        self,
+        chain: Chain,
+        profile: ForceProfile,
+        start_tension: float,
+        step_s: float,
+        *,
+        check: bool,
+        method: Method,
     ) -> None:
         self._chain, self._profile, self._step = chain, profile, step_s
         state = chain.rest_state(start_tension)
@@ -174,7 +185,7 @@ class _Run:
         self.first_force = first_drive - self._spring * state.near_position_m
         start = ChainInputs.of_force(np.array([first_drive]))
         self._first = state.vector()
-        self._simulator = Simulator(chain, step_s, state, start)
+        self._simulator = Simulator(chain, step_s, state, start, method=method)
         self.halving = StepHalving(chain, step_s, state, first_drive) if check else None
         self.slack_rows = 0
         self.first_slack_s = math.nan

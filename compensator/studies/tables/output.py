@@ -73,6 +73,6 @@ def summary(result: Tables) -> dict[str, object]:
         "parameters": asdict(scenario.transmission),
         "valid_reference_N": [float(first.reference_N[0]), float(first.reference_N[-1])],
         "adhesion_N": first.adhesion_N,
-        "expected_error": {level: score.named() for level, score in result.scores.items()},
+        "expected_error": {level: score.named(result.reference.unit) for level, score in result.scores.items()},
         "tables": [one(item) for item in result.tables],
     }

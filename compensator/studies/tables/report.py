@@ -11,7 +11,7 @@ def table_report(result: Tables, picture: Path) -> Report:
     """The page of a table, whose figure is written already."""
     own = result.scores[result.level]
     first = result.tables[0].built
-    covered = first.table.reference_N
+    covered, unit = first.table.reference_N, result.reference.unit
     sizes = Table(
         caption="Tables in table.csv",
         columns=(
@@ -38,9 +38,9 @@ def table_report(result: Tables, picture: Path) -> Report:
     )
     scores = Table(
         caption="The scenario's own table as a compensator, within the actuator's limits",
-        columns=("plant", "RMS error [% of range]", "RMS error [N]", "largest error [N]"),
+        columns=("plant", "RMS error [% of range]", f"RMS error [{unit.shown}]", f"largest error [{unit.shown}]"),
         rows=[
-            (level.value, score.rmse_percent_of_range, score.rmse, score.peak_error)
+            (level.value, score.rmse_percent_of_range, unit.factor * score.rmse, unit.factor * score.peak_error)
             for level, score in result.scores.items()
         ],
     )

@@ -4,6 +4,7 @@ import os
 from dataclasses import dataclass
 
 from tendonff.compensator.compensators.expectation import Expectation
+from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.compensators.score import Score
 from tendonff.compensator.compensators.table import BuiltTable
 from tendonff.compensator.files.results import writer_of
@@ -80,9 +81,9 @@ class Tables:
     @property
     def headline(self) -> str:
         """Expected error on a rig, in one sentence."""
-        return self.expectation.headline(
-            "compensation table", f"tendonff export-c {as_argument(self.scenario.source)} --out c"
-        )
+        file = as_argument(self.scenario.source)
+        then = next_step(self.expectation, file, f"tendonff export-c {file} --out c")
+        return self.expectation.headline("compensation table", then)
 
     def write(self, folder: str | os.PathLike[str], *, prefix: str = "tff", pdf: bool = False) -> None:
         """Write `table.csv`, `table.json`, `table.h`, a figure and `report.html`, all or nothing; makes the folder.

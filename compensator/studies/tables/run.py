@@ -17,11 +17,13 @@ from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.studies.tables.output import write_files
 from tendonff.compensator.studies.tables.result import AngleTable, Tables
 from tendonff.models.fidelity import Level
+from tendonff.models.turns import in_turn
 from tendonff.ocp.tracking.diagnosis import law_of, reasons
 
 register_writer(Tables, write_files)
 
 
+@in_turn
 def make_tables(
     scenario: Scenario,
     *,
@@ -85,8 +87,10 @@ def make_tables(
     scores = {on: verify(Plant(transmission, on), "table", profile, reference).score for on in Level}
     nothing = verify(Plant(transmission, problem.level), "none", profiles["none"], reference).score
     bands = error_bands(problem.doubt, problem.level, profiles, reference)
-    expectation = expectation_of(problem.doubt, problem.level, bands, reference.share_of, recommended="table")
-    harm = harm_warnings({"none": nothing, "table": scores[problem.level]}, reference.tension_N)
+    expectation = expectation_of(
+        problem.doubt, problem.level, bands, reference.share_of, reference.unit, recommended="table"
+    )
+    harm = harm_warnings({"none": nothing, "table": scores[problem.level]}, reference.wanted)
     met = limit_warnings("table", compensation.wanted_N(problem), profile.force_N)
     bounds = problem.options.minimum_tension_N, problem.options.maximum_tension_N
     needed = problem.inversion.force_N, reference.step_s, problem.limits

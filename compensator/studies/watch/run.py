@@ -16,8 +16,10 @@ from tendonff.compensator.studies.watch.output import Watch
 from tendonff.compensator.studies.watch.windows import Window, fit_window, windows_of
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.closed_form import GrossSliding, data_sheet
+from tendonff.models.turns import in_turn
 
 
+@in_turn
 def watch(
     scenario: JointScenario,
     data: Sequence[str | os.PathLike[str]],

@@ -7,9 +7,7 @@ import numpy as np
 
 from tendonff.models.errors import LARGEST, ParameterError, require, require_given
 from tendonff.models.layout import Array
-
-NO_STOP_RAD = 1e3
-"""Where a stop is said to be that is not there [rad]: no joint turns so far."""
+from tendonff.models.mechanism.loads import NOWHERE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +79,7 @@ class DrivenJoint:
     def stops_rad(self) -> tuple[float, float]:
         """Angles of both stops, far away where there is none [rad]."""
         low, high = self.stop_low_rad, self.stop_high_rad
-        return -NO_STOP_RAD if low is None else low, NO_STOP_RAD if high is None else high
+        return -NOWHERE if low is None else low, NOWHERE if high is None else high
 
     def static_torque_N_m(self, angle_rad: Array) -> Array:
         """Torque that tendons hold at rest at an angle: spring, gravity and stops [N m]."""

@@ -55,6 +55,8 @@ class Mechanism:
         if len(set(names)) != len(names):
             raise ParameterError(f"tendons need different names, got {', '.join(names)}")
         for tendon in self.tendons:
+            if len(tendon.arms) != 1:
+                raise ParameterError(f'tendon "{tendon.name}" needs one moment arm, got {len(tendon.arms)}')
             if tendon.arm.joint != self.joint.name:
                 raise ParameterError(
                     f'tendon "{tendon.name}" names the joint "{tendon.arm.joint}", which is not driven'

@@ -126,7 +126,8 @@ class JointTendon:
     friction : Friction
         On this path.
     arms : tuple of Arm
-        One for each joint that moves its far end.
+        One for each joint that moves its far end; none where that is fixed to a bone and sections of the path alone
+        follow joints.
     """
 
     name: str
@@ -136,14 +137,15 @@ class JointTendon:
     arms: tuple[Arm, ...]
 
     def __post_init__(self) -> None:
-        if len(self.arms) != 1:
-            raise ParameterError(
-                f'tendon "{self.name}": a tendon moves with one driven joint for now, got {len(self.arms)} arms'
-            )
+        joints = [arm.joint for arm in self.arms]
+        if len(set(joints)) != len(joints):
+            raise ParameterError(f'tendon "{self.name}" has two moment arms about one joint, got {", ".join(joints)}')
 
     @property
     def arm(self) -> Arm:
-        """Effect of the driven joint on its far end."""
+        """Effect of the one joint that moves its far end; AttributeError where there are several or none."""
+        if len(self.arms) != 1:
+            raise AttributeError(f'tendon "{self.name}" has {len(self.arms)} arms')
         return self.arms[0]
 
     def follows(self, joint: str) -> bool:

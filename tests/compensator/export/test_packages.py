@@ -19,6 +19,7 @@ from tendonff.compensator.export.text.c_text import c_sources, package_files
 from tendonff.compensator.runtime.runtime import Runtime
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.codegen.precision import Precision
 from tests.compensator.export.structured_text import Block
 
@@ -117,28 +118,55 @@ def controller(folder, built, modules):
     return built / "controller"
 
 
+def lived(program, *arguments, given):
+    """Commands and status of every update of a controller, and of its deactivation."""
+    done = subprocess.run([program, *arguments], input=given, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    commands, status = np.array([list(map(float, line.split())) for line in done.stdout.splitlines()]).T
+    return commands, status.astype(int), done.stderr
+
+
 def test_the_ros_2_controller_takes_the_joints_that_move_the_path_from_their_states(examples, tmp_path):
     if shutil.which("g++") is None or shutil.which("gcc") is None:
         pytest.skip("g++ is not installed")
     scenario = load_scenario(examples / "finger_moving.toml")
-    modules = [module for module in c_modules(scenario, True) if module.name == "inverse"]
+    program = built(scenario, tmp_path, ("parameters", "limits", "path", "inverse"))
     problem = Problem.of(scenario)
-    arguments = (scenario, problem, modules, Precision.DOUBLE, "tff")
-    for name, text in (c_sources(*arguments) | package_files(*arguments)).items():
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).write_text(text)
     reference, runtime = sample_reference(scenario), Runtime(scenario, kind="inverse")
     rows = slice(0, 400)
     angles = problem.chain.motion.at(reference.time_s)[rows]
     tensions = reference.tension_N[rows]
     expected = [runtime.step(float(t), joints=q) for t, q in zip(tensions, angles.tolist(), strict=True)]
     given = "\n".join(" ".join(map(repr, row)) for row in np.column_stack([tensions, angles]).tolist())
-    program = controller(tmp_path, tmp_path, ("parameters", "limits", "path", "inverse"))
-    done = subprocess.run(
-        [program, repr(reference.step_s), *runtime.joints], input=given, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    assert list(map(float, done.stdout.split())) == pytest.approx(expected, rel=1e-12)
+    commands, _, _ = lived(program, repr(reference.step_s), "effort", "30", *runtime.joints, given=given)
+    assert commands[:-1] == pytest.approx(expected, rel=1e-12)
+
+
+def built(scenario, folder, names):
+    """The controller of a scenario's inverse, whose C has these modules."""
+    modules = [module for module in c_modules(scenario, True) if module.name == "inverse"]
+    arguments = (scenario, Problem.of(scenario), modules, Precision.DOUBLE, "tff")
+    for name, text in (c_sources(*arguments) | package_files(*arguments)).items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
+    return controller(folder, folder, names)
+
+
+def test_the_ros_2_controller_of_a_position_drive_commands_positions_from_where_the_actuator_is(scenario, tmp_path):
+    """Metres never reach an effort interface; deactivated it holds its last position."""
+    if shutil.which("g++") is None or shutil.which("gcc") is None:
+        pytest.skip("g++ is not installed")
+    actuator = replace(scenario.transmission.actuator, drive=Drive.POSITION, servo_stiffness_N_per_m=2e5)
+    servo = replace(scenario, transmission=replace(scenario.transmission, actuator=actuator))
+    program = built(servo, tmp_path, ("parameters", "limits", "inverse"))
+    reference, runtime = sample_reference(servo), Runtime(servo, kind="inverse")
+    tensions = reference.tension_N[:300]
+    expected = np.array([0.37 + runtime.step(float(tension)) for tension in tensions])
+    given = "\n".join(map(repr, tensions.tolist()))
+    commands, _, _ = lived(program, repr(reference.step_s), "position", "0.37", given=given)
+    assert commands[:-1] == pytest.approx(expected, abs=1e-12)
+    assert np.ptp(expected) > 1e-4
+    assert commands[-1] == commands[-2]
 
 
 def test_the_ros_2_controller_answers_what_the_c_answers_at_any_rate(files, folder, course, tmp_path, scenario):
@@ -152,12 +180,26 @@ def test_the_ros_2_controller_answers_what_the_c_answers_at_any_rate(files, fold
     given = "\n".join(repr(float(v)) for v in course)
     runtime = Runtime(scenario, kind="inverse", start=float(course[0]))
     slower = np.array([runtime.step(float(reference), dt=2.5e-3) for reference in course])
+    start = repr(float(course[0]))
     for period, expected in (("1e-3", answered["inverse"]), ("2.5e-3", slower)):
-        done = subprocess.run([program, period], input=given, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stderr
-        assert "update_rate must be 33.3333 to 2000 Hz, got 20" in done.stderr
-        commands = np.array(list(map(float, done.stdout.split())))
-        assert commands == pytest.approx(expected, rel=1e-12)
+        commands, status, said = lived(program, period, "effort", start, given=given)
+        assert "update_rate must be 33.3333 to 2000 Hz, got 20" in said
+        assert 'start must be "measured" or "rest", got "now"' in said
+        assert "the effort of finger is no number" in said
+        assert commands[:-1] == pytest.approx(expected, rel=1e-12)
+        assert {0, 1, 4} <= set(status.tolist())
+        assert commands[-1] == 0  # deactivated
+
+
+def test_the_ros_2_controller_goes_on_from_the_effort_that_acts(folder, course, tmp_path):
+    """5 N more than the reference: friction is taken to hold them, and no update changes the effort by a newton."""
+    if shutil.which("g++") is None or shutil.which("gcc") is None:
+        pytest.skip("g++ is not installed")
+    program = controller(folder, tmp_path, ("parameters", "limits", "inverse"))
+    given = "\n".join([repr(float(course[0]))] * 400)
+    commands, _, _ = lived(program, "1e-3", "effort", repr(float(course[0]) + 5), given=given)
+    assert commands[0] == pytest.approx(course[0] + 5, abs=0.5)
+    assert np.abs(np.diff(commands[:-1])).max() < 1
 
 
 def test_the_zephyr_module_builds_every_source(folder, tmp_path):

@@ -13,11 +13,16 @@ from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.profile import Profile
 from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.export.golden import golden_vectors
+from tendonff.compensator.export.host import run_on_host
 from tendonff.compensator.export.judgement import judge, profiles_of
+from tendonff.compensator.export.modules import OBSERVER
+from tendonff.compensator.export.observer import ObserverDesign, observer_golden
 from tendonff.compensator.export.self_test import Status, checksum, limit_cases, self_test_context
-from tendonff.compensator.scenario.reference import Shape, WaypointReference
+from tendonff.compensator.export.text.c_text import c_sources
+from tendonff.compensator.scenario.reference import Shape, SineReference, WaypointReference
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import load_scenario, scenario_to_toml
+from tendonff.models.fidelity import Level
 from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import SolveError
@@ -200,6 +205,25 @@ def test_the_self_test_passes_and_dies_with_every_safety_mutant(exported, precis
 
 
 @pytest.mark.compiler
+def test_a_profile_alone_passes_its_own_test_with_either_compiler(finger, monkeypatch, tmp_path):
+    """No data and no function of the self test are left over, where modules that follow a reference do harm."""
+    from tendonff.compensator.export import c_project
+
+    if shutil.which("make") is None:
+        pytest.skip("make is not installed")
+
+    def only_the_profile(problem, forces):
+        return tuple(replace(e, fault="" if e.module in ("none", "profile") else "bad") for e in judge(problem, forces))
+
+    monkeypatch.setattr(c_project, "judge", only_the_profile)
+    export_project(finger, profile_N=sample_reference(finger).tension_N).write(tmp_path)
+    for compiler in filter(shutil.which, ("gcc", "clang")):
+        command = ["make", "-s", "clean", "test", f"CC={compiler}", "CFLAGS=-O0"]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.compiler
 def test_what_single_precision_loses_is_measured_and_said(exported, finger):
     """finger_fast loses little; a chain of light, stiff links at a tiny step loses much, and its report says so."""
     losses = json.loads(exported[Precision.FLOAT].files["design.json"])["float_loss"]
@@ -245,6 +269,38 @@ def test_golden_vectors_of_a_cycle_know_the_joints_beyond_its_period(examples):
     time = np.arange(len(course.reference_N)) * reference.step_s
     assert time[-1] > 2 * rows[-1]
     assert course.chain.motion.at(time) == pytest.approx(course.joint_rad, abs=1e-12)
+
+
+@pytest.mark.compiler
+def test_golden_vectors_of_the_observer_end_before_what_rounding_leaves_grows(finger):
+    """A cycle under static friction above dynamic, where roundings grow by 2700: they would come near the tolerance."""
+    rig = finger.transmission
+    friction = replace(rig.friction, mu_dynamic=0.147, mu_static=0.176, viscous_N_s_per_m=1.55, adhesion_N=1.68)
+    rig = replace(
+        rig,
+        path=replace(rig.path, total_angle_rad=3.61, segments=8),
+        tendon=replace(rig.tendon, stiffness_N_per_m=4.8e4, damping_N_s_per_m=1.5),
+        friction=replace(friction, bristle_stiffness_N_per_m=4.5e5),
+        actuator=replace(rig.actuator, mass_kg=0.17, damping_N_s_per_m=10.3, force_max_N=250.0),
+        load=replace(rig.load, mass_kg=0.0078, stiffness_N_per_m=3950.0),
+    )
+    cycle = SineReference(
+        initial_tension_N=74.7,
+        amplitudes_N=(19.5,),
+        frequencies_Hz=(2.5,),
+        duration_s=0.4,
+        fade_in_s=0.0,
+        periodic=True,
+    )
+    run_as = replace(finger.run, step_s=5e-4, level=Level.ELASTIC)
+    problem = Problem.of(scenario := replace(finger, transmission=rig, reference=cycle, run=run_as))
+    course = golden_vectors(problem, None, Precision.DOUBLE).course
+    golden = observer_golden(ObserverDesign(problem=problem), course.chain, course.reference_N, Precision.DOUBLE)
+    assert 200 < len(golden.output_N) < len(course.reference_N)
+    sources = c_sources(scenario, problem, [OBSERVER], Precision.DOUBLE, "tff")
+    given = {OBSERVER.name: golden.given(without_position=True)}
+    (found,) = run_on_host(sources, "tff", Precision.DOUBLE, [given])
+    assert np.abs(found[OBSERVER.name] - golden.output_N).max() < 1e-10 * golden.input_N.max()
 
 
 def test_bits_of_a_position_drive_follow_forces_not_by_commands(finger):

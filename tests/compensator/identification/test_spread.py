@@ -54,6 +54,26 @@ def test_directions_that_are_known_only_together_vary_together(fitted):
     assert first.half_width == 0.05
 
 
-def test_a_value_that_was_not_fitted_has_no_spread(fitted):
+def test_a_value_that_was_not_fitted_has_no_interval(fitted):
     kept = replace(VALUES[1], fitted=False)
     assert not with_spread(fitted, (kept,), (), np.eye(0)).robust.spread
+
+
+@pytest.mark.parametrize(("stated", "assumed"), [(0.0, 0.1), (0.3, 0.3)])
+def test_friction_that_is_kept_has_the_width_that_is_stated_or_assumed(fitted, stated, assumed):
+    """Beside the interval of another value it would count as known exactly."""
+    asked = replace(fitted, robust=replace(fitted.robust, mu=stated))
+    found = with_spread(asked, (estimate("stiffness_N_per_m", 1.5e4, 300.0),), (), np.eye(0)).robust
+    assert [spread.name for spread in found.spread] == ["tendon.stiffness_N_per_m"]
+    assert found.mu == assumed
+    one = with_spread(asked, VALUES[1:2], ("mu_dynamic",), np.eye(1)).robust  # the release is kept
+    assert {spread.name: spread.half_width for spread in one.spread} == {
+        "friction.mu_dynamic": 0.02,
+        "friction.mu_dynamic_release": assumed,
+    }
+    assert one.mu == 0
+
+
+def test_where_nothing_is_stated_or_identified_nothing_is_written(fitted):
+    asked = replace(fitted, robust=replace(fitted.robust, mu=0.0))
+    assert with_spread(asked, (), (), np.eye(0)).robust == asked.robust

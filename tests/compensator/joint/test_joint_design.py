@@ -1,8 +1,10 @@
 """Design and simulation of a joint from the command line."""
 
+import contextlib
 import csv
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -33,8 +35,15 @@ def hand(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for key in ("resolution_rad", "command_interval_s"):
         text = "".join(line for line in text.splitlines(keepends=True) if not line.startswith(key))
     (folder / "hand.toml").write_text(text, "utf-8")
-    assert run(["design", str(folder / "hand.toml"), "--out", str(folder / "out")]) == 0
+    with (folder / "said.txt").open("w", encoding="utf-8") as said, contextlib.redirect_stderr(said):
+        assert run(["design", str(folder / "hand.toml"), "--out", str(folder / "out"), "--check", "idas"]) == 0
     return folder
+
+
+def test_the_recommended_motor_angle_is_checked_by_an_integrator(hand: Path) -> None:
+    said = " ".join((hand / "said.txt").read_text("utf-8").split())
+    [apart] = re.findall(r"check by idas: exact inverse, .* RMS \(([\d.e-]+) % of range\)", said)
+    assert 0 < float(apart) < 0.05
 
 
 def test_a_loop_is_designed_with_its_data_sheet(hand: Path) -> None:

@@ -7,6 +7,7 @@ import pytest
 
 from tendonff.compensator.cli import run
 from tendonff.compensator.files.text import InputError
+from tendonff.compensator.joint.design.run import design_joint
 from tendonff.compensator.joint.scenario.scenario import load_joint_scenario, parse_joint_scenario, sample_joint
 from tendonff.models.joint.parameters import DriveKind
 
@@ -113,6 +114,44 @@ def test_what_is_wrong_is_refused_with_the_way_out(hand: str, old: str, new: str
         return
     with pytest.raises(InputError, match=message):
         sample_joint(parse_joint_scenario(hand.replace(old, new)))
+
+
+STOPS = "stop_high_rad = {high}\nstop_low_rad = {low}\nstop_stiffness_N_m_per_rad = 100.0\n[path] "
+
+
+def stopped(hand: str, low: float, high: float) -> str:
+    return hand.replace("[path] ", STOPS.format(low=low, high=high), 1)
+
+
+def test_a_reference_beyond_a_stop_is_taken_back_to_it_smoothly_and_says_stop_and_time(hand: str) -> None:
+    free = sample_joint(parse_joint_scenario(hand))
+    kept = sample_joint(parse_joint_scenario(stopped(hand, -0.5, 1.0)))
+    (warning,) = kept.warnings
+    assert "it goes to 1.1 rad at t = 2.2 s, beyond stop_high_rad = 1 of the joint" in warning
+    assert kept.angle_rad.max() <= 1.0
+    assert kept.angle_rad.max() == pytest.approx(1.0, abs=1e-12)
+    far = free.angle_rad < 0.95
+    assert np.array_equal(kept.angle_rad[far], free.angle_rad[far])
+    bend, clipped = (np.abs(np.diff(x, 2)).max() for x in (kept.angle_rad, np.minimum(free.angle_rad, 1.0)))
+    assert bend < 0.1 * clipped  # the speed does not jump
+    assert np.array_equal(kept.wanted, kept.angle_rad)
+    assert sample_joint(parse_joint_scenario(stopped(hand, -0.5, 1.2))).warnings == ()
+
+
+def test_a_design_names_the_stop_or_refuses_it_where_strict(
+    hand: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "hand.toml"
+    file.write_text(stopped(hand, 0.2, 1.25), "utf-8")
+    assert run(["design", str(file), "--out", str(tmp_path / "out")]) == 2
+    assert "start within the stops" in capsys.readouterr().err
+    quick = hand.replace("0.9, 0.3, 1.1", "0.9, 0.3, 3.1").replace("step_s = 0.001", "step_s = 0.004")
+    file.write_text(stopped(quick.replace("segments = 6", "segments = 2"), -0.5, 1.0), "utf-8")
+    assert run(["design", str(file), "--out", str(tmp_path / "out"), "--strict"]) == 2
+    assert "it goes to 3.1 rad at t = 2.2 s, beyond stop_high_rad = 1" in capsys.readouterr().err
+    result = design_joint(load_joint_scenario(file), strict=False)
+    assert any("taken back to the stop" in text for text in result.warnings)
+    assert result.inversion.tension_N.max() < 60.0  # in silence it was 3 kN
 
 
 def test_one_tendon_without_a_spring_is_refused(hand: str) -> None:

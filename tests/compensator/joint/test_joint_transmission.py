@@ -76,11 +76,13 @@ def test_the_ros_2_transmission_commands_as_the_runtime_and_sees_the_joint(hand,
     command = ["g++", "-std=c++17", *flags, "-I", HERE / "ros2", "-I", package, *sources, "-lm", "-o", program]
     subprocess.run(command, check=True)
     wanted = 0.3 * np.sin(np.linspace(0, 6, 300)) ** 2
-    given = "\n".join(repr(float(angle)) for angle in wanted)
+    given = "\n".join(repr(float(0.25 + angle / 2)) for angle in wanted)  # offset and reduction of the joint
     done = subprocess.run([program, "knuckle"], input=given, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     motor, seen = np.array([list(map(float, line.split())) for line in done.stdout.splitlines()]).T
     runtime = tf.Runtime(hand)
-    expected = [1.0 + runtime.step(float(angle), dt=2e-3) for angle in wanted]
-    assert motor == pytest.approx(expected, abs=1e-12)
-    assert np.abs(seen - wanted).max() < 0.01  # the servo's lag, which the command takes back and this motor has not
+    expected = [1.0 - 30.0 * runtime.step(float(angle), dt=2e-3) for angle in wanted]
+    assert motor == pytest.approx(expected, abs=1e-10)
+    assert (
+        np.abs(2 * (seen - 0.25) - wanted).max() < 0.01
+    )  # the servo's lag, which the command takes back and this motor has not

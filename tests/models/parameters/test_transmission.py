@@ -8,9 +8,10 @@ import pytest
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs, ChainState, StateLayout
+from tendonff.models.mechanism.chain import chain_equations
 from tendonff.models.parameters import Transmission
 from tendonff.models.parameters.drive import Drive
-from tendonff.models.tendon.chain import Chain, chain_equations
+from tendonff.models.tendon.chain import Chain
 from tendonff.models.tendon.elements import whole_of
 
 OTHER_RULES = (

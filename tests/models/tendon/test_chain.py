@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from tendonff.models.fidelity import Level
+from tendonff.models.mechanism.chain import chain_equations
 from tendonff.models.parameters import Path, Transmission
 from tendonff.models.parameters.numbers import keys_of, number_of, with_numbers, without_friction
 from tendonff.models.path import Section
-from tendonff.models.tendon.chain import Chain, chain_equations
+from tendonff.models.tendon.chain import Chain
 
 SECTIONS = (
     Section(name="sheath", angle_rad=1.5, length_m=0.2),

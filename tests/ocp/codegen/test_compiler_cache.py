@@ -77,10 +77,10 @@ def test_what_a_killed_process_left_is_removed_and_what_a_live_one_makes_stays(t
         [sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, text=True, check=True
     )
     own = temporary_name("out")
-    dead = own.replace(f"-{os.getpid()}-", f"-{int(ended.stdout)}-")
+    dead, within = (name.replace(f"-{os.getpid()}-", f"-{int(ended.stdout)}-") for name in (own, temporary_name(own)))
     other = dead.replace(".out.", ".else.")
     strange = ".out.0123456789ab.partial"
-    for name in (own, dead, other, strange):
+    for name in (own, dead, within, other, strange):
         (tmp_path / name).mkdir()
         (tmp_path / name / "file").write_text("x")
     remove_leftovers(tmp_path, "out")

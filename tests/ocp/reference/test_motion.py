@@ -1,10 +1,10 @@
-"""The tension that a motion of the load asks for."""
+"""The tension that a motion of the load asks for, and the motion under a tension."""
 
 import numpy as np
 import pytest
 
 from tendonff.models.parameters import Load
-from tendonff.ocp.reference.motion import tension_of_motion
+from tendonff.ocp.reference.motion import motion_of_tension, tension_of_motion
 
 LOAD = Load(mass_kg=0.3, stiffness_N_per_m=2000.0, damping_N_s_per_m=7.0)
 
@@ -28,3 +28,11 @@ def test_it_is_the_balance_of_the_load_to_second_order(periodic: bool) -> None:
 
 def test_a_load_that_stays_keeps_its_tension() -> None:
     assert tension_of_motion(LOAD, np.zeros(20), 1e-3, 50.0) == pytest.approx(np.full(20, 50.0))
+
+
+@pytest.mark.parametrize("periodic", [True, False])
+def test_the_motion_under_a_tension_is_the_one_that_asks_for_it(periodic: bool) -> None:
+    time = np.arange(1001) * 1e-3
+    course = 0.01 * (np.sin(2 * np.pi * time) + (0.3 * np.cos(6 * np.pi * time) if periodic else 0))
+    tension = tension_of_motion(LOAD, course, 1e-3, 50.0, periodic=periodic)
+    assert motion_of_tension(LOAD, tension, 1e-3, 50.0, periodic=periodic) == pytest.approx(course, abs=1e-12)

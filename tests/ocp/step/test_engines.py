@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs
+from tendonff.models.mechanism.chain import chain_equations
 from tendonff.models.parameters import (
     Actuator,
     Friction,
@@ -21,7 +22,7 @@ from tendonff.models.parameters import (
     Tendon,
     Transmission,
 )
-from tendonff.models.tendon.chain import Chain, chain_equations
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.codegen import compiler, engine
 from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.errors import CodeError

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmarks.adaptive import Adaptive, AdaptiveIntegrator, check_adaptive
+from benchmarks.adaptive import ADAPTIVE, check_adaptive
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.models.tendon.chain import Chain
-from tendonff.ocp.errors import SolveError
+from tendonff.ocp.integrate.method import Method
 from tendonff.ocp.tendon.crosscheck import StepCheck, StepHalving
 from tendonff.ocp.tendon.simulate import simulate
 
@@ -43,13 +43,13 @@ def chattering(generic: Transmission) -> Transmission:
 
 
 @pytest.mark.each_value
-@pytest.mark.parametrize("solver", Adaptive)
+@pytest.mark.parametrize("method", ADAPTIVE)
 @pytest.mark.parametrize("level", Level)
 def test_the_run_agrees_with_adaptive_integrators_of_the_same_equations(
-    generic: Transmission, solver: Adaptive, level: Level
+    generic: Transmission, method: Method, level: Level
 ) -> None:
     """0.1 % of range rms at 1 ms, and the integrator agrees with itself."""
-    found = check_adaptive(Chain.of(smooth(generic), level, 3), swing(0.8), STEP, initial_tension_N=30.0, solver=solver)
+    found = check_adaptive(Chain.of(smooth(generic), level, 3), swing(0.8), STEP, initial_tension_N=30.0, method=method)
     assert found.reproducible
     assert 0 < found.rms_N < 1e-3 * found.range_N
     assert found.spread_N < found.peak_N
@@ -99,12 +99,3 @@ def test_a_force_that_stands_still_has_no_error(generic: Transmission) -> None:
     assert found.reproducible
     assert found.error_N < 1e-9
     assert "nan" not in found.text.replace("nanonewton", "")
-
-
-def test_an_integrator_that_gives_up_says_so(generic: Transmission) -> None:
-    chain = Chain.of(generic, Level.ELASTIC, 2)
-    force = np.full(4, 30.0)
-    force[2:] = np.nan
-    integrator = AdaptiveIntegrator(chain, STEP, 3)
-    with pytest.raises(SolveError, match="cvodes gave"):
-        integrator.run(chain.rest_state(30.0), force)

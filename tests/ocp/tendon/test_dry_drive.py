@@ -6,14 +6,14 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from benchmarks.adaptive import AdaptiveIntegrator
 from tendonff.models.fidelity import Level
+from tendonff.models.mechanism.linearise import Lineariser
 from tendonff.models.parameters import Transmission
 from tendonff.models.tendon.chain import Chain
 from tendonff.models.tendon.elements import whole_of
 from tendonff.models.tendon.friction import RubbingEnd
-from tendonff.models.tendon.linearise import Lineariser
 from tendonff.ocp.codegen.engine import Engine
+from tendonff.ocp.integrate.method import Method
 from tendonff.ocp.sensitivity import Parameter, force_sensitivity, parameter_sensitivity
 from tendonff.ocp.tendon.inverse import invert
 from tendonff.ocp.tendon.simulate import simulate
@@ -81,7 +81,7 @@ def test_the_continuous_chain_rubs_alike(dry: Transmission) -> None:
     chain = Chain.of(smooth, Level.PRESLIDING, 2)
     step = H / 4
     force = 30 + 20 * np.sin(2 * np.pi * 2 * step * np.arange(1200))
-    adaptive = AdaptiveIntegrator(chain, step, len(force) - 1).run(chain.rest_state(30.0), force)[:, -1]
+    adaptive = simulate(chain, force, step, method=Method.CVODES).require().output_tension_N
     own = simulate(chain, force, step, initial_tension_N=30.0).output_tension_N
     assert own == pytest.approx(adaptive, abs=0.02)
     free = replace(smooth, actuator=replace(smooth.actuator, coulomb_N=0.0))

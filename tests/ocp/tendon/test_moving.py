@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmarks.adaptive import Adaptive, check_adaptive
+from benchmarks.adaptive import ADAPTIVE, check_adaptive
 from benchmarks.moving import balance, convergence, random_cycle
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Path, Transmission
@@ -15,6 +15,7 @@ from tendonff.models.path import JointMotion, Section
 from tendonff.models.tendon.chain import Chain
 from tendonff.models.tendon.friction import LuGreBristle
 from tendonff.ocp.codegen.engine import Engine
+from tendonff.ocp.integrate.method import Method
 from tendonff.ocp.sensitivity import force_sensitivity
 from tendonff.ocp.tendon.inverse import InverseStatus, invert
 from tendonff.ocp.tendon.simulate import simulate
@@ -105,11 +106,11 @@ def test_a_moving_section_that_is_cut_in_two_changes_nothing(finger: Transmissio
 
 
 @pytest.mark.each_value
-@pytest.mark.parametrize("solver", Adaptive)
+@pytest.mark.parametrize("method", ADAPTIVE)
 @pytest.mark.parametrize("far", [False, True])
 @pytest.mark.parametrize("swing_rad", [0.6, 1.2])  # the second loses contact
 def test_adaptive_integrators_agree_on_a_moving_path(
-    finger: Transmission, solver: Adaptive, far: bool, swing_rad: float
+    finger: Transmission, method: Method, far: bool, swing_rad: float
 ) -> None:
     """Within 0.1 % of range rms; the joint starts without a jump of its speed."""
     rise = np.minimum(TIME / 0.3, 1)
@@ -117,7 +118,7 @@ def test_adaptive_integrators_agree_on_a_moving_path(
     rig = replace(finger, motion=JointMotion(names=("q",), time_s=TIME, angle_rad=angle[:, None]))
     chain = Chain.of(with_far_joint(rig) if far else rig, Level.PRESLIDING, 6)
     force = 30 + 15 * np.sin(2 * np.pi * TIME[:800]) * np.minimum(TIME[:800] / 0.2, 1)
-    found = check_adaptive(chain, force, STEP, initial_tension_N=30.0, solver=solver)
+    found = check_adaptive(chain, force, STEP, initial_tension_N=30.0, method=method)
     assert found.reproducible
     assert 0 < found.rms_N < 1e-3 * found.range_N
 

@@ -17,6 +17,7 @@ from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.codegen.compiler import load_library
 from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.errors import SolveError
+from tendonff.ocp.integrate.method import Method
 from tendonff.ocp.step import c_engine
 from tendonff.ocp.tendon.inverse import invert
 from tendonff.ocp.tendon.simulate import Outcome, Simulator, simulate
@@ -102,16 +103,13 @@ def test_the_scheme_converges_to_cvodes_with_second_order(
     generic: Transmission, level: Level, reversing: bool, least_order: float, most_percent: float
 ) -> None:
     """Slope of the rms error over the step; reversals cost some of the order. `most_percent`: of range, at 2 ms."""
-    from benchmarks.adaptive import AdaptiveIntegrator
-
     chain = Chain.of(without_stribeck(generic), level)
     fine = 5e-4
     time = np.arange(0.0, 0.8 + fine / 2, fine)
     rise = 10 * (1 - np.cos(np.pi * time / 0.8))
     swing = 15 * np.sin(3 * np.pi * time) * np.sin(np.pi * np.minimum(time / 0.4, 1) / 2) ** 2
     force = 30 + (swing if reversing else rise)
-    adaptive = AdaptiveIntegrator(chain, fine, len(time) - 1, tolerance=1e-10, scale_N=30.0)
-    reference = adaptive.run(chain.rest_state(30.0), force)[:, -1]
+    reference = simulate(chain, force, fine, method=Method.CVODES, rtol=1e-10, atol=1e-12).require().output_tension_N
     every = np.array([16, 8, 4, 2])
     errors = [
         percent(simulate(chain, force[::k], k * fine).require().output_tension_N - reference[::k], reference)

@@ -7,9 +7,9 @@ import pytest
 
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainState
+from tendonff.models.mechanism.linearise import Lineariser
 from tendonff.models.parameters import Transmission
 from tendonff.models.tendon.chain import Chain
-from tendonff.models.tendon.linearise import Lineariser
 from tendonff.ocp.tendon.inverse import invert
 from tendonff.ocp.tendon.simulate import simulate
 from tendonff.ocp.tendon.stability import predict_stick_slip

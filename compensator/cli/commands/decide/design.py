@@ -5,9 +5,10 @@ from typing import Annotated
 
 import typer
 
-from tendonff.compensator.cli.options import OutFolderOption, PdfOption, ScenarioArgument, opened
+from tendonff.compensator.cli.options import OutFolderOption, PdfOption, ScenarioArgument, opened, option
 from tendonff.compensator.cli.progress import progress, say, warn
 from tendonff.compensator.files.text import InputError
+from tendonff.ocp.integrate.method import Method
 
 EXIT_SOLVE = 1  # what was written is the best that was found
 
@@ -25,6 +26,10 @@ def design(
         bool, typer.Option("--interactive", help="Put a view that zooms into the report; needs Bokeh, 1 MB more.")
     ] = False,
     pdf: PdfOption = False,
+    check: Annotated[
+        Method | None,
+        option("--check", None, "Simulate the recommended profile by this method too and state the difference."),
+    ] = None,
 ) -> int:
     """Design and verify the force, or the motor angle of a joint.
 
@@ -34,7 +39,7 @@ def design(
     from tendonff.compensator.joint.scenario.detect import is_joint_file
 
     if is_joint_file(scenario):
-        return _design_joint(scenario, out, strict=strict, online=online or interactive)
+        return _design_joint(scenario, out, strict=strict, online=online or interactive, check=check)
     with opened(scenario, out, strict=strict) as (loaded, folder):
         from tendonff.compensator.studies.design.output import print_scores
         from tendonff.compensator.studies.design.run import design as design_profile
@@ -55,10 +60,16 @@ def design(
             say(study.sentence)
     warn(*result.warnings)
     print_scores(result, out)
+    if check is not None:
+        from tendonff.compensator.studies.design.check import check_design
+
+        with progress(f"simulating by {check}"):
+            sentence = check_design(result, check).sentence
+        say(sentence)
     return 0 if result.is_usable else EXIT_SOLVE
 
 
-def _design_joint(scenario: Path, out: Path, *, strict: bool, online: bool) -> int:
+def _design_joint(scenario: Path, out: Path, *, strict: bool, online: bool, check: Method | None) -> int:
     from tendonff.compensator.files.writing import atomic_directory
     from tendonff.compensator.joint.design.run import design_joint
     from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
@@ -75,4 +86,10 @@ def _design_joint(scenario: Path, out: Path, *, strict: bool, online: bool) -> i
             result.write(folder)
     warn(*result.warnings)
     say(result.headline, result.fine_print, f"report: {out / 'report.html'}")
+    if check is not None:
+        from tendonff.compensator.joint.design.check import check_joint_design
+
+        with progress(f"simulating by {check}"):
+            sentence = check_joint_design(result, check).sentence
+        say(sentence)
     return 0

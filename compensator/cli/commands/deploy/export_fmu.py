@@ -12,6 +12,7 @@ from tendonff.compensator.cli.options import (
     OutFolderOption,
     PrefixOption,
     ScenarioArgument,
+    joint_looked_at,
     opened,
     option,
 )
@@ -79,9 +80,8 @@ def _joint(
 ) -> None:
     from tendonff.compensator.files.writing import atomic_directory
     from tendonff.compensator.joint.export.fmu import build_joint_fmu
-    from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
 
-    loaded = load_joint_scenario(scenario)
+    loaded = joint_looked_at(scenario)
     with progress("exporting"), atomic_directory(out) as folder:
         made = [
             build_joint_fmu(loaded, each, prefix=prefix, everywhere=everywhere, force_export=force_export)

@@ -11,6 +11,7 @@ from tendonff.compensator.cli.options import (
     PdfOption,
     PrefixOption,
     ScenarioArgument,
+    joint_looked_at,
     named_numbers,
     opened,
     option,
@@ -96,10 +97,9 @@ def table(
 
 def _table_joint(scenario: Path, out: Path, *, force: bool, pdf: bool) -> None:
     from tendonff.compensator.files.writing import atomic_directory
-    from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
     from tendonff.compensator.studies.tables.joint import tabulate_joint
 
-    loaded = load_joint_scenario(scenario)
+    loaded = joint_looked_at(scenario)
     with atomic_directory(out) as folder, progress("tabulating"):
         result = tabulate_joint(loaded)
         worst = result.expectation.worst_percent

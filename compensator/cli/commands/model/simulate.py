@@ -5,10 +5,18 @@ from typing import Annotated
 
 import typer
 
-from tendonff.compensator.cli.options import LevelOption, ScenarioArgument, looked_at, option
+from tendonff.compensator.cli.options import (
+    LevelOption,
+    MethodOption,
+    ScenarioArgument,
+    joint_looked_at,
+    looked_at,
+    option,
+)
 from tendonff.compensator.cli.progress import progress, say, warn
 from tendonff.compensator.files.text import InputError
 from tendonff.models.fidelity import Level
+from tendonff.ocp.integrate.method import Method
 
 _COLUMN = "Column of the force; default: force_N, in a profile.csv force_optimal_N."
 _JOINTS = "Motion of the joints: time_s,NAME_rad; default: that of the scenario."
@@ -26,6 +34,7 @@ def simulate(
     check: Annotated[
         bool, typer.Option("--check", help="Simulate with smaller steps as well and state the discretisation error.")
     ] = False,
+    method: MethodOption = Method.BDF2,
 ) -> None:
     """Simulate a force file, or a joint under a file of motor angles.
 
@@ -34,7 +43,7 @@ def simulate(
     from tendonff.compensator.joint.scenario.detect import is_joint_file
 
     if is_joint_file(scenario):
-        _simulate_joint(scenario, force, out, column, level, unused=joints is not None or check)
+        _simulate_joint(scenario, force, out, column, level, method, unused=joints is not None or check)
         return
     loaded = looked_at(scenario, follows_reference=False)
     from tendonff.compensator.scenario.sampled.joint_motion import moved_by_file
@@ -47,23 +56,31 @@ def simulate(
     if out.exists() and any(out.samefile(source) for source in (scenario, force, joints) if source):
         raise InputError(f"{out} is an input of this run; name another file for the result")
     with progress("simulating") as advance:
-        simulated = simulate_force(loaded, level or loaded.run.level, profile, out, check=check, progress=advance)
+        simulated = simulate_force(
+            loaded, level or loaded.run.level, profile, out, check=check, method=method, progress=advance
+        )
     warn(*simulated.warnings)
     if simulated.check is not None:
         say(f"check: {simulated.check}")
 
 
 def _simulate_joint(
-    scenario: Path, motors: Path, out: Path, column: str | None, level: Level | None, *, unused: bool
+    scenario: Path,
+    motors: Path,
+    out: Path,
+    column: str | None,
+    level: Level | None,
+    method: Method,
+    *,
+    unused: bool,
 ) -> None:
-    from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
     from tendonff.compensator.joint.simulate import simulate_joint_file
 
     if unused:
         raise InputError(f"{scenario.name}: --joints and --check are for the tension of one tendon; leave them out")
-    loaded = load_joint_scenario(scenario)
+    loaded = joint_looked_at(scenario)
     if out.exists() and any(out.samefile(source) for source in (scenario, motors)):
         raise InputError(f"{out} is an input of this run; name another file for the result")
     with progress("simulating"):
-        notes = simulate_joint_file(loaded, level or loaded.run.level, motors, column, out)
+        notes = simulate_joint_file(loaded, level or loaded.run.level, motors, column, out, method)
     warn(*notes)

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from tendonff.compensator.cli.options import OutFolderOption, PdfOption, ScenarioArgument, opened
+from tendonff.compensator.cli.options import OutFolderOption, PdfOption, ScenarioArgument, joint_looked_at, opened
 from tendonff.compensator.cli.progress import progress, say, warn
 
 
@@ -30,10 +30,9 @@ def adapt(scenario: ScenarioArgument, out: OutFolderOption = Path("adapt"), pdf:
 
 def _adapt_joint(scenario: Path, out: Path, *, pdf: bool) -> None:
     from tendonff.compensator.files.writing import atomic_directory
-    from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
     from tendonff.compensator.studies.adapt.joint import adapt_joint
 
-    loaded = load_joint_scenario(scenario)
+    loaded = joint_looked_at(scenario)
     with atomic_directory(out) as folder:
         with progress("self-tuning") as advance:
             result = adapt_joint(loaded, progress=advance)

@@ -22,7 +22,7 @@ from tendonff.compensator.joint.plant import verifying_masses
 from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
-from tendonff.compensator.scenario.unit import NEWTON, Unit
+from tendonff.compensator.scenario.unit import Unit
 from tendonff.ocp.errors import SolveError
 
 AnyScenario = Scenario | JointScenario
@@ -88,8 +88,8 @@ class _Tension(Kind):
     def digest(self, scenario: Scenario) -> str:
         return scenario_hash(scenario)
 
-    def unit(self, scenario: Scenario) -> Unit:  # noqa: ARG002
-        return NEWTON
+    def unit(self, scenario: Scenario) -> Unit:
+        return scenario.reference.unit
 
     def problem(self, scenario: Scenario) -> Problem:
         return Problem.of(scenario, reference=sample_reference(scenario, strict=False))

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.compensators.expectation import Expectation, two_digits
+from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.results import writer_of
@@ -104,10 +105,12 @@ class Sweep:
                 f"RMS error of up to {two_digits(worst)} % of range over {len(self.rows)} points, best profile: "
                 f"{label}. Every profile knows the parameters of its point; on a rig their uncertainty adds to that."
             )
+        file = as_argument(self.scenario.source)
+        then = next_step(self.expectation, file, f"tendonff export-c {file} --out c")
         return (
             f"95 % of {len(self.rows)} units drawn from the uncertainty have an RMS error below {two_digits(most)} % "
             f"of range with the {label}, {100 * self.yield_of(best, 1.0):.0f} % below 1 %. "
-            f"{self.expectation.headline(label, f'tendonff export-c {as_argument(self.scenario.source)} --out c')}"
+            f"{self.expectation.headline(label, then)}"
         )
 
     def write(self, folder: str | os.PathLike[str], *, parquet: bool = False, pdf: bool = False) -> None:

@@ -17,6 +17,7 @@ from tendonff.compensator.studies.design.sweep.output import write_files
 from tendonff.compensator.studies.design.sweep.plan import Axis, Unit, grid_units, random_keys, random_units
 from tendonff.compensator.studies.design.sweep.result import Row, Store, Sweep
 from tendonff.models.errors import TendonffError
+from tendonff.models.turns import in_turn
 from tendonff.ocp.tendon.batch import run_jobs
 
 register_writer(Sweep, write_files)
@@ -56,6 +57,7 @@ class Job:
     profiles: tuple[Any, ...] | None  # profiles to try on every unit; None: design anew for each
 
 
+@in_turn
 def run_job(job: Job) -> tuple[Row, ...]:
     """Score every compensator on the units of a job; what fails is NaN."""
     return tuple(_score(unit, job) for unit in job.units)
@@ -80,6 +82,7 @@ def _score(unit: Unit, job: Job) -> Row:
     return Row(index=unit.index, values=unit.values, percent=percent, peak=peak)
 
 
+@in_turn
 def sweep(
     scenario: AnyScenario,
     folder: str | os.PathLike[str],

@@ -10,6 +10,7 @@ import pytest
 import tendonff as tf
 from tendonff.compensator.cli import run
 from tendonff.compensator.files.reading import InputError, read_csv
+from tendonff.compensator.identification.answer.result import Estimate
 from tendonff.compensator.identification.joint.estimates import DERIVED, derived
 from tendonff.compensator.identification.joint.first_look import look
 from tendonff.compensator.identification.joint.fitted import fitted_text, moved_files
@@ -19,6 +20,7 @@ from tendonff.compensator.identification.joint.parameters import JointNumber, pu
 from tendonff.compensator.identification.joint.result import summary_lines
 from tendonff.compensator.identification.joint.routine import suggest_routine
 from tendonff.compensator.identification.joint.run import identify_joint, in_counts
+from tendonff.compensator.joint.scenario.scenario import parse_joint_scenario
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.ocp.fits.least_squares import Minimum, Residuals, block_covariance
 from tests.compensator.identification.joint import own_log
@@ -286,3 +288,52 @@ def test_the_written_text_holds_the_same_mechanism_from_another_folder(tmp_path)
         again = tf.load_joint_scenario(tmp_path / "out" / file.name)
         assert repr(again.mechanism) == repr(asked.mechanism)
         assert again.reference == asked.reference
+
+
+def known(name, value, *, interval=True, fitted=True):
+    ends = (0.95 * value, 1.05 * value) if interval else None
+    return Estimate(name=name, value=value, interval=ends, fitted=fitted, why="fit")
+
+
+GRAVITY = known("gravity_N_m", 0.02)
+KEPT = ("mu_dynamic", "pretension_N", "stiffness_N_per_m")
+
+
+def robust_of(asked, estimates):
+    return parse_joint_scenario(fitted_text(asked, asked.mechanism, estimates)).robust
+
+
+def test_numbers_that_are_kept_have_the_widths_that_a_design_assumes():
+    """A log that identifies gravity alone says nothing of friction: no design may take that as known."""
+    asked = tf.load_joint_scenario(EXAMPLES / "hand_joint.toml")
+    kept = [known(name, 1.0, interval=False, fitted=False) for name in KEPT]
+    widths = {each.name: each.half_width for each in robust_of(asked, [GRAVITY, *kept]).spread}
+    assert widths == {
+        "joints.knuckle.gravity_N_m": 0.05,
+        "friction.mu_dynamic": 0.2,
+        "tendon.stiffness_N_per_m": 0.2,
+        "drive.pretension_N": 0.2,
+    }
+    stated = parse_joint_scenario(asked.text.replace("[reference]", "[robust]\nmu = 0.3\nsamples = 5\n[reference]"))
+    own = robust_of(stated, [GRAVITY, *kept])
+    assert (own.mu, own.samples) == (0.3, 5)
+    assert "friction.mu_dynamic" not in {each.name for each in own.spread}
+    assert robust_of(asked, kept).is_certain  # nothing is stated: a design assumes by itself
+
+
+def test_what_belongs_to_a_kept_friction_varies_together():
+    """An encoder tells T/k tanh(mu theta/2): pre-tension and stiffness are fitted beside the scenario's friction."""
+    asked = tf.load_joint_scenario(EXAMPLES / "hand_joint.toml")
+    fitted = [known(name, 1.0, interval=False, fitted=name != "mu_dynamic") for name in KEPT]
+    widths = {each.keys: each.half_width for each in robust_of(asked, [GRAVITY, *fitted]).spread}
+    assert widths["drive.pretension_N", "tendon.stiffness_N_per_m"] == 0.2
+    assert widths["friction.mu_dynamic",] == 0.2
+
+
+def test_tendons_that_differ_have_widths_too():
+    asked = tf.load_joint_scenario(EXAMPLES / "hand_joint.toml")
+    own = "\n[tendons.friction]\nmu_dynamic = 0.1\nmu_static = 0.1\nviscous_N_s_per_m = 0.0\n"
+    own += "bristle_stiffness_N_per_m = 1e6\nsoft_bristle_stiffness_N_per_m = 1e5\n"
+    apart = parse_joint_scenario(asked.text.replace("moment_arm_m = -0.008 ", f"moment_arm_m = -0.008{own}#"))
+    assert robust_of(apart, [known("mu_dynamic", 0.2)]).mu == 0.05
+    assert robust_of(apart, [GRAVITY]).mu == 0.2

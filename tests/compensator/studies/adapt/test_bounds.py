@@ -7,7 +7,7 @@ import pytest
 
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.scenario.reference import Shape, WaypointReference
+from tendonff.compensator.scenario.reference import Shape, SineReference, WaypointReference
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.compensator.studies.adapt.setup import BOUND_SPREAD, certified, friction_spread
 from tendonff.models.parameters.uncertainty import Spread, Uncertainty
@@ -79,3 +79,17 @@ def test_plants_that_robust_states_stay_inside_also_where_the_tendon_goes_slack(
         out = simulate(chain, force, problem.reference.step_s, initial_tension_N=20.0).require().output_tension_N
         assert np.all(out >= found.low_N)
         assert np.all(out <= found.high_N)
+
+
+def test_a_tendon_that_goes_slack_while_the_force_pulls_has_an_interval_that_holds(finger):
+    """Inertia empties it at a quick reversal: there no ratio to the static law's output is enough."""
+    quick = SineReference(
+        initial_tension_N=30.0, amplitudes_N=(29.9,), frequencies_Hz=(3.0,), duration_s=1.0, fade_in_s=0.5
+    )
+    problem = Problem.of(replace(finger[2], reference=quick))
+    found, force = certified(problem), problem.limited(problem.inversion.force_N)
+    assert force.min() > 0
+    assert 0 < found.interval.noise_N < 0.05 * problem.reference.range_N
+    chain = Chain.of(problem.transmission, problem.level, 40)
+    out = simulate(chain, force, problem.reference.step_s, initial_tension_N=30.0).require().output_tension_N
+    assert np.all((out >= found.low_N) & (out <= found.high_N))

@@ -206,6 +206,10 @@ def band(percent):
             {"none": 20, "capstan": 8, "elastic": 3.0, "viscoelastic": 3, "presliding": 0.1, "spread": 4.0},
             "The elastic level is enough here",
         ),
+        (  # a large error is not called enough
+            {"none": 40, "capstan": 15, "elastic": 20, "viscoelastic": 20, "presliding": 15},
+            "The static capstan law is as good as any here: RMS error 15 %",
+        ),
     ],
 )
 def test_the_simplest_level_that_loses_nothing_is_recommended(errors, sentence):

@@ -23,6 +23,7 @@ from tendonff.compensator.studies.design.run import design
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters.drive import Drive, Motor
+from tendonff.models.parameters.uncertainty import Spread, Uncertainty
 from tendonff.ocp.tendon import periodic
 from tests.independent_plant import respond
 
@@ -200,20 +201,65 @@ def test_a_cycle_is_reached_by_an_independent_plant_that_starts_at_rest(cable):
     assert percent(second - problem.reference.tension_N, problem.reference) < 0.5
 
 
+LIFT = WaypointReference(
+    times_s=(0, 0.3, 0.5),
+    positions_m=(0.0, 0.015, 0.005),
+    shape=Shape.SMOOTH,
+    quantity=Quantity.POSITION,
+    initial_tension_N=40.0,
+)
+
+
 def test_a_wanted_position_arrives_at_the_load(cable):
-    reference = WaypointReference(
-        times_s=(0, 0.3, 0.5),
-        positions_m=(0.0, 0.015, 0.005),
-        shape=Shape.SMOOTH,
-        quantity=Quantity.POSITION,
-        initial_tension_N=40.0,
-    )
-    problem, profile = answer(replace(cable, reference=reference))
+    problem, profile = answer(replace(cable, reference=LIFT))
     own = verify(Plant(cable.transmission, Level.PRESLIDING), "inverse", profile, problem.reference)
-    assert own.position_error_m is not None
-    assert own.position_error_m[1] < 1e-8
+    assert own.score.peak_error < 1e-8  # m
     seen = respond(cable.transmission, problem.reference.time_s, profile.force_N, 40.0, masses=16)
     assert np.abs(seen.load_m - problem.reference.position_m).max() < 5e-3 * 0.015
+
+
+def softer_or_stiffer(scenario, **values):
+    """The same, its load known to 15 %."""
+    spread = Uncertainty(mu=0.05, samples=5, spread=(Spread(keys=("load.stiffness_N_per_m",), half_width=0.15),))
+    return replace(scenario, robust=spread, **values)
+
+
+@pytest.mark.parametrize("stiffness", [None, 2e5], ids=["force", "servo"])
+def test_a_position_is_expected_as_far_off_as_the_load_of_an_independent_plant(coarse, stiffness, record_property):
+    """What is promised is the error of the position, not of the tension that it takes."""
+    lift = softer_or_stiffer(coarse, reference=LIFT)
+    if stiffness is not None:
+        lift = actuated(lift, drive=Drive.POSITION, servo_stiffness_N_per_m=stiffness)
+    problem, profile = answer(lift)
+    found = expect(problem.doubt, problem.level, {"inverse": profile}, problem.reference)
+    at = found.best.worst_sample.system
+    servo = {} if stiffness is None else {"position": True}
+    given = profile.setpoint(lift.transmission.actuator.drive)
+    seen = respond(at, problem.reference.time_s, given, 40.0, masses=16, **servo)
+    off = (
+        100 * np.sqrt(np.mean((seen.load_m - problem.reference.position_m) ** 2)) / np.ptp(problem.reference.position_m)
+    )
+    said = found.best.worst.rmse_percent_of_range
+    record_property("figure", f"position: expected {said:.3g} %, independent plant {off:.3g} % of its range")
+    assert said == pytest.approx(off, rel=0.1)
+    assert " mm RMS" in found.headline("inverse", "next")
+
+
+def test_a_design_of_a_position_is_scored_recommended_and_written_as_one(coarse, tmp_path):
+    slow = actuated(softer_or_stiffer(coarse, reference=LIFT), force_rate_max_N_per_s=2000.0)
+    result = design(slow, compensators=[compensator(name) for name in ("none", "inverse", "optimal")])
+    wanted = result.reference.position_m
+    off = result.on_proof("inverse").response.load_m - wanted
+    assert result.on_proof("inverse").score.rmse == pytest.approx(np.sqrt(np.mean(off**2)), rel=1e-12)
+    worst = {name: band.worst.rmse for name, band in result.expectation.bands.items()}
+    assert worst["optimal"] < worst["inverse"]  # made for the position over all loads
+    result.write(tmp_path)
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["reference_range_m"] == pytest.approx(0.015)
+    assert summary["expectation"]["rmse_m"] == pytest.approx(worst["optimal"])
+    assert {each["key"] for each in summary["expectation"]["contributions"]} == {"mu", "load.stiffness_N_per_m"}
+    columns = np.genfromtxt(tmp_path / "profile.csv", delimiter=",", names=True)
+    assert columns["reference_m"] == pytest.approx(wanted, abs=1e-9)
 
 
 def test_a_kept_hold_is_named_with_its_cost_and_a_live_inverse_knows_none(cable):
@@ -225,6 +271,14 @@ def test_a_kept_hold_is_named_with_its_cost_and_a_live_inverse_knows_none(cable)
     assert live.kept is None
     assert np.ptp(live.inversion.force_N[305:445]) > 10.0
     assert live.inversion.force_N[:690] == pytest.approx(exact.inversion.force_N[:690], abs=1e-6)
+
+
+def test_a_cycle_whose_seam_is_a_reversal_is_designed(coarse):
+    """The force of its first row balances a state in motion: no tension of a rest, and below 0 here."""
+    triangle = WaypointReference(times_s=(0, 0.2, 0.4), tensions_N=(5.0, 130.0, 5.0), shape=Shape.LINEAR, periodic=True)
+    result = design(replace(coarse, reference=triangle), compensators=[compensator("none"), compensator("inverse")])
+    assert Problem.of(result.scenario).inversion.force_N[0] < 0
+    assert np.isfinite(result.stick_slip.expected_error_N)
 
 
 def test_a_hold_is_not_kept_in_a_cycle():

@@ -6,14 +6,19 @@ from pathlib import Path
 
 import pytest
 
+from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.closed_form import Capstan, Inverse, Uncompensated
+from tendonff.compensator.compensators.plant import Plant
+from tendonff.compensator.compensators.score import ignored_motion
 from tendonff.compensator.scenario.scenario import Scenario, load_scenario, parse_scenario
+from tendonff.compensator.scenario.unit import NEWTON
 from tendonff.compensator.studies.compare.figures import errors_figure
 from tendonff.compensator.studies.compare.run import compare
 from tendonff.compensator.studies.design.figures import force_figure, tension_figure
 from tendonff.compensator.studies.design.output import print_scores
 from tendonff.compensator.studies.design.result import Design
 from tendonff.compensator.studies.design.run import design
+from tendonff.ocp.errors import SolveError
 
 COMPENSATORS = (Uncompensated(), Inverse())
 
@@ -37,6 +42,18 @@ def test_ignoring_the_motion_costs_far_more_than_the_inverse_leaves(result: Desi
     assert found.ignored.rmse_percent_of_range > 20 * own.rmse_percent_of_range
     assert found.ignored.rmse_percent_of_range > 10
     assert f"on the moving path: {found.ignored.percent} % of range" in found.text
+
+
+def test_a_mean_pose_that_cannot_be_simulated_ends_no_design(moving: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*arguments: object) -> None:
+        raise SolveError("no")
+
+    problem = Problem.of(moving)
+    monkeypatch.setattr(Plant, "respond", refuse)
+    found = ignored_motion(problem)
+    assert found is not None
+    assert "moving path: not to be simulated if it is designed" in found.text
+    assert set(found.named(NEWTON).values()) == {None}
 
 
 @pytest.mark.usefixtures("unpainted")

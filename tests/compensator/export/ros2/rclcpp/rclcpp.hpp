@@ -18,6 +18,13 @@ struct Duration
   double seconds() const { return length; }
 };
 struct Logger {};
+struct SystemDefaultsQoS {};
+inline unsigned published = 0;  // what the test looks at
+template <typename Message>
+struct Publisher
+{
+  void publish(const Message & message) { published = message.data; }
+};
 using Value = std::variant<std::string, double, std::vector<std::string>>;
 struct Parameter
 {
@@ -37,5 +44,10 @@ struct LifecycleNode
   rclcpp::Parameter get_parameter(const std::string & name) const { return {values.at(name)}; }
   rclcpp::Logger get_logger() const { return {}; }
   const char * get_name() const { return "tension"; }
+  template <typename Message>
+  std::shared_ptr<rclcpp::Publisher<Message>> create_publisher(const std::string &, rclcpp::SystemDefaultsQoS)
+  {
+    return std::make_shared<rclcpp::Publisher<Message>>();
+  }
 };
 }  // namespace rclcpp_lifecycle

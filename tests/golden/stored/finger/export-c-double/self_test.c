@@ -39,6 +39,8 @@ static const tff_real jump_reference[JUMPS] = { NUMBERS };
 static const double jump_capstan[JUMPS] = { NUMBERS };
 static const double jump_inverse[JUMPS] = { NUMBERS };
 static const double jump_table[JUMPS] = { NUMBERS };
+#define LONGER 120
+static const double longer_inverse[LONGER] = { NUMBERS };
 #define OTHER 160
 static const double other_capstan[OTHER] = { NUMBERS };
 static const double other_inverse[OTHER] = { NUMBERS };
@@ -410,6 +412,21 @@ static int is_allowed(double force, double before)
     return (force >= (LEAST_N - slack)) && (force <= (MOST_N + slack)) && (fabs(force - before) <= (CHANGE_N + slack));
 }
 
+/* Whether the bits are those of what happened: a rate that binds, a force inside its limits, and no others but `more`. */
+static int is_stated(uint32_t status, double force, double before, uint32_t more)
+{
+    const double slack = ROUNDING * (fabs(force) + fabs(before) + 1.0);
+    const double left = CHANGE_N - fabs(force - before);
+    const int inside = (force > (LEAST_N + slack)) && (force < (MOST_N - slack));
+    int stated = (status & ~(more | TFF_FORCE_LIMITED | TFF_RATE_LIMITED)) == TFF_OK;
+
+    if (fabs(left) > slack) {
+        stated = stated && ((status & TFF_RATE_LIMITED) == TFF_OK);
+        stated = stated && (!inside || ((status & TFF_FORCE_LIMITED) == TFF_OK));
+    }
+    return stated;
+}
+
 static void test_capstan(void)
 {
     const tff_real bad[6] = { (tff_real)NAN, (tff_real)INFINITY, -(tff_real)INFINITY, (tff_real)-1, 0.13743419084890898, 108.83157058258507 };
@@ -418,7 +435,7 @@ static void test_capstan(void)
     double error = 0.0;
     double before;
     double first;
-    int k, allowed = 1, held = 1, same = 1, started = 1, taken;
+    int k, allowed = 1, held = 1, same = 1, started = 1, stated = 1, taken;
 
     tff_capstan_init(&self, golden_reference[0]);
     before = (double)self.output.force;
@@ -426,6 +443,7 @@ static void test_capstan(void)
         const double force = (double)tff_capstan_step(&self, golden_reference[k]);
         error = larger(error, fabs(force - golden_capstan[k]));
         allowed = allowed && is_allowed(force, before) && is_near(force, (double)self.output.force);
+        stated = stated && is_stated(self.output.status, force, before, TFF_WOULD_PUSH);
         before = force;
     }
     report("capstan: golden vectors", error, 8.7999999999999994e-08);
@@ -492,37 +510,50 @@ static void test_capstan(void)
         const tff_real to = 47.0;
         const tff_real part = (tff_real)0.5 * TFF_STEP_MIN_S;
         tff_capstan usual;
-        tff_capstan self;
-        int same = 1, m;
+        tff_capstan own;
+        int alike = 1, m;
         tff_real force;
         tff_capstan_init(&usual, from);
-        tff_capstan_init(&self, from);
+        tff_capstan_init(&own, from);
         for (m = 0; m < 40; m++) {
-            const tff_real given = from + ((to - from) * ((tff_real)m / (tff_real)400));
-            force = tff_capstan_step(&usual, given);
+            const tff_real target = from + ((to - from) * ((tff_real)m / (tff_real)400));
+            force = tff_capstan_step(&usual, target);
             if ((m % 3) == 1) {
-                (void)tff_capstan_step_dt(&self, part, given);
+                (void)tff_capstan_step_dt(&own, part, target);
+                alike = alike && (own.output.status == TFF_OK);
             }
-            same = same && is_near((double)tff_capstan_step_dt(&self, ((m % 3) == 1) ? (TFF_STEP_S - part) : TFF_STEP_S, given), (double)force);
+            alike = alike && is_near((double)tff_capstan_step_dt(&own, ((m % 3) == 1) ? (TFF_STEP_S - part) : TFF_STEP_S, target), (double)force);
         }
-        expect("capstan: parts of a sample are one", same);
-        same = is_near((double)tff_capstan_step_dt(&self, (tff_real)NAN, to), (double)force);
-        same = same && is_near((double)tff_capstan_step_dt(&self, -TFF_STEP_S, to), (double)force);
-        expect("capstan: no time, no change", same);
-        force = self.entry.last;
-        (void)tff_capstan_step_dt(&self, (tff_real)0.5, to);
-        expect("capstan: the way back after a pause", is_near((double)self.entry.last, (double)force));
+        expect("capstan: parts of a sample are one", alike);
+        alike = is_near((double)tff_capstan_step_dt(&own, (tff_real)NAN, to), (double)force) && (own.output.status == TFF_INPUT_HELD);
+        alike = alike && is_near((double)tff_capstan_step_dt(&own, -TFF_STEP_S, to), (double)force) && (own.output.status == TFF_INPUT_HELD);
+        expect("capstan: no time, no change", alike);
+        force = own.entry.last;
+        (void)tff_capstan_step_dt(&own, (tff_real)0.5, to);
+        expect("capstan: the way back after a pause", is_near((double)own.entry.last, (double)force));
+        tff_capstan_init(&usual, from);
+        tff_capstan_init(&own, from);
+        alike = 1;
+        for (m = 0; m < 60; m++) { /* now and then the time is left out, while parts of a sample wait */
+            const tff_real target = from + ((to - from) * ((tff_real)m / (tff_real)400));
+            const int whole = ((m % 7) < 3) ? 1 : 0;
+            const tff_real time = (whole != 0) ? TFF_STEP_S : ((m % 7) == 6) ? part : (((tff_real)0.25 * (tff_real)(m % 7)) * TFF_STEP_S);
+            force = tff_capstan_step_dt(&usual, time, target);
+            alike = alike && is_near((whole != 0) ? (double)tff_capstan_step(&own, target) : (double)tff_capstan_step_dt(&own, time, target), (double)force)
+                && (own.output.status == usual.output.status) && (own.output.seen == usual.output.seen);
+        }
+        expect("capstan: steps without a time are of one sample, among others too", alike);
         {
             const double narrow = 1e-3 * fabs((double)to - (double)from);
-            double before;
-            tff_capstan_init(&self, from);
-            (void)tff_capstan_step(&self, from);
-            self.output.change = (tff_real)narrow;
-            before = (double)self.output.force;
-            (void)tff_capstan_step_dt(&self, (tff_real)1.5 * TFF_STEP_S, to);
-            same = fabs((double)self.output.force - before) <= ((1.5 * narrow) + (ROUNDING * (1.0 + fabs(before))));
-            same = same && (fabs((double)self.output.change - narrow) <= (1e-6 * narrow));
-            expect("capstan: a longer step has its share of the rate limit, the next one that of a sample", same);
+            double force_before;
+            tff_capstan_init(&own, from);
+            (void)tff_capstan_step(&own, from);
+            own.output.change = (tff_real)narrow;
+            force_before = (double)own.output.force;
+            (void)tff_capstan_step_dt(&own, (tff_real)1.5 * TFF_STEP_S, to);
+            alike = fabs((double)own.output.force - force_before) <= ((1.5 * narrow) + (ROUNDING * (1.0 + fabs(force_before))));
+            alike = alike && (fabs((double)own.output.change - narrow) <= (1e-6 * narrow));
+            expect("capstan: a longer step has its share of the rate limit, the next one that of a sample", alike);
         }
     }
 
@@ -533,8 +564,10 @@ static void test_capstan(void)
         const double force = (double)tff_capstan_step(&self, jump_reference[k]);
         error = larger(error, fabs(force - jump_capstan[k]));
         allowed = allowed && is_allowed(force, before);
+        stated = stated && is_stated(self.output.status, force, before, TFF_WOULD_PUSH);
         before = force;
     }
+    expect("capstan: the status is what happened, and nothing else", stated);
     report("capstan: golden vectors of jumps", error, 8.7999999999999994e-08);
     expect("capstan: every force within the limits", allowed);
     expect("capstan: limits that bind are flagged", (self.output.seen & 0u) == 0u);
@@ -594,7 +627,7 @@ static void test_inverse(void)
     double error = 0.0;
     double before;
     double first;
-    int k, allowed = 1, held = 1, same = 1, started = 1, taken;
+    int k, allowed = 1, held = 1, same = 1, started = 1, stated = 1, taken;
 
     tff_inverse_init(&self, golden_reference[0]);
     before = (double)self.output.force;
@@ -602,6 +635,7 @@ static void test_inverse(void)
         const double force = (double)tff_inverse_step(&self, golden_reference[k]);
         error = larger(error, fabs(force - golden_inverse[k]));
         allowed = allowed && is_allowed(force, before) && is_near(force, (double)self.output.force);
+        stated = stated && is_stated(self.output.status, force, before, TFF_WOULD_PUSH);
         before = force;
     }
     report("inverse: golden vectors", error, 8.4999999999999994e-08);
@@ -668,37 +702,50 @@ static void test_inverse(void)
         const tff_real to = 47.0;
         const tff_real part = (tff_real)0.5 * TFF_STEP_MIN_S;
         tff_inverse usual;
-        tff_inverse self;
-        int same = 1, m;
+        tff_inverse own;
+        int alike = 1, m;
         tff_real force;
         tff_inverse_init(&usual, from);
-        tff_inverse_init(&self, from);
+        tff_inverse_init(&own, from);
         for (m = 0; m < 40; m++) {
-            const tff_real given = from + ((to - from) * ((tff_real)m / (tff_real)400));
-            force = tff_inverse_step(&usual, given);
+            const tff_real target = from + ((to - from) * ((tff_real)m / (tff_real)400));
+            force = tff_inverse_step(&usual, target);
             if ((m % 3) == 1) {
-                (void)tff_inverse_step_dt(&self, part, given);
+                (void)tff_inverse_step_dt(&own, part, target);
+                alike = alike && (own.output.status == TFF_OK);
             }
-            same = same && is_near((double)tff_inverse_step_dt(&self, ((m % 3) == 1) ? (TFF_STEP_S - part) : TFF_STEP_S, given), (double)force);
+            alike = alike && is_near((double)tff_inverse_step_dt(&own, ((m % 3) == 1) ? (TFF_STEP_S - part) : TFF_STEP_S, target), (double)force);
         }
-        expect("inverse: parts of a sample are one", same);
-        same = is_near((double)tff_inverse_step_dt(&self, (tff_real)NAN, to), (double)force);
-        same = same && is_near((double)tff_inverse_step_dt(&self, -TFF_STEP_S, to), (double)force);
-        expect("inverse: no time, no change", same);
-        force = self.entry.last;
-        (void)tff_inverse_step_dt(&self, (tff_real)0.5, to);
-        expect("inverse: the way back after a pause", is_near((double)self.entry.last, (double)force));
+        expect("inverse: parts of a sample are one", alike);
+        alike = is_near((double)tff_inverse_step_dt(&own, (tff_real)NAN, to), (double)force) && (own.output.status == TFF_INPUT_HELD);
+        alike = alike && is_near((double)tff_inverse_step_dt(&own, -TFF_STEP_S, to), (double)force) && (own.output.status == TFF_INPUT_HELD);
+        expect("inverse: no time, no change", alike);
+        force = own.entry.last;
+        (void)tff_inverse_step_dt(&own, (tff_real)0.5, to);
+        expect("inverse: the way back after a pause", is_near((double)own.entry.last, (double)force));
+        tff_inverse_init(&usual, from);
+        tff_inverse_init(&own, from);
+        alike = 1;
+        for (m = 0; m < 60; m++) { /* now and then the time is left out, while parts of a sample wait */
+            const tff_real target = from + ((to - from) * ((tff_real)m / (tff_real)400));
+            const int whole = ((m % 7) < 3) ? 1 : 0;
+            const tff_real time = (whole != 0) ? TFF_STEP_S : ((m % 7) == 6) ? part : (((tff_real)0.25 * (tff_real)(m % 7)) * TFF_STEP_S);
+            force = tff_inverse_step_dt(&usual, time, target);
+            alike = alike && is_near((whole != 0) ? (double)tff_inverse_step(&own, target) : (double)tff_inverse_step_dt(&own, time, target), (double)force)
+                && (own.output.status == usual.output.status) && (own.output.seen == usual.output.seen);
+        }
+        expect("inverse: steps without a time are of one sample, among others too", alike);
         {
             const double narrow = 1e-3 * fabs((double)to - (double)from);
-            double before;
-            tff_inverse_init(&self, from);
-            (void)tff_inverse_step(&self, from);
-            self.output.change = (tff_real)narrow;
-            before = (double)self.output.force;
-            (void)tff_inverse_step_dt(&self, (tff_real)1.5 * TFF_STEP_S, to);
-            same = fabs((double)self.output.force - before) <= ((1.5 * narrow) + (ROUNDING * (1.0 + fabs(before))));
-            same = same && (fabs((double)self.output.change - narrow) <= (1e-6 * narrow));
-            expect("inverse: a longer step has its share of the rate limit, the next one that of a sample", same);
+            double force_before;
+            tff_inverse_init(&own, from);
+            (void)tff_inverse_step(&own, from);
+            own.output.change = (tff_real)narrow;
+            force_before = (double)own.output.force;
+            (void)tff_inverse_step_dt(&own, (tff_real)1.5 * TFF_STEP_S, to);
+            alike = fabs((double)own.output.force - force_before) <= ((1.5 * narrow) + (ROUNDING * (1.0 + fabs(force_before))));
+            alike = alike && (fabs((double)own.output.change - narrow) <= (1e-6 * narrow));
+            expect("inverse: a longer step has its share of the rate limit, the next one that of a sample", alike);
         }
     }
 
@@ -709,8 +756,10 @@ static void test_inverse(void)
         const double force = (double)tff_inverse_step(&self, jump_reference[k]);
         error = larger(error, fabs(force - jump_inverse[k]));
         allowed = allowed && is_allowed(force, before);
+        stated = stated && is_stated(self.output.status, force, before, TFF_WOULD_PUSH);
         before = force;
     }
+    expect("inverse: the status is what happened, and nothing else", stated);
     report("inverse: golden vectors of jumps", error, 1.1000000000000001e-06);
     expect("inverse: every force within the limits", allowed);
     expect("inverse: limits that bind are flagged", (self.output.seen & 6u) == 6u);
@@ -723,6 +772,12 @@ static void test_inverse(void)
         }
         expect("inverse: a fall that no tendon follows is flagged", ((bits & TFF_WOULD_PUSH) != 0u) && (other.output.seen == bits));
     }
+    error = 0.0;
+    tff_inverse_init(&other, golden_reference[0]);
+    for (k = 0; k < LONGER; k++) {
+        error = larger(error, fabs((double)tff_inverse_step_dt(&other, 1.5 * TFF_STEP_S, golden_reference[k]) - longer_inverse[k]));
+    }
+    report("inverse: golden vectors of longer steps", error, 7.0000000000000005e-08);
     expect("inverse: what did not happen is not flagged", (self.output.seen & (TFF_INPUT_HELD | TFF_FAILED | TFF_ENDED)) == 0u);
     {
         double friction = 0.0;
@@ -823,7 +878,7 @@ static void test_table(void)
     double error = 0.0;
     double before;
     double first;
-    int k, allowed = 1, held = 1, same = 1, started = 1, taken;
+    int k, allowed = 1, held = 1, same = 1, started = 1, stated = 1, taken;
 
     tff_table_init(&self, golden_reference[0]);
     before = (double)self.output.force;
@@ -831,6 +886,7 @@ static void test_table(void)
         const double force = (double)tff_table_step(&self, golden_reference[k]);
         error = larger(error, fabs(force - golden_table[k]));
         allowed = allowed && is_allowed(force, before) && is_near(force, (double)self.output.force);
+        stated = stated && is_stated(self.output.status, force, before, TFF_WOULD_PUSH);
         before = force;
     }
     report("table: golden vectors", error, 8.6000000000000002e-08);
@@ -897,37 +953,50 @@ static void test_table(void)
         const tff_real to = 47.0;
         const tff_real part = (tff_real)0.5 * TFF_STEP_MIN_S;
         tff_table usual;
-        tff_table self;
-        int same = 1, m;
+        tff_table own;
+        int alike = 1, m;
         tff_real force;
         tff_table_init(&usual, from);
-        tff_table_init(&self, from);
+        tff_table_init(&own, from);
         for (m = 0; m < 40; m++) {
-            const tff_real given = from + ((to - from) * ((tff_real)m / (tff_real)400));
-            force = tff_table_step(&usual, given);
+            const tff_real target = from + ((to - from) * ((tff_real)m / (tff_real)400));
+            force = tff_table_step(&usual, target);
             if ((m % 3) == 1) {
-                (void)tff_table_step_dt(&self, part, given);
+                (void)tff_table_step_dt(&own, part, target);
+                alike = alike && (own.output.status == TFF_OK);
             }
-            same = same && is_near((double)tff_table_step_dt(&self, ((m % 3) == 1) ? (TFF_STEP_S - part) : TFF_STEP_S, given), (double)force);
+            alike = alike && is_near((double)tff_table_step_dt(&own, ((m % 3) == 1) ? (TFF_STEP_S - part) : TFF_STEP_S, target), (double)force);
         }
-        expect("table: parts of a sample are one", same);
-        same = is_near((double)tff_table_step_dt(&self, (tff_real)NAN, to), (double)force);
-        same = same && is_near((double)tff_table_step_dt(&self, -TFF_STEP_S, to), (double)force);
-        expect("table: no time, no change", same);
-        force = self.entry.last;
-        (void)tff_table_step_dt(&self, (tff_real)0.5, to);
-        expect("table: the way back after a pause", is_near((double)self.entry.last, (double)force));
+        expect("table: parts of a sample are one", alike);
+        alike = is_near((double)tff_table_step_dt(&own, (tff_real)NAN, to), (double)force) && (own.output.status == TFF_INPUT_HELD);
+        alike = alike && is_near((double)tff_table_step_dt(&own, -TFF_STEP_S, to), (double)force) && (own.output.status == TFF_INPUT_HELD);
+        expect("table: no time, no change", alike);
+        force = own.entry.last;
+        (void)tff_table_step_dt(&own, (tff_real)0.5, to);
+        expect("table: the way back after a pause", is_near((double)own.entry.last, (double)force));
+        tff_table_init(&usual, from);
+        tff_table_init(&own, from);
+        alike = 1;
+        for (m = 0; m < 60; m++) { /* now and then the time is left out, while parts of a sample wait */
+            const tff_real target = from + ((to - from) * ((tff_real)m / (tff_real)400));
+            const int whole = ((m % 7) < 3) ? 1 : 0;
+            const tff_real time = (whole != 0) ? TFF_STEP_S : ((m % 7) == 6) ? part : (((tff_real)0.25 * (tff_real)(m % 7)) * TFF_STEP_S);
+            force = tff_table_step_dt(&usual, time, target);
+            alike = alike && is_near((whole != 0) ? (double)tff_table_step(&own, target) : (double)tff_table_step_dt(&own, time, target), (double)force)
+                && (own.output.status == usual.output.status) && (own.output.seen == usual.output.seen);
+        }
+        expect("table: steps without a time are of one sample, among others too", alike);
         {
             const double narrow = 1e-3 * fabs((double)to - (double)from);
-            double before;
-            tff_table_init(&self, from);
-            (void)tff_table_step(&self, from);
-            self.output.change = (tff_real)narrow;
-            before = (double)self.output.force;
-            (void)tff_table_step_dt(&self, (tff_real)1.5 * TFF_STEP_S, to);
-            same = fabs((double)self.output.force - before) <= ((1.5 * narrow) + (ROUNDING * (1.0 + fabs(before))));
-            same = same && (fabs((double)self.output.change - narrow) <= (1e-6 * narrow));
-            expect("table: a longer step has its share of the rate limit, the next one that of a sample", same);
+            double force_before;
+            tff_table_init(&own, from);
+            (void)tff_table_step(&own, from);
+            own.output.change = (tff_real)narrow;
+            force_before = (double)own.output.force;
+            (void)tff_table_step_dt(&own, (tff_real)1.5 * TFF_STEP_S, to);
+            alike = fabs((double)own.output.force - force_before) <= ((1.5 * narrow) + (ROUNDING * (1.0 + fabs(force_before))));
+            alike = alike && (fabs((double)own.output.change - narrow) <= (1e-6 * narrow));
+            expect("table: a longer step has its share of the rate limit, the next one that of a sample", alike);
         }
     }
 
@@ -938,8 +1007,10 @@ static void test_table(void)
         const double force = (double)tff_table_step(&self, jump_reference[k]);
         error = larger(error, fabs(force - jump_table[k]));
         allowed = allowed && is_allowed(force, before);
+        stated = stated && is_stated(self.output.status, force, before, TFF_WOULD_PUSH);
         before = force;
     }
+    expect("table: the status is what happened, and nothing else", stated);
     report("table: golden vectors of jumps", error, 8.6000000000000002e-08);
     expect("table: every force within the limits", allowed);
     expect("table: limits that bind are flagged", (self.output.seen & 0u) == 0u);
@@ -1044,26 +1115,53 @@ static void test_stream(void)
         const tff_real to = 47.0;
         const tff_real part = (tff_real)0.5 * TFF_STEP_MIN_S;
         tff_stream usual;
-        tff_stream self;
-        int same = 1, m;
+        tff_stream own;
+        int alike = 1, m;
         tff_real force;
         tff_stream_init(&usual, from);
-        tff_stream_init(&self, from);
+        tff_stream_init(&own, from);
         for (m = 0; m < 40; m++) {
-            const tff_real given = from + ((to - from) * ((tff_real)m / (tff_real)400));
-            force = tff_stream_step(&usual, given);
+            const tff_real target = from + ((to - from) * ((tff_real)m / (tff_real)400));
+            force = tff_stream_step(&usual, target);
             if ((m % 3) == 1) {
-                (void)tff_stream_step_dt(&self, part, given);
+                (void)tff_stream_step_dt(&own, part, target);
             }
-            same = same && is_near((double)tff_stream_step_dt(&self, ((m % 3) == 1) ? (TFF_STEP_S - part) : TFF_STEP_S, given), (double)force);
+            alike = alike && is_near((double)tff_stream_step_dt(&own, ((m % 3) == 1) ? (TFF_STEP_S - part) : TFF_STEP_S, target), (double)force);
         }
-        expect("stream: parts of a sample are one", same);
-        same = is_near((double)tff_stream_step_dt(&self, (tff_real)NAN, to), (double)force);
-        same = same && is_near((double)tff_stream_step_dt(&self, -TFF_STEP_S, to), (double)force);
-        expect("stream: no time, no change", same);
-        force = self.entry.last;
-        (void)tff_stream_step_dt(&self, (tff_real)0.5, to);
-        expect("stream: the way back after a pause", is_near((double)self.entry.last, (double)force));
+        expect("stream: parts of a sample are one", alike);
+        alike = is_near((double)tff_stream_step_dt(&own, (tff_real)NAN, to), (double)force) && (own.output.status == TFF_INPUT_HELD);
+        alike = alike && is_near((double)tff_stream_step_dt(&own, -TFF_STEP_S, to), (double)force) && (own.output.status == TFF_INPUT_HELD);
+        expect("stream: no time, no change", alike);
+        force = own.entry.last;
+        (void)tff_stream_step_dt(&own, (tff_real)0.5, to);
+        expect("stream: the way back after a pause", is_near((double)own.entry.last, (double)force));
+        tff_stream_init(&usual, from);
+        tff_stream_init(&own, from);
+        alike = 1;
+        for (m = 0; m < 60; m++) { /* now and then the time is left out, while parts of a sample wait */
+            const tff_real target = from + ((to - from) * ((tff_real)m / (tff_real)400));
+            const int whole = ((m % 7) < 3) ? 1 : 0;
+            const tff_real time = (whole != 0) ? TFF_STEP_S : ((m % 7) == 6) ? part : (((tff_real)0.25 * (tff_real)(m % 7)) * TFF_STEP_S);
+            force = tff_stream_step_dt(&usual, time, target);
+            alike = alike && is_near((whole != 0) ? (double)tff_stream_step(&own, target) : (double)tff_stream_step_dt(&own, time, target), (double)force)
+                && (own.output.status == usual.output.status) && (own.output.seen == usual.output.seen);
+        }
+        expect("stream: steps without a time are of one sample, among others too", alike);
+        tff_stream_init(&usual, from);
+        tff_stream_init(&own, from);
+        alike = 1;
+        for (m = 1; m <= 40; m++) { /* two and a half samples a call: those on the straight line between two references */
+            const tff_real slope = (to - from) * (tff_real)0.0025;
+            const int last = (5 * m) / 2;
+            int at = (5 * (m - 1)) / 2;
+            while (at < last) {
+                at++;
+                (void)tff_stream_step(&usual, from + (slope * (tff_real)at));
+            }
+            (void)tff_stream_step_dt(&own, (tff_real)2.5 * TFF_STEP_S, from + (slope * (tff_real)2.5 * (tff_real)m));
+            alike = alike && (fabs((double)own.entry.last - (double)usual.entry.last) <= (1e2 * ROUNDING * (1.0 + fabs((double)usual.entry.last))));
+        }
+        expect("stream: samples between two calls are on the straight line", alike);
     }
 
     {
@@ -1161,10 +1259,11 @@ static void test_observer(void)
     const tff_real bad[4] = { (tff_real)NAN, (tff_real)INFINITY, -(tff_real)INFINITY, 462.63151835881439 };
     tff_observer self;
     tff_observer other;
+    tff_observer whole;
     double error = 0.0;
     double of_bounds = 0.0;
     double before;
-    int k, held = 1, same = 1, wide = 1;
+    int k, held = 1, same = 1, wide = 1, mixed = 1;
 
     tff_observer_init(&self, seen_input[0]);
     tff_observer_init(&other, seen_input[0]);
@@ -1179,6 +1278,27 @@ static void test_observer(void)
             same = same && is_near((double)tff_observer_step_dt(&other, ((k % 3) == 1) ? (TFF_STEP_S - ((tff_real)0.5 * TFF_STEP_MIN_S)) : TFF_STEP_S, seen_input[k], (tff_real)NAN), (double)self.output.tension);
         }
     }
+    whole = self;
+    tff_observer_init(&self, seen_input[0]);
+    tff_observer_init(&other, seen_input[0]);
+    for (k = 0; (k < 40) && (k < SEEN); k++) { /* now and then the time is left out, while parts of a sample wait */
+        const tff_real time = ((k % 3) == 1) ? ((tff_real)0.25 * TFF_STEP_S) : TFF_STEP_S;
+        before = (double)tff_observer_step_dt(&other, time, seen_input[k], (tff_real)NAN);
+        mixed = mixed && is_near(((k % 3) == 2) ? (double)tff_observer_step(&self, seen_input[k], (tff_real)NAN) : (double)tff_observer_step_dt(&self, time, seen_input[k], (tff_real)NAN), before)
+            && (self.output.status == other.output.status);
+    }
+    tff_observer_init(&self, seen_input[0]);
+    tff_observer_init(&other, seen_input[0]);
+    for (k = 1; (k <= 20) && mixed; k++) { /* two samples a call: the one between is on the straight line */
+        const tff_real slope = (tff_real)5e-4 * seen_input[0];
+        (void)tff_observer_step(&self, seen_input[0] + (slope * ((tff_real)(2 * k) - 1.0)), (tff_real)NAN);
+        before = (double)tff_observer_step(&self, seen_input[0] + (slope * (tff_real)(2 * k)), (tff_real)NAN);
+        mixed = fabs((double)tff_observer_step_dt(&other, (tff_real)2 * TFF_STEP_S, seen_input[0] + (slope * (tff_real)(2 * k)), (tff_real)NAN) - before) <= (1e3 * ROUNDING * (1.0 + before));
+    }
+    (void)tff_observer_step_dt(&other, (tff_real)2.25 * TFF_STEP_S, seen_input[0], (tff_real)NAN);
+    mixed = mixed && (fabs((double)other.waiting - (0.25 * (double)TFF_STEP_S)) <= (1e-4 * (double)TFF_STEP_S));
+    self = whole;
+    expect("observer: steps without a time are of one sample, among others too", mixed);
     report("observer: golden vectors", error, 8.6000000000000002e-08);
     report("observer: golden bounds", of_bounds, 2.5800000000000001e-07);
     expect("observer: parts of a sample are one", same);

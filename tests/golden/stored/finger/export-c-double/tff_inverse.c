@@ -468,7 +468,7 @@ static tff_real tff_inverse_after(tff_inverse *self, tff_real samples, tff_real 
 
 tff_real tff_inverse_step(tff_inverse *self, tff_real reference)
 {
-    return tff_inverse_after(self, 1.0, reference);
+    return (self->waiting > 0.0) ? tff_inverse_step_dt(self, TFF_STEP_S, reference) : tff_inverse_after(self, 1.0, reference);
 }
 
 tff_real tff_inverse_step_dt(tff_inverse *self, tff_real dt_s, tff_real reference)

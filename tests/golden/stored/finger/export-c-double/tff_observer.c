@@ -802,7 +802,7 @@ static tff_real tff_observer_after(tff_observer *self, int32_t steps, tff_real i
 
 tff_real tff_observer_step(tff_observer *self, tff_real input_tension, tff_real input_position)
 {
-    return tff_observer_after(self, 1, input_tension, input_position);
+    return (self->waiting > 0.0) ? tff_observer_step_dt(self, TFF_STEP_S, input_tension, input_position) : tff_observer_after(self, 1, input_tension, input_position);
 }
 
 tff_real tff_observer_step_dt(tff_observer *self, tff_real dt_s, tff_real input_tension, tff_real input_position)

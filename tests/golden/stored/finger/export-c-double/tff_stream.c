@@ -92,7 +92,7 @@ int32_t tff_stream_use(tff_stream *self, const tff_parameters *given)
     return good;
 }
 
-tff_real tff_stream_step(tff_stream *self, tff_real reference)
+static tff_real tff_stream_sample(tff_stream *self, tff_real reference)
 {
     const uint32_t status = tff_stream_take(self, reference);
     const tff_real above = self->entry.last - TFF_STREAM_BAND_N;
@@ -108,6 +108,29 @@ tff_real tff_stream_step(tff_stream *self, tff_real reference)
     self->output.status |= status;
     self->inverse.output.seen |= status;
     self->output.seen = self->inverse.output.seen;
+    return force;
+}
+
+/* The next samples are on the way from what was passed now. */
+static void tff_stream_pass(tff_stream *self, tff_real reference)
+{
+    if (tff_is_within(reference, -TFF_STREAM_LARGEST_N, TFF_STREAM_LARGEST_N) != 0) {
+        const tff_real raised = (reference < self->low) ? self->low : reference;
+
+        self->passed = (raised > self->high) ? self->high : raised;
+    }
+}
+
+tff_real tff_stream_step(tff_stream *self, tff_real reference)
+{
+    tff_real force;
+
+    if (self->waiting > 0.0) {
+        force = tff_stream_step_dt(self, TFF_STEP_S, reference);
+    } else {
+        force = tff_stream_sample(self, reference);
+        tff_stream_pass(self, reference);
+    }
     return force;
 }
 
@@ -129,12 +152,13 @@ tff_real tff_stream_step_dt(tff_stream *self, tff_real dt_s, tff_real reference)
             const tff_real back = (tff_real)k * TFF_STEP_S;
             const tff_real rest = ((missed > 0) || ((back + left) <= (dt_s * 9.9999999999999995e-07))) ? 0.0 : ((back + left) / dt_s);
             const tff_real followed = (rest > 0.0) ? (reference + (rest * (before - reference))) : reference;
-            answer = tff_stream_step(self, followed);
+            answer = tff_stream_sample(self, followed);
         }
         self->waiting = (left > 0.0) ? left : 0.0;
-        if (tff_is_within(reference, -1e+30, 1e+30) != 0) {
-            self->passed = reference;
-        }
+        tff_stream_pass(self, reference);
+    } else {
+        (void)tff_output_hold(&self->output, TFF_INPUT_HELD);
+        self->inverse.output.seen |= TFF_INPUT_HELD;
     }
     return answer;
 }

@@ -240,7 +240,8 @@ int32_t tff_table_use(tff_table *self, const tff_parameters *given)
     return good;
 }
 
-tff_real tff_table_step(tff_table *self, tff_real reference)
+/* A step, as long as the rate limit was set for. */
+static tff_real tff_table_after(tff_table *self, tff_real reference)
 {
     tff_real force;
 
@@ -261,6 +262,11 @@ tff_real tff_table_step(tff_table *self, tff_real reference)
     return force;
 }
 
+tff_real tff_table_step(tff_table *self, tff_real reference)
+{
+    return (self->waiting > 0.0) ? tff_table_step_dt(self, TFF_STEP_S, reference) : tff_table_after(self, reference);
+}
+
 tff_real tff_table_step_dt(tff_table *self, tff_real dt_s, tff_real reference)
 {
     const tff_real samples = tff_samples(&self->waiting, dt_s);
@@ -272,7 +278,7 @@ tff_real tff_table_step_dt(tff_table *self, tff_real dt_s, tff_real reference)
         const tff_real change = tff_stretch(&self->output, length);
 
         tff_table_missed(self, missed);
-        force = tff_table_step(self, reference);
+        force = tff_table_after(self, reference);
         tff_resume(&self->output, &self->entry, change, length);
     } else {
         force = tff_output_hold(&self->output, (tff_is_within(dt_s, 0.0, TFF_STEP_MIN_S) != 0) ? TFF_OK : TFF_INPUT_HELD);

@@ -35,7 +35,7 @@ typedef double tff_real;
 
 /* Status bits of the last step; `seen` in each record gathers them since init. */
 #define TFF_OK 0u
-#define TFF_INPUT_HELD 1u    /* NaN or outside the accepted range: last good output held, state untouched */
+#define TFF_INPUT_HELD 1u    /* NaN or outside the accepted range: last good output held, state untouched; or a joint angle that jumped */
 #define TFF_FORCE_LIMITED 2u /* force_min or force_max binds */
 #define TFF_RATE_LIMITED 4u  /* the force rate limit binds */
 #define TFF_WOULD_PUSH 8u    /* the reference falls faster than the tendon can follow, or a link is slack */

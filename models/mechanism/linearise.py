@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.models.layout import INPUT_NAMES, Array, ChainState, StateLayout
-from tendonff.models.tendon.chain import Chain, chain_equations
+from tendonff.models.mechanism.chain import chain_equations
+from tendonff.models.tendon.chain import Chain
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

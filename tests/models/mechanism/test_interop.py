@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from tendonff.models.fidelity import Level
+from tendonff.models.mechanism.interop import as_iosystem, linear_system, output_names
+from tendonff.models.mechanism.linearise import Lineariser
 from tendonff.models.parameters import Transmission
 from tendonff.models.tendon.chain import Chain
-from tendonff.models.tendon.interop import as_iosystem, linear_system, output_names
-from tendonff.models.tendon.linearise import Lineariser
 from tendonff.ocp.tendon.simulate import simulate
 
 START_N = 30.0

@@ -1,0 +1,1 @@
+"""Several driven joints on tendons that cross them: scenario, compensators and design."""

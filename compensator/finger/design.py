@@ -1,0 +1,94 @@
+"""Design of a finger: motor angles by each compensator, verified on a finer mechanism behind the drives."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from tendonff.compensator.files.progress import Parts, Progress, silent
+from tendonff.compensator.files.results import register_writer
+from tendonff.compensator.finger.compensators import FINGER_COMPENSATORS, REFINEMENT, VERIFYING_MASSES, FingerTask
+from tendonff.compensator.finger.output import motor_torque_N_m, write_files
+from tendonff.compensator.finger.result import FingerDesign, FingerProfile
+from tendonff.compensator.finger.scenario import FingerScenario
+from tendonff.models.errors import TendonffError
+from tendonff.models.turns import in_turn
+from tendonff.ocp.mechanism.response import MechanismStatus
+
+register_writer(FingerDesign, write_files)
+
+
+@in_turn
+def design_finger(scenario: FingerScenario, *, progress: Progress = silent) -> FingerDesign:
+    """Design and verify the motor angles of several joints.
+
+    Parameters
+    ----------
+    scenario : FingerScenario
+    progress : callable, optional
+
+    Raises
+    ------
+    InputError
+        If the reference has no meaning, or no tensions give a torque that it needs.
+    SolveError
+        If the inverse or its simulation fails.
+    """
+    task = FingerTask.of(scenario)
+    task.check_reach()
+    inversion, finger = task.inversion, task.finger
+    masses = max(VERIFYING_MASSES, *(2 * tendon.path.segments for tendon in finger.tendons))
+    parts = Parts(progress, 2 * len(FINGER_COMPENSATORS))
+    profiles, commands, failed = {}, {}, []
+    for each in FINGER_COMPENSATORS:
+        try:
+            command = each.command_rad(task)
+            run = task.respond(finger, command, masses, REFINEMENT)
+        except TendonffError as error:  # one that has no answer must not take the others along
+            if each.name == "inverse":
+                raise
+            failed.append(f"{each.label}: {error}")
+            continue
+        commands[each.name] = command
+        reached = run.position[:, : scenario.wanted]
+        profiles[each.name] = FingerProfile(
+            name=each.name,
+            motor_rad=command,
+            angle_rad=reached,
+            tension_N=run.tension_N,
+            error_rad=reached - task.wanted_rad,
+        )
+        parts.done()
+    expectation = task.expect(commands)
+    parts.done(len(FINGER_COMPENSATORS))
+    result = FingerDesign(
+        scenario=scenario,
+        sampled=task.sampled,
+        compensators=FINGER_COMPENSATORS,
+        profiles=profiles,
+        inversion=inversion,
+        expectation=expectation,
+        masses=masses,
+        refinement=REFINEMENT,
+        warnings=(*([inversion.message] if inversion.status is MechanismStatus.SLACK else []), *failed),
+    )
+    return _with_limits(result)
+
+
+def _with_limits(result: FingerDesign) -> FingerDesign:
+    """The result with warnings where a motor would have to turn or pull more than it can."""
+    found = []
+    speed = np.abs(np.diff(result.inversion.motor, axis=0)) / result.scenario.run.step_s
+    torque = np.abs(motor_torque_N_m(result))
+    for k, motor in enumerate(result.scenario.mechanism.motors):
+        most, strongest = motor.drive.speed_max_rad_per_s, motor.drive.torque_max_N_m
+        if most is not None and speed[:, k].max() > most:
+            found.append(
+                f"motor {motor.name} would have to turn at {speed[:, k].max():.3g} rad/s, speed_max_rad_per_s is "
+                f"{most:g}; the commands keep to it"
+            )
+        if strongest is not None and torque[:, k].max() > strongest:
+            found.append(
+                f"motor {motor.name} would have to give {torque[:, k].max():.3g} N m, torque_max_N_m is {strongest:g}; "
+                "a slower reference, less tension or a larger gear_ratio help"
+            )
+    return replace(result, warnings=(*result.warnings, *found))

@@ -1,0 +1,92 @@
+"""A driven joint between tendons as bodies, tendons and drives."""
+
+import numpy as np
+
+from tendonff.models.errors import ParameterError
+from tendonff.models.joint.parameters import DriveKind, JointTendon
+from tendonff.models.joint.parameters import Mechanism as JointMechanism
+from tendonff.models.mechanism.loads import Damper, DryFriction, Gravity, LoadLaw, Spring, Stops
+from tendonff.models.mechanism.mechanism import Mechanism, led_joints
+from tendonff.models.mechanism.parts import Arm, Attachment, Body, Force, Lead, Table, Tendon, Unit
+from tendonff.models.path import JointMotion
+
+MOTOR = "motor"
+"""Name of the one motor of a loop; those of a pair are called like their tendons."""
+
+
+def describe(mechanism: JointMechanism, motion: JointMotion) -> Mechanism:
+    """The mechanism of a driven joint: a loop is two tendons on one led motor with opposite windings, a pair has two.
+
+    The joint is free, with an input for the torque of its surroundings on it; motors and all other joints are led.
+    Motor angles count from the start.
+
+    Parameters
+    ----------
+    mechanism : joint.parameters.Mechanism
+    motion : JointMotion
+        Of the driven joint, from where it starts over its whole range, and of all others that sections name.
+    """
+    joint = mechanism.joint
+    if joint.name not in motion.names:
+        raise ParameterError(f'the driven joint "{joint.name}" needs a motion, got those of {", ".join(motion.names)}')
+    angles = motion.angle_rad[:, motion.names.index(joint.name)]
+    start = float(motion.at(np.zeros(1))[0, motion.names.index(joint.name)])
+    named = (section.joint for tendon in mechanism.tendons for section in tendon.path.sections)
+    others = tuple(dict.fromkeys(name for name in named if name is not None and name != joint.name))
+    driven = Body(
+        name=joint.name,
+        unit=Unit.RADIAN,
+        inertia=joint.inertia_kg_m2,
+        loads=_loads(mechanism, start),
+        span=(float(angles.min()), float(angles.max())),
+    )
+    loop = mechanism.drive.kind is DriveKind.LOOP
+    motors = [MOTOR] if loop else [tendon.name for tendon in mechanism.tendons]
+    led = (*(Body(name=name, unit=Unit.RADIAN, inertia=1.0) for name in motors), *led_joints(motion, others))
+    windings = zip(mechanism.drum_radius_m, mechanism.windings(start), strict=True)
+    per_rad = [radius * way / mechanism.drive.gear_ratio for radius, way in windings]
+    return Mechanism(
+        bodies=(driven, *led),
+        tendons=tuple(
+            Tendon(
+                name=tendon.name,
+                path=tendon.path,
+                tendon=tendon.tendon,
+                friction=tendon.friction,
+                near=Attachment(arms=(Arm(body=MOTOR if loop else tendon.name, metres_per_unit=winding),)),
+                far=Attachment(arms=(_far(tendon),)),
+            )
+            for tendon, winding in zip(mechanism.tendons, per_rad, strict=True)
+        ),
+        drives=(Force(body=joint.name), *(Lead(body=body.name) for body in led)),
+    )
+
+
+def _far(tendon: JointTendon) -> Arm | Table:
+    arm = tendon.arm
+    if arm.lengths is not None:
+        return Table(body=arm.joint, knots=arm.lengths.angle_rad, cubics=arm.lengths.travel_pieces)
+    return Arm(body=arm.joint, metres_per_unit=arm.moment_arm_m or 0.0)
+
+
+def _loads(mechanism: JointMechanism, start_rad: float) -> tuple[LoadLaw, ...]:
+    """Loads of the joint that are there; its dry friction has the bristles of the first tendon at its moment arm."""
+    joint, friction = mechanism.joint, mechanism.tendons[0].friction
+    loads: list[LoadLaw] = [
+        Damper(damping=joint.damping_N_m_s_per_rad),
+        Spring(stiffness=joint.stiffness_N_m_per_rad, rest=joint.rest_rad),
+        Gravity(amplitude_N_m=joint.gravity_N_m, zero_rad=joint.gravity_zero_rad),
+    ]
+    if joint.has_stop:
+        low, high = joint.stops_rad
+        loads.append(Stops(stiffness=joint.stop_stiffness_N_m_per_rad, low=low, high=high))
+    if joint.coulomb_N_m > 0:
+        square = mechanism.arms_at(start_rad)[0] ** 2
+        loads.append(
+            DryFriction(
+                coulomb=joint.coulomb_N_m,
+                bristle_stiffness=friction.bristle_stiffness_N_per_m * square,
+                soft_bristle_stiffness=friction.soft_bristle_stiffness_N_per_m * square,
+            )
+        )
+    return tuple(loads)

@@ -1,0 +1,194 @@
+"""Joints on tendons that cross several of them, and motors that wind one tendon or several."""
+
+from dataclasses import dataclass
+
+from tendonff.models.errors import ParameterError, require
+from tendonff.models.joint.parameters.drive import JointDrive
+from tendonff.models.joint.parameters.joint import DrivenJoint
+from tendonff.models.joint.parameters.tendon import JointTendon
+from tendonff.models.mechanism import (
+    Arm,
+    Attachment,
+    Body,
+    Damper,
+    DryFriction,
+    Force,
+    Gravity,
+    Lead,
+    Mechanism,
+    Spring,
+    Stops,
+    Table,
+    Tendon,
+    Unit,
+)
+from tendonff.models.mechanism.geometry import Geometry
+from tendonff.models.mechanism.loads import LoadLaw
+from tendonff.models.mechanism.mechanism import led_joints
+from tendonff.models.mechanism.sharing import Sharing
+from tendonff.models.path import JointMotion
+
+_BRISTLE_ARM_M = 0.01
+"""Moment arm at which the dry friction of a joint has the bristles of the first tendon [m]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Motor:
+    """A motor and the tendons on its drums.
+
+    Parameters
+    ----------
+    name : str
+        Its name in reports and columns.
+    winds : tuple of str
+        Tendons that it winds.
+    radii_m : tuple of float
+        Radius of each drum up to the middle of the tendon [m], positive where the tendon is taken in as the motor turns
+        to positive angles.
+    drive : JointDrive
+        Gear, friction, limits and servo; of a motor with several tendons a loop with its pre-tension.
+    """
+
+    name: str
+    winds: tuple[str, ...]
+    radii_m: tuple[float, ...]
+    drive: JointDrive
+
+    def __post_init__(self) -> None:
+        if not self.winds or len(self.winds) != len(self.radii_m):
+            raise ParameterError(f'motor "{self.name}" needs a drum for each tendon, got {len(self.radii_m)}')
+        for tendon, radius in zip(self.winds, self.radii_m, strict=True):
+            require(f'drum of "{tendon}" on motor "{self.name}"', abs(radius), above=0, hint="half its diameter")
+
+    @property
+    def body(self) -> str:
+        """Name of its body, which differs from those of joints."""
+        return f"motor_{self.name}"
+
+    @property
+    def winding_m(self) -> tuple[float, ...]:
+        """Travel of each tendon per radian at the motor's shaft [m]."""
+        return tuple(radius / self.drive.gear_ratio for radius in self.radii_m)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finger:
+    """Driven joints, the tendons that cross them, and their motors.
+
+    Parameters
+    ----------
+    joints : tuple of DrivenJoint
+    tendons : tuple of JointTendon
+        Whose far ends move with joints, or whose sections follow them.
+    motors : tuple of Motor
+        Each tendon is on one of them.
+    sharing : Sharing
+        How tendons share torques that they could share in many ways.
+    """
+
+    joints: tuple[DrivenJoint, ...]
+    tendons: tuple[JointTendon, ...]
+    motors: tuple[Motor, ...]
+    sharing: Sharing
+
+    def __post_init__(self) -> None:
+        wound = [name for motor in self.motors for name in motor.winds]
+        known = [tendon.name for tendon in self.tendons]
+        for name in known:
+            if wound.count(name) != 1:
+                raise ParameterError(f'tendon "{name}" must be on one motor, got {wound.count(name)}; check drums_m')
+        for name in wound:
+            if name not in known:
+                raise ParameterError(f'a motor winds "{name}", which is no tendon; tendons: {", ".join(known)}')
+        for tendon in self.tendons:
+            if not any(self._crosses(tendon, joint.name) for joint in self.joints):
+                raise ParameterError(f'tendon "{tendon.name}" moves no driven joint; give it moment_arms_m or sections')
+
+    @staticmethod
+    def _crosses(tendon: JointTendon, joint: str) -> bool:
+        return tendon.follows(joint) or any(arm.joint == joint for arm in tendon.arms)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the joints."""
+        return tuple(joint.name for joint in self.joints)
+
+    @property
+    def pretension_N(self) -> dict[str, float]:
+        """Of the motors that wind several tendons, by the names of their bodies."""
+        return {motor.body: motor.drive.pretension_N or 0.0 for motor in self.motors if len(motor.winds) > 1}
+
+    def geometry(self) -> Geometry:
+        """Lengths, wrap angles and moment arms by the angles of the joints."""
+        return Geometry(tendons=tuple(self._tendon(tendon) for tendon in self.tendons), bodies=self.names)
+
+    def mechanism(self, motion: JointMotion) -> Mechanism:
+        """Bodies, tendons and drives: joints are free, motors led, and other joints that sections name are led.
+
+        The motion is that of the joints, whose ranges decide who gets masses, and of the others.
+        """
+        columns = dict(zip(motion.names, motion.angle_rad.T, strict=True))
+        free = tuple(
+            Body(
+                name=joint.name,
+                unit=Unit.RADIAN,
+                inertia=joint.inertia_kg_m2,
+                loads=self._loads(joint),
+                span=(float(columns[joint.name].min()), float(columns[joint.name].max())),
+            )
+            for joint in self.joints
+        )
+        named = (section.joint for tendon in self.tendons for section in tendon.path.sections)
+        others = tuple(dict.fromkeys(name for name in named if name is not None and name not in self.names))
+        motors = tuple(
+            Body(name=motor.body, unit=Unit.RADIAN, inertia=max(motor.drive.inertia_kg_m2, 1e-9))
+            for motor in self.motors
+        )
+        led = (*led_joints(motion, others), *motors)
+        return Mechanism(
+            bodies=(*free, *led),
+            tendons=tuple(self._tendon(tendon) for tendon in self.tendons),
+            drives=(*(Force(body=body.name) for body in free), *(Lead(body=body.name) for body in led)),
+        )
+
+    def _tendon(self, tendon: JointTendon) -> Tendon:
+        near = next(
+            Arm(body=motor.body, metres_per_unit=winding)
+            for motor in self.motors
+            for name, winding in zip(motor.winds, motor.winding_m, strict=True)
+            if name == tendon.name
+        )
+        far = tuple(
+            Arm(body=arm.joint, metres_per_unit=arm.moment_arm_m or 0.0)
+            if arm.lengths is None
+            else Table(body=arm.joint, knots=arm.lengths.angle_rad, cubics=arm.lengths.travel_pieces)
+            for arm in tendon.arms
+        )
+        return Tendon(
+            name=tendon.name,
+            path=tendon.path,
+            tendon=tendon.tendon,
+            friction=tendon.friction,
+            near=Attachment(arms=(near,)),
+            far=Attachment(arms=far),
+        )
+
+    def _loads(self, joint: DrivenJoint) -> tuple[LoadLaw, ...]:
+        loads: list[LoadLaw] = [
+            Damper(damping=joint.damping_N_m_s_per_rad),
+            Spring(stiffness=joint.stiffness_N_m_per_rad, rest=joint.rest_rad),
+            Gravity(amplitude_N_m=joint.gravity_N_m, zero_rad=joint.gravity_zero_rad),
+        ]
+        if joint.has_stop:
+            low, high = joint.stops_rad
+            loads.append(Stops(stiffness=joint.stop_stiffness_N_m_per_rad, low=low, high=high))
+        if joint.coulomb_N_m > 0:
+            friction, square = self.tendons[0].friction, _BRISTLE_ARM_M**2
+            loads.append(
+                DryFriction(
+                    coulomb=joint.coulomb_N_m,
+                    bristle_stiffness=friction.bristle_stiffness_N_per_m * square,
+                    soft_bristle_stiffness=friction.soft_bristle_stiffness_N_per_m * square,
+                )
+            )
+        return tuple(loads)

@@ -1,0 +1,1 @@
+"""CasADi's integrators as methods of simulation, on the equations of `models.mechanism`."""

@@ -1,0 +1,1 @@
+"""Any mechanism of bodies and tendons in compiled C: its exact inverse, and its response."""

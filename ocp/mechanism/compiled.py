@@ -1,0 +1,251 @@
+"""Bodies and tendons in compiled C."""
+
+import ctypes
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tendonff.models.joint.balance import Followed
+from tendonff.models.layout import fields_of
+from tendonff.models.mechanism import Arm, Tendon
+from tendonff.models.tendon.chain import Chain
+from tendonff.models.turns import out_of_turn
+from tendonff.ocp.joint.laws import JOINT_NUMBERS, joint_torque, link_back, path_mass_back, representative
+from tendonff.ocp.mechanism.problem import Array, MechanismMemory, MechanismProblem
+from tendonff.ocp.step.c_engine import ReportStruct, chain_struct, host_source, library_of, pointer
+from tendonff.ocp.step.laws import ElementLaws
+
+_MS = 1e-3
+"""Time that `Sharing.change_weight` is for [s]."""
+
+
+class _Effect(ctypes.Structure):
+    _fields_ = (
+        ("near_m", ctypes.c_double),
+        *((name, ctypes.c_void_p) for name in ("per", "knots", "cubics")),
+        ("pieces", ctypes.c_int),
+        ("far_only", ctypes.c_int),
+    )
+
+
+class _Tendon(ctypes.Structure):
+    _fields_ = (
+        *((name, ctypes.c_void_p) for name in ("chain", "home", "effects")),
+        ("start_m", ctypes.c_double),
+        *((name, ctypes.c_void_p) for name in ("x", "x_old", "memory")),
+    )
+
+
+class _Body(ctypes.Structure):
+    _fields_ = tuple((name, ctypes.c_double) for name in JOINT_NUMBERS)
+
+
+class _Sharing(ctypes.Structure):
+    _fields_ = (
+        *((name, ctypes.c_double) for name in ("least", "smooth", "price")),
+        *((name, ctypes.c_void_p) for name in ("winding_m", "partner", "shares", "closure_rad")),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InverseRows:
+    """Result of an inverse at the ends of successive steps; fewer rows where a step has no solution."""
+
+    position: Array  # shape (rows, known)
+    travel_m: Array  # shape (rows, tendons); at the drum, where the motors stand at zero before
+    tension_N: Array  # shape (rows, tendons); at the far end
+    drum_N: Array  # shape (rows, tendons)
+    slack_m: Array  # shape (rows, tendons); length that hangs loose in a loop
+    lowest_N: Array  # shape (rows,); along any tendon
+    evaluations: int  # of the recursion through all tendons
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunRows:
+    """Result of a run of steps; fewer rows where a step fails for good."""
+
+    position: Array  # shape (rows, bodies)
+    torque: Array  # shape (rows, bodies); of the tendons on each body
+    tension_N: Array  # shape (rows, tendons); at the far end
+    drum_N: Array  # shape (rows, tendons)
+    lowest_N: Array  # shape (rows,)
+    iterations: int
+    splits: int
+    residual_N: float
+
+
+def _source(chain: Chain) -> str:
+    laws = ElementLaws.of(chain, folded=True)
+    own = (joint_torque(), link_back(laws), path_mass_back(laws))
+    templates = ("kernel.c.j2", "weigh.c.j2", "bodies.c.j2")
+    return host_source(chain, (*laws.simulation(), *own), templates, joint_numbers=JOINT_NUMBERS)
+
+
+class CompiledMechanism:
+    """Invert and advance one mechanism in compiled C.
+
+    Raises
+    ------
+    CodeError
+        If no C compiler works here.
+    """
+
+    def __init__(self, problem: MechanismProblem, step_s: float) -> None:
+        self._problem, self._step_s = problem, step_s
+        chains = problem.chains()
+        self._counts = [chain.count for chain in chains]
+        self._library = library_of(representative(chains), _source)
+        self._library.tff_bodies_invert.restype = ctypes.c_long
+        self._library.tff_bodies_run.restype = ctypes.c_long
+        self._chains = [chain_struct(chain) for chain in chains]
+        self._laws = (_Body * problem.bodies)(*(_Body(*fields_of(law).values()) for law in problem.laws()))
+        self._scale = problem.scale_m()
+        self._partner = np.array(problem.partner, dtype=np.intc)
+        self._alone = np.array(problem.alone, dtype=np.intc)
+        self._winding = problem.winding_m
+        self._kept: list[Any] = []
+        pairs = list(zip(problem.mechanism.tendons, chains, strict=True))
+        self._effects = [self._effects_of(tendon, chain) for tendon, chain in pairs]
+        self._homes = [_home(chain) for chain in chains]
+
+    def _effects_of(self, tendon: Tendon, chain: Chain) -> Any:
+        records = (_Effect * self._problem.bodies)()
+        near, far = ({arm.body: arm for arm in end.arms} for end in (tendon.near, tendon.far))
+        for b, name in enumerate(self._problem.names):
+            followed, arm = Followed.of(chain, name), far.get(name)
+            per = np.concatenate(
+                [
+                    *(followed.angle_per_rad, followed.length_per_rad, followed.gained_per_rad_m),
+                    [arm.metres_per_unit if isinstance(arm, Arm) else 0.0],
+                ]
+            )
+            drum = near.get(name)
+            table = None if arm is None or isinstance(arm, Arm) else arm
+            knots = None if table is None else table.knots
+            cubics = None if table is None else np.ascontiguousarray(table.cubics)
+            touched = arm is not None or followed.any
+            self._kept += [per, knots, cubics]
+            records[b] = _Effect(
+                drum.metres_per_unit if isinstance(drum, Arm) else 0.0,
+                *(pointer(each).value for each in (per if touched else None, knots, cubics)),
+                0 if table is None else len(table.cubics),
+                not followed.any,
+            )
+        return records
+
+    def _tendons(self, memory: MechanismMemory) -> tuple[Any, list[Any]]:
+        """Records of the tendons, and what must outlive them."""
+        bodies = ctypes.c_int(self._problem.bodies)
+        work = [np.empty(self._library.tff_strand_reals(ctypes.c_int(n), bodies)) for n in self._counts]
+        records = (_Tendon * len(work))(
+            *(
+                _Tendon(
+                    ctypes.addressof(self._chains[k]),
+                    self._homes[k].ctypes.data,
+                    ctypes.addressof(self._effects[k]),
+                    float(memory.start_m[k]),
+                    *(each.ctypes.data for each in (memory.x[k], memory.x_old[k], work[k])),
+                )
+                for k in range(len(work))
+            )
+        )
+        return records, work
+
+    def invert(self, memory: MechanismMemory, position: Array, effort: Array) -> InverseRows:
+        """Motors for positions of the bodies at the present instant and the ends of the steps that follow.
+
+        Parameters
+        ----------
+        memory : MechanismMemory
+            Advanced to the last row that was found.
+        position, effort : ndarray, shape (rows + 1, known)
+            Of all bodies but the motors: positions, and torques on what they touch.
+        """
+        problem = self._problem
+        rows, count, known = len(position) - 1, len(self._counts), problem.known
+        z, z_old = (np.ascontiguousarray(each[:known]) for each in (memory.z, memory.z_old))
+        given = np.ascontiguousarray(position, dtype=np.float64)
+        efforts = np.ascontiguousarray(effort, dtype=np.float64)
+        travel, tension, drum, slack = (np.empty((rows, count)) for _ in range(4))
+        out = np.empty((rows, known))
+        lowest, evaluations = np.empty(rows), ctypes.c_long()
+        tension[:1] = memory.tension_N
+        sharing, closure = problem.sharing, np.zeros(count)
+        how = _Sharing(
+            *(sharing.least_tension_N, sharing.smooth_N, sharing.change_weight * _MS / self._step_s),
+            *(each.ctypes.data for each in (self._winding, self._partner, self._alone, closure)),
+        )
+        records, kept = self._tendons(memory)
+        with out_of_turn():
+            done = self._library.tff_bodies_invert(
+                *(
+                    self._laws,
+                    ctypes.c_int(known),
+                    ctypes.c_int(problem.driven),
+                    ctypes.c_int(problem.wanted),
+                    records,
+                    ctypes.c_int(count),
+                ),
+                ctypes.c_double(self._step_s),
+                *(ctypes.c_long(rows), ctypes.c_int(memory.fresh), *map(pointer, (given, efforts, self._scale))),
+                ctypes.byref(how),
+                *map(pointer, (z, z_old, out, travel, tension, drum, slack, lowest, memory.worth)),
+                ctypes.byref(evaluations),
+            )
+        del kept
+        memory.z[:known], memory.z_old[:known] = z, z_old
+        self._moved(memory, done, tension)
+        return InverseRows(
+            position=out[:done],
+            travel_m=travel[:done],
+            tension_N=tension[:done],
+            drum_N=drum[:done],
+            slack_m=slack[:done],
+            lowest_N=lowest[:done],
+            evaluations=evaluations.value,
+        )
+
+    def run(self, memory: MechanismMemory, position: Array, effort: Array, led: Array | None = None) -> RunRows:
+        """Advance over positions of bodies that are led and torques on what bodies touch, shape (rows + 1, bodies).
+
+        `led`, shape (bodies,): which are led; default: those that a drive leads.
+        """
+        problem = self._problem
+        rows, count, bodies = len(position) - 1, len(self._counts), problem.bodies
+        given, efforts = (np.ascontiguousarray(each, dtype=np.float64) for each in (position, effort))
+        leads = np.array(problem.leads if led is None else led, dtype=np.intc)
+        out = np.empty((rows, bodies, 2))
+        tension, drum, lowest = np.empty((rows, count)), np.empty((rows, count)), np.empty(rows)
+        report = ReportStruct()
+        records, kept = self._tendons(memory)
+        with out_of_turn():
+            done = self._library.tff_bodies_run(
+                *(self._laws, ctypes.c_int(bodies), pointer(leads), records, ctypes.c_int(count)),
+                *(ctypes.c_double(self._step_s), ctypes.c_long(rows), ctypes.c_int(memory.fresh)),
+                *map(pointer, (given, efforts, self._scale, memory.z, memory.z_old, out, tension, drum, lowest)),
+                ctypes.byref(report),
+            )
+        del kept
+        self._moved(memory, done, tension)
+        return RunRows(
+            position=out[:done, :, 0],
+            torque=out[:done, :, 1],
+            tension_N=tension[:done],
+            drum_N=drum[:done],
+            lowest_N=lowest[:done],
+            iterations=report.iterations,
+            splits=report.splits,
+            residual_N=report.residual_N,
+        )
+
+    def _moved(self, memory: MechanismMemory, done: int, tension: Array) -> None:
+        if done:
+            memory.fresh = False
+            memory.tension_N = tension[done - 1].copy()
+
+
+def _home(chain: Chain) -> Array:
+    """The path with all bodies at zero, shape (3 N + 3,): angles, shares of the links, gained lengths, far end."""
+    rows = chain.elements.path.at({})
+    return np.concatenate([rows.angle_rad[0], 1 / rows.ratio[0], rows.gained_m[0], np.zeros(1)])

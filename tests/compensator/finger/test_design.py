@@ -1,0 +1,176 @@
+"""A finger from its scenario to motor angles."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.finger.design import design_finger
+from tendonff.compensator.finger.runtime import FingerRuntime
+from tendonff.compensator.finger.scenario import load_finger_scenario, parse_finger_scenario, sample_finger
+
+EXAMPLE = Path("examples/three_joint_finger.toml")
+SHORT = (
+    EXAMPLE.read_text("utf-8")
+    .replace("duration_s = 3.0", "duration_s = 0.6")
+    .replace("fade_in_s = 0.5", "fade_in_s = 0.3")
+)
+
+
+def scenario(text=SHORT, *changes):
+    for before, after in changes:
+        assert before in text
+        text = text.replace(before, after)
+    return parse_finger_scenario(text, EXAMPLE)
+
+
+@pytest.fixture(scope="module")
+def designed():
+    return design_finger(scenario())
+
+
+@pytest.mark.compiler
+def test_the_exact_inverse_follows_ten_times_closer_than_the_lengths_of_the_tendons(designed):
+    errors = {name: profile.rms_of_all_rad for name, profile in designed.profiles.items()}
+    assert errors["inverse"] < errors["linear"] / 10
+    assert errors["inverse"] < errors["static"] < errors["stretch"]
+    assert np.degrees(errors["inverse"]) < 0.05
+
+
+@pytest.mark.compiler
+def test_the_files_have_the_columns_of_the_contract(designed, tmp_path):
+    designed.write(tmp_path / "out")
+    profile = pd.read_csv(tmp_path / "out" / "profile.csv")
+    columns = ["time_s", "reference_mcp_rad", "motor_m1_linear_rad", "motor_m1_stretch_rad", "motor_m1_inverse_rad"]
+    assert set(columns) | {"motor_m1_torque_inverse_N_m", "tension_extensor_N"} <= set(profile.columns)
+    assert len(profile) == 601
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text("utf-8"))
+    errors = summary["compensators"]["inverse"]["presliding"]["rmse_rad"]
+    assert set(errors) == {"mcp", "pip", "dip", "all"}
+    assert summary["inverse"]["lowest_tension_N"] > 0
+    assert (tmp_path / "out" / "report.html").exists()
+
+
+@pytest.mark.compiler
+def test_a_runtime_gives_the_motor_angles_of_the_design(designed):
+    runtime = FingerRuntime(scenario())
+    wanted = sample_finger(scenario()).angle_rad
+    live = np.array([runtime.step(row) for row in wanted[1:200]])
+    assert live == pytest.approx(designed.inversion.motor[1:200], abs=1e-9)
+    before = runtime.step({"mcp": float("nan"), "pip": 0.0, "dip": 0.0})
+    assert runtime.held
+    assert before == pytest.approx(live[-1])
+
+
+@pytest.mark.compiler
+def test_two_tendons_on_a_drum_are_a_loop():
+    """Three loops on three joints, with tendons that pass the others: no tension is free."""
+    text = SHORT[: SHORT.index("[[tendons]]")]
+    arms = {"mcp": (0.010, 0.0, 0.0), "pip": (0.002, 0.010, 0.0), "dip": (0.002, 0.002, 0.008)}
+    for name, arm in arms.items():
+        for side, sign in (("flexor", 1), ("extensor", -1)):
+            text += f'[[tendons]]\nname = "{name}_{side}"\n[tendons.path]\nsegments = 12\n'
+            text += '[[tendons.path.sections]]\nname = "channel"\nangle_rad = 2.0\nlength_m = 0.25\n'
+            for joint, r in zip(arms, arm, strict=True):
+                if r:
+                    text += f'[[tendons.path.sections]]\nname = "at_{joint}"\nangle_rad = 0.3\nlength_m = 0.03\n'
+                    text += f'joint = "{joint}"\nlength_per_rad_m = {-sign * r}\n'
+    for name in arms:
+        text += f'[[motors]]\nname = "{name}"\ndrums_m = {{ {name}_flexor = 0.008, {name}_extensor = -0.008 }}\n'
+        text += "pretension_N = 12.0\n"
+    text += SHORT[SHORT.index("[reference]") :]
+    found = design_finger(parse_finger_scenario(text, EXAMPLE))
+    errors = {name: profile.rms_of_all_rad for name, profile in found.profiles.items()}
+    assert errors["inverse"] < errors["linear"] / 10
+    assert found.inversion.motor.shape[1] == 3
+
+
+def test_a_torque_that_no_tensions_give_is_refused_with_joint_and_pose():
+    weak = scenario(SHORT, ("length_per_rad_m = 0.008", "length_per_rad_m = -0.008"))
+    with pytest.raises(InputError, match=r"hold the joints at the start|give dip its torque"):
+        design_finger(weak)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "message"),
+    [
+        ("m4", "m 4", "name must be letters"),
+        ("drums_m = { extensor = 0.008 }", "drums_m = { extenso = 0.008 }", 'tendon "extensor" must be on one motor'),
+        ("[reference.joints.dip]", "[reference.joints.dop]", 'no driven joint "dop"'),
+        ("[sharing]", "[sharin]", "unknown table"),
+        ("smooth_N = 2.0", "smooth_N = 0.0", "smooth_N must be a finite number > 0"),
+        ("length_per_rad_m = 0.014", "length_per_rad = 0.014", 'unknown key "length_per_rad"'),
+    ],
+)
+def test_slips_are_named_with_the_way_out(before, after, message):
+    with pytest.raises(InputError, match=message):
+        scenario(SHORT, (before, after))
+
+
+def test_moment_arms_at_the_far_end_are_those_of_sections():
+    given = load_finger_scenario(EXAMPLE)
+    tendon = given.mechanism.tendons[0]
+    by_sections = given.mechanism.geometry().moment_arm_m(np.zeros((1, 3)))[0, 0]
+    plain = scenario(
+        SHORT,
+        ('name = "mcp_flexor"', 'name = "mcp_flexor"\nmoment_arms_m = { mcp = 0.010 }'),
+        ('length_per_rad_m = -0.010\n\n[[tendons]]\nname = "pip_flexor"', '\n[[tendons]]\nname = "pip_flexor"'),
+    )
+    assert plain.mechanism.geometry().moment_arm_m(np.zeros((1, 3)))[0, 0] == pytest.approx(by_sections)
+    assert replace(tendon, arms=plain.mechanism.tendons[0].arms).arm.moment_arm_m == 0.010
+
+
+UNDER = """
+schema = 1
+[joints.a]
+kind = "driven"
+inertia_kg_m2 = 8e-5
+damping_N_m_s_per_rad = 2e-3
+stiffness_N_m_per_rad = 0.12
+rest_rad = -0.3
+[joints.b]
+kind = "driven"
+inertia_kg_m2 = 3e-5
+damping_N_m_s_per_rad = 2e-3
+stiffness_N_m_per_rad = 0.10
+rest_rad = -0.3
+[[tendons]]
+name = "flexor"
+[tendons.path]
+segments = 10
+[[tendons.path.sections]]
+name = "channel"
+angle_rad = 1.5
+length_m = 0.2
+[[tendons.path.sections]]
+name = "at_a"
+angle_rad = 0.3
+length_m = 0.03
+joint = "a"
+length_per_rad_m = -0.010
+[[tendons.path.sections]]
+name = "at_b"
+angle_rad = 0.3
+length_m = 0.03
+joint = "b"
+length_per_rad_m = -0.007
+[drive]
+drum_radius_m = 0.008
+"""
+
+
+@pytest.mark.compiler
+def test_one_tendon_moves_two_springed_joints_of_which_one_is_wanted():
+    rope = SHORT[SHORT.index("[tendon]") : SHORT.index("# A section that follows")]
+    text = UNDER + rope + '[reference]\nkind = "sine"\nduration_s = 0.6\nfade_in_s = 0.3\n'
+    text += "[reference.joints.a]\noffset_rad = 0.6\namplitudes_rad = [0.2]\nfrequencies_Hz = [1.5]\n"
+    text += '[run]\nstep_s = 1e-3\nlevel = "presliding"\n'
+    found = design_finger(parse_finger_scenario(text, EXAMPLE))
+    errors = {name: profile.rms_of_all_rad for name, profile in found.profiles.items()}
+    assert found.names == ("a",)
+    assert errors["inverse"] < errors["linear"] / 10
+    assert np.ptp(found.inversion.position[:, 1]) > 0.05
