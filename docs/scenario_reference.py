@@ -73,7 +73,12 @@ TABLES = (
         readers=EVERY,
         note="In place of `stiffness_N_per_m`, and of `mass_kg` where the density is given.",
     ),
-    Table(title="[friction]", classes=(Friction,), readers=EVERY),
+    Table(
+        title="[friction]",
+        classes=(Friction,),
+        readers=EVERY,
+        note="Without `mu_static` it is `mu_dynamic`, and needs no `stribeck_velocity_m_per_s`.",
+    ),
     Table(title="[actuator]", classes=(Actuator,), readers=EVERY, unwritten=("motor",)),
     Table(
         title="[actuator.motor]",

@@ -39,6 +39,20 @@ class SectionKind(StrEnum):
     PULLEY = "pulley"  # a wheel on a bearing that turns with the tendon
 
 
+def above_static(dynamic: float, static: float, end: str = "") -> str:
+    """Message on a dynamic coefficient above the static one; `end` is that of their names.
+
+    Parameters
+    ----------
+    dynamic, static : float
+        Coefficients of friction [-].
+    """
+    return (
+        f"mu_dynamic{end} = {dynamic:g} is above mu_static{end} = {static:g}: change both, or delete mu_static{end} "
+        "for no Stribeck effect"
+    )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Section:
     """A stretch of the path, from the actuator to the load.
@@ -115,10 +129,7 @@ class Section:
         usual = self.dynamic_coefficients(pull, release)
         for end, static, dynamic in zip(("", "_release"), (self.mu_static, self.mu_static_release), usual, strict=True):
             if static is not None and dynamic is not None and static < dynamic:
-                raise ParameterError(
-                    f'section "{self.name}": mu_static{end} must be >= mu_dynamic{end} = {dynamic:g}, which holds '
-                    f"there, got {static}; set both equal for no Stribeck effect"
-                )
+                raise ParameterError(f'section "{self.name}": {above_static(dynamic, static, end)}')
 
     def dynamic_coefficients(self, pull: Any, release: Any) -> tuple[Any, Any]:
         """Dynamic coefficients when pulling and when releasing [-], numbers or symbols: its own, else those given."""

@@ -49,43 +49,49 @@ PrefixOption = Annotated[str, typer.Option("--prefix", metavar="NAME", help="Pre
 ForceOption = Annotated[
     bool, typer.Option("--force-export", help="Export modules all the same that are worse than no compensation.")
 ]
+YesOption = Annotated[bool, typer.Option("--yes", help="Go on where a value looks like another unit.")]
 
 
-def looked_at(scenario: Path, *, follows_reference: bool = True, strict: bool = False) -> "Scenario":
+def looked_at(scenario: Path, *, follows_reference: bool = True, strict: bool = False, yes: bool = False) -> "Scenario":
     """Read a scenario and say at once what to ask about it, before a command imports what it computes with.
 
-    A scenario that is not valid and a reference (where the command follows it) that is infeasible, if `strict` out of
-    reach, are refused.
+    A scenario that is not valid, a value that looks like another unit (unless `yes`), and a reference (where the
+    command follows it) that is infeasible, if `strict` out of reach, are refused.
     """
     from tendonff.compensator.scenario.sampled.first_look import first_look
     from tendonff.compensator.scenario.scenario import load_scenario
 
     loaded = load_scenario(scenario)
-    warn(*first_look(loaded, follows_reference=follows_reference, strict=strict))
+    warn(*first_look(loaded, follows_reference=follows_reference, strict=strict, accept=yes))
     return loaded
 
 
-def any_looked_at(scenario: Path) -> "Scenario | JointScenario":
-    """Read a scenario of a tension, as `looked_at`, or of a driven joint."""
+def joint_looked_at(scenario: Path, *, follows_reference: bool = True, yes: bool = False) -> "JointScenario":
+    """Read a scenario of a driven joint, as `looked_at`."""
+    from tendonff.compensator.joint.scenario.doubts import joint_doubts
+    from tendonff.compensator.joint.scenario.scenario import load_joint_scenario, sample_joint
+    from tendonff.compensator.scenario.doubts import settle
+
+    loaded = load_joint_scenario(scenario)
+    doubts = joint_doubts(loaded, follows_reference=follows_reference)
+    warn(*settle(doubts, file=scenario.name, accept=yes))
+    if follows_reference:  # one without meaning is refused at once
+        warn(*sample_joint(loaded).warnings)
+    return loaded
+
+
+def any_looked_at(scenario: Path, *, yes: bool = False) -> "Scenario | JointScenario":
+    """Read a scenario of a tension or of a driven joint, as `looked_at`."""
     from tendonff.compensator.joint.scenario.detect import is_joint_file
 
     if not is_joint_file(scenario):
-        return looked_at(scenario)
-    return joint_looked_at(scenario)
-
-
-def joint_looked_at(scenario: Path) -> "JointScenario":
-    """Read a scenario of a driven joint and its reference: one without meaning is refused at once."""
-    from tendonff.compensator.joint.scenario.scenario import load_joint_scenario, sample_joint
-
-    loaded = load_joint_scenario(scenario)
-    warn(*sample_joint(loaded).warnings)
-    return loaded
+        return looked_at(scenario, yes=yes)
+    return joint_looked_at(scenario, yes=yes)
 
 
 @contextmanager
 def opened(
-    scenario: Path, out: Path, *, follows_reference: bool = True, strict: bool = False
+    scenario: Path, out: Path, *, follows_reference: bool = True, strict: bool = False, yes: bool = False
 ) -> Iterator[tuple["Scenario", Path]]:
     """Scenario, as `looked_at`, and result folder.
 
@@ -93,6 +99,6 @@ def opened(
     """
     from tendonff.compensator.files.writing import atomic_directory
 
-    loaded = looked_at(scenario, follows_reference=follows_reference, strict=strict)
+    loaded = looked_at(scenario, follows_reference=follows_reference, strict=strict, yes=yes)
     with atomic_directory(out) as folder:
         yield loaded, folder

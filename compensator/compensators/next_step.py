@@ -15,7 +15,7 @@ _RIG = ("friction", "tendon", "path")  # tables whose numbers a log of the tendo
 
 
 def next_step(found: Expectation, file: str, then: str, *, change: str = "") -> str:
-    """What to do next about the expected error of a scenario file, quoted for a shell.
+    """The next step after the expected error of a scenario file, quoted for a shell.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def next_step(found: Expectation, file: str, then: str, *, change: str = "") -> 
 
 
 def within_reach(transmission: Transmission, peak_N: float) -> str:
-    """What to change so that the actuator reaches a peak of the reference; empty where it does."""
+    """The change with which the actuator reaches a peak of the reference; empty where it does."""
     most = largest_tension(transmission)
     if peak_N <= most:
         return ""
@@ -43,7 +43,7 @@ def within_reach(transmission: Transmission, peak_N: float) -> str:
 
 
 def limited_by(found: Expectation, reasons: Sequence[str]) -> str:
-    """What to change where limits of the drive cause most of the error, as the search for a profile states them."""
+    """The change to make where limits of the drive cause most of the error, as the search for a profile states them."""
     best = found.best
     dominates = best.nominal.rmse > 0.5 * best.worst.rmse and best.nominal.rmse_percent_of_range > _SMALL_PERCENT
     return f"a larger limit: {reasons[0]}" if dominates and reasons else ""
@@ -68,7 +68,7 @@ def _half_width(spread: Spread) -> float:
 
 
 def _measurement(key: str, file: str) -> str:
-    """How the number of a key is measured; several keys that vary together are of one kind."""
+    """The way to measure the number of a key; several keys that vary together are of one kind."""
     suggest = f"tendonff identify {file} --suggest --out excite"
     *tables, name = key.split(",", maxsplit=1)[0].split(".")
     if name in FACTORS or name == "pretension_N" or any(table in _RIG for table in tables):

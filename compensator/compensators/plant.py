@@ -75,7 +75,7 @@ class Response:
     steadiness: Steadiness | None = None
 
     def delivered(self, reference: Reference) -> FloatArray:
-        """What is compared with the reference's `wanted`: the output tension [N], or the load's position [m]."""
+        """The quantity compared with the reference's `wanted`: the output tension [N], or the load's position [m]."""
         return self.output_N if reference.position_m is None else self.load_m
 
     def require(self) -> "Response":
@@ -86,7 +86,7 @@ class Response:
 
 
 def delivered_of(load: Load, tension_N: FloatArray, reference: Reference) -> FloatArray:
-    """What an output tension, shape (n,), delivers, for a plant that is no chain; see `Response.delivered`."""
+    """Quantity that an output tension, shape (n,), gives, for a plant that is no chain; see `Response.delivered`."""
     if reference.position_m is None:
         return tension_N
     start = reference.initial_tension_N

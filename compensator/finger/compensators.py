@@ -1,37 +1,37 @@
 """Compensators of a finger: maps from wanted joint angles to the angles of its motors."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
-from tendonff.compensator.compensators.expectation import ErrorBand, Expectation, bands_of, expectation_of
 from tendonff.compensator.compensators.uncertain import Doubt
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.finger.scenario import FingerScenario, SampledFinger, sample_finger
+from tendonff.compensator.joint.compensators import middle_compliance
 from tendonff.compensator.joint.drive import commanded, driven, known_by_ratio
-from tendonff.compensator.reporting.colours import BLUE, GREEN, GREY, ORANGE, Style
+from tendonff.compensator.joint.task import ASSUMED_SPREAD, MotorCompensator, MotorTask, Reached
+from tendonff.compensator.reporting.colours import BLUE, GREEN, GREY, ORANGE, PURPLE, Style
 from tendonff.compensator.scenario.unit import RADIAN
+from tendonff.models.cached import cached_property
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.joint.parameters.finger import Finger
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.models.parameters.uncertainty import Spread, Uncertainty
 from tendonff.ocp.errors import SolveError
+from tendonff.ocp.mechanism.periodic import steady_inverse, steady_response
 from tendonff.ocp.mechanism.problem import MechanismProblem
 from tendonff.ocp.mechanism.response import MechanismRun, MechanismStatus, invert_mechanism, simulate_mechanism
 from tendonff.ocp.mechanism.start import held_at, mechanism_problem, unreachable
 
-ASSUMED_SPREAD = 0.2
-"""Relative half-width of what is unknown where [robust] says nothing: friction, stiffness and pre-tension."""
-VERIFYING_MASSES, REFINEMENT = 40, 4
-"""The verifying mechanism has more masses and smaller steps than the design."""
+REFINEMENT = 4
+"""The verifying mechanism has smaller steps than the design, so many in one."""
 _SLOW = 1e-3  # of its mass and damping, a tendon has in the quasi-static law
 
 
 @dataclass(frozen=True, kw_only=True)  # without slots: what is computed once is kept in the instance
-class FingerTask:
+class FingerTask(MotorTask):
     """Reference of several joints, and the mechanism and level that designs know.
 
     Parameters
@@ -48,10 +48,10 @@ class FingerTask:
     level: Level
 
     @classmethod
-    def of(cls, scenario: FingerScenario) -> "FingerTask":
-        """The task that a scenario poses."""
+    def of(cls, scenario: FingerScenario, level: Level | None = None) -> "FingerTask":
+        """The task that a scenario poses; the level by default its own."""
         sampled = sample_finger(scenario)
-        return cls(scenario=scenario, sampled=sampled, finger=scenario.mechanism, level=scenario.run.level)
+        return cls(scenario=scenario, sampled=sampled, finger=scenario.mechanism, level=level or scenario.run.level)
 
     @property
     def step_s(self) -> float:
@@ -79,14 +79,23 @@ class FingerTask:
 
     @property
     def efforts(self) -> FloatArray:
-        """What all bodies but the motors give to what they touch, shape (rows, known) [N m]."""
+        """Torques that all bodies but the motors give to what they touch, shape (rows, known) [N m]."""
         others = self.sampled.motion.angle_rad.shape[1] - self.sampled.angle_rad.shape[1]
         return np.hstack([self.sampled.effort_N_m, np.zeros((len(self.sampled.time_s), others))])
 
     def inverse(self, finger: Finger, level: Level | None = None) -> MechanismRun:
-        """The exact inverse of a mechanism; SolveError where there is none."""
-        problem = self.problem(finger, level)
-        found = invert_mechanism(problem, self.sampled.motion.angle_rad, self.step_s, effort=self.efforts)
+        """The exact inverse of a mechanism, of a cycle in its steady state; SolveError where there is none."""
+        problem, angle = self.problem(finger, level), self.sampled.motion.angle_rad
+        if not self.scenario.periodic:
+            found = invert_mechanism(problem, angle, self.step_s, effort=self.efforts)
+        else:
+            cycle = steady_inverse(problem, angle, self.step_s, effort=self.efforts)
+            found = cycle.run
+            if not cycle.is_steady:
+                raise SolveError(
+                    f"after {cycle.cycles} cycles the motor angles still change; {found.message}; a cycle that ends "
+                    "where it starts with the same speed settles sooner"
+                )
         if found.status is MechanismStatus.FAILED:
             raise SolveError(found.message)
         return found
@@ -117,7 +126,7 @@ class FingerTask:
         inertia = np.array([joint.inertia_kg_m2 for joint in self.finger.joints])
         damping = np.array([joint.damping_N_m_s_per_rad for joint in self.finger.joints])
         torque = inertia * np.gradient(speed, self.step_s, axis=0) + damping * speed + sampled.effort_N_m
-        torque += np.array([held_at(problem, row) for row in sampled.angle_rad])
+        torque += held_at(problem, sampled.angle_rad)
         found = unreachable(problem, sampled.motion.angle_rad, torque)
         if found is not None:
             pose = ", ".join(
@@ -131,13 +140,25 @@ class FingerTask:
                 "change moment arms or routing there, add a spring, or keep out of that pose"
             )
 
-    def respond(self, finger: Finger, command_rad: FloatArray, masses: int, refinement: int = 1) -> MechanismRun:
-        """Response of a mechanism behind its drives, rows as those of the reference; SolveError where it fails."""
+    def respond(
+        self,
+        finger: Finger,
+        command_rad: FloatArray,
+        masses: int | None = None,
+        refinement: int = 1,
+        level: Level | None = None,
+    ) -> MechanismRun:
+        """Response of a mechanism behind its drives, rows as those of the reference; SolveError where it fails.
+
+        Of a reference that repeats, its cycle after as many as it takes to repeat.
+        """
         sampled, step = self.sampled, self.step_s / refinement
+        repeats = 2 if self.scenario.periodic else 1  # the drive, too, is in its steady cycle
+        commands = np.vstack([*[command_rad[:-1]] * (repeats - 1), command_rad])
         drums = np.column_stack(
             [
-                driven(motor.drive, column[:, None], self.step_s)[:, 0]
-                for motor, column in zip(finger.motors, command_rad.T, strict=True)
+                driven(motor.drive, column[:, None], self.step_s)[-len(command_rad) :, 0]
+                for motor, column in zip(finger.motors, commands.T, strict=True)
             ]
         )
         inner = np.arange((len(drums) - 1) * refinement + 1) * step
@@ -145,10 +166,15 @@ class FingerTask:
         def fine(rows: FloatArray) -> FloatArray:
             return np.column_stack([np.interp(inner, sampled.time_s, column) for column in rows.T])
 
-        problem = self.problem(finger, masses=masses)
-        found = simulate_mechanism(
-            problem, fine(drums), step, known=fine(sampled.motion.angle_rad), effort=fine(self.efforts)
-        )
+        problem = self.problem(finger, level, masses)
+        known, effort = fine(sampled.motion.angle_rad), fine(self.efforts)
+        if self.scenario.periodic:
+            cycle = steady_response(problem, fine(drums), step, known=known, effort=effort)
+            found = cycle.run
+            if not cycle.is_steady and found.status is not MechanismStatus.FAILED:
+                raise SolveError(f"after {cycle.cycles} cycles the joints still change from one to the next")
+        else:
+            found = simulate_mechanism(problem, fine(drums), step, known=known, effort=effort)
         if found.status is MechanismStatus.FAILED:
             raise SolveError(found.message)
         kept = slice(None, None, refinement)
@@ -160,6 +186,11 @@ class FingerTask:
             lowest_N=found.lowest_N[kept],
         )
 
+    @property
+    def system(self) -> Finger:
+        """The finger."""
+        return self.finger
+
     @cached_property
     def doubt(self) -> Doubt[Finger]:
         """Mechanisms that may be the real one, by [robust] or, where it states nothing, assumed."""
@@ -168,20 +199,59 @@ class FingerTask:
         assumed = Uncertainty(mu=ASSUMED_SPREAD, stiffness=ASSUMED_SPREAD, spread=pretension, samples=2)
         return Doubt.of(self.finger, self.scenario.robust, assumed)
 
-    def expect(self, commands: Mapping[str, FloatArray]) -> Expectation:
-        """Errors of commands, by name of the compensator, in all joints of all mechanisms that may be the real one."""
-        middle = 0.5 * (self.wanted_rad.max(axis=0) + self.wanted_rad.min(axis=0))
-        wanted = (self.wanted_rad - middle).ravel()
+    @property
+    def _middle_rad(self) -> FloatArray:
+        middle: FloatArray = 0.5 * (self.wanted_rad.max(axis=0) + self.wanted_rad.min(axis=0))
+        return middle
 
-        def respond(finger: Finger, command: FloatArray) -> tuple[FloatArray, bool]:
-            try:
-                run = self.respond(finger, command, VERIFYING_MASSES)
-            except (SolveError, ParameterError, InputError):
-                return np.full_like(wanted, np.nan), False
-            return (run.position[:, : self.scenario.wanted] - middle).ravel(), run.status is MechanismStatus.SLACK
+    @cached_property
+    def wanted(self) -> FloatArray:
+        """Angles about the middle of each range, joint after joint, so that the largest range is that of all."""
+        return (self.wanted_rad - self._middle_rad).T.ravel()
 
-        bands: dict[str, ErrorBand] = bands_of(self.doubt, wanted, commands, respond, np.ndarray.tobytes)
-        return expectation_of(self.doubt, self.level, bands, share_of="the largest joint range", unit=RADIAN)
+    @property
+    def time_s(self) -> FloatArray:
+        """Instants, joint after joint [s]."""
+        rows = self.sampled.time_s
+        return np.concatenate([rows + k * (rows[-1] + self.step_s) for k in range(self.scenario.wanted)])
+
+    unit = RADIAN
+    share_of = "the largest joint range"
+    warnings = ()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Notes on the inverse for the user."""
+        return (self.inversion.message,) if self.inversion.status is MechanismStatus.SLACK else ()
+
+    @cached_property
+    def middle(self) -> Finger | None:
+        """The finger of the middle compliances; None where [robust] states no doubt of a stiffness."""
+        return middle_compliance(self.finger, self.scenario.robust)
+
+    @property
+    def compensators(self) -> tuple["FingerCompensator", ...]:
+        """Those that have a meaning here."""
+        follows = self.scenario.wanted < len(self.finger.joints)
+        return tuple(
+            each
+            for each in FINGER_COMPENSATORS
+            if not (each.needs_doubt and self.middle is None) and not (each.needs_references and follows)
+        )
+
+    def reached(
+        self,
+        system: Finger,
+        command_rad: FloatArray,
+        *,
+        level: Level | None = None,
+        masses: int | None = None,
+        refinement: int = 1,
+    ) -> Reached:
+        """Response of a mechanism behind its drives; see `MotorTask.reached`."""
+        run = self.respond(system, command_rad, masses, refinement, level)
+        values = (run.position[:, : self.scenario.wanted] - self._middle_rad).T.ravel()
+        return Reached(values=values, slack=run.message if run.status is MechanismStatus.SLACK else "")
 
 
 def linear_motor_rad(task: FingerTask) -> FloatArray:
@@ -219,7 +289,7 @@ def slow(finger: Finger) -> Finger:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FingerCompensator:
+class FingerCompensator(MotorCompensator):
     """Map from wanted joint angles to motor angles.
 
     Attributes
@@ -229,15 +299,24 @@ class FingerCompensator:
     style : Style
     motor_rad : callable
         Angles of the motors for a task, shape (rows, motors) [rad].
+    knows_the_level : bool
+        They depend on the fidelity level of the design model.
     knows_the_drive : bool
         Servo lag and gear backlash are taken back.
+    needs_doubt : bool
+        It has a meaning only where [robust] states a doubt of the stiffness.
+    needs_references : bool
+        It has a meaning only where every joint has a reference: without inertia, where the others go is not unique.
     """
 
     name: str
     label: str
     style: Style
     motor_rad: Callable[[FingerTask], FloatArray]
+    knows_the_level: bool = False
     knows_the_drive: bool = True
+    needs_doubt: bool = False
+    needs_references: bool = False
 
     def command_rad(self, task: FingerTask) -> FloatArray:
         """Commands of the motors, shape (rows, motors) [rad]."""
@@ -262,18 +341,29 @@ FINGER_COMPENSATORS = (
         label="lengths and elasticity",
         style=Style(color=GREEN, linestyle="--"),
         motor_rad=lambda task: task.inverse(without_friction(task.finger)).motor,
+        knows_the_level=True,
     ),
     FingerCompensator(
         name="static",
         label="quasi-static law",
         style=Style(color=ORANGE, linestyle="-."),
         motor_rad=lambda task: task.inverse(slow(task.finger), Level.ELASTIC).motor,
+        needs_references=True,
     ),
     FingerCompensator(
         name="inverse",
         label="exact inverse",
         style=Style(color=BLUE, linestyle="-"),
         motor_rad=lambda task: task.inversion.motor,
+        knows_the_level=True,
+    ),
+    FingerCompensator(
+        name="robust",
+        label="inverse, middle compliance",
+        style=Style(color=PURPLE, linestyle="--"),
+        motor_rad=lambda task: task.inverse(task.middle or task.finger).motor,
+        knows_the_level=True,
+        needs_doubt=True,
     ),
 )
 """In the order in which they are shown."""

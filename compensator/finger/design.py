@@ -6,13 +6,15 @@ import numpy as np
 
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.results import register_writer
-from tendonff.compensator.finger.compensators import FINGER_COMPENSATORS, REFINEMENT, VERIFYING_MASSES, FingerTask
+from tendonff.compensator.finger.compensators import REFINEMENT, FingerTask
+from tendonff.compensator.finger.doubts import finger_doubts
 from tendonff.compensator.finger.output import motor_torque_N_m, write_files
 from tendonff.compensator.finger.result import FingerDesign, FingerProfile
 from tendonff.compensator.finger.scenario import FingerScenario
+from tendonff.compensator.finger.sheet import joint_sheets, tendon_sheets
+from tendonff.compensator.joint.plant import verifying_masses
 from tendonff.models.errors import TendonffError
 from tendonff.models.turns import in_turn
-from tendonff.ocp.mechanism.response import MechanismStatus
 
 register_writer(FingerDesign, write_files)
 
@@ -36,10 +38,10 @@ def design_finger(scenario: FingerScenario, *, progress: Progress = silent) -> F
     task = FingerTask.of(scenario)
     task.check_reach()
     inversion, finger = task.inversion, task.finger
-    masses = max(VERIFYING_MASSES, *(2 * tendon.path.segments for tendon in finger.tendons))
-    parts = Parts(progress, 2 * len(FINGER_COMPENSATORS))
+    masses, compensators = verifying_masses(finger), task.compensators
+    parts = Parts(progress, 2 * len(compensators))
     profiles, commands, failed = {}, {}, []
-    for each in FINGER_COMPENSATORS:
+    for each in compensators:
         try:
             command = each.command_rad(task)
             run = task.respond(finger, command, masses, REFINEMENT)
@@ -59,17 +61,19 @@ def design_finger(scenario: FingerScenario, *, progress: Progress = silent) -> F
         )
         parts.done()
     expectation = task.expect(commands)
-    parts.done(len(FINGER_COMPENSATORS))
+    parts.done(len(compensators))
     result = FingerDesign(
         scenario=scenario,
         sampled=task.sampled,
-        compensators=FINGER_COMPENSATORS,
+        compensators=compensators,
         profiles=profiles,
         inversion=inversion,
         expectation=expectation,
+        tendons=tendon_sheets(task),
+        joints=joint_sheets(task),
         masses=masses,
         refinement=REFINEMENT,
-        warnings=(*([inversion.message] if inversion.status is MechanismStatus.SLACK else []), *failed),
+        warnings=(*task.notes, *map(str, finger_doubts(scenario)), *failed),
     )
     return _with_limits(result)
 

@@ -103,6 +103,8 @@ def summary(result: FingerDesign) -> dict[str, object]:
                 np.abs(np.diff(result.inversion.tension_N, axis=0)).max() / result.scenario.run.step_s
             ),
         },
+        "tendons": {each.name: asdict(each) for each in result.tendons},
+        "joints": {each.name: asdict(each) for each in result.joints},
         "warnings": list(result.warnings),
     }
 
@@ -173,7 +175,8 @@ def _report(result: FingerDesign, figures: Mapping[str, Figure]) -> Report:
         sections=(
             Section(title="Joint angles", blocks=(pictures["joints"], errors)),
             Section(title="Robustness to parameter uncertainty", blocks=robustness),
-            Section(title="Tensions", blocks=(pictures["tension"], _sheet(result))),
+            Section(title="Tensions", blocks=(pictures["tension"],)),
+            Section(title="Data sheet", blocks=tuple(_sheets(result))),
             Section(title="Motors", blocks=(pictures["motor"],)),
         ),
         provenance=provenance_of(result.scenario, "design"),
@@ -184,27 +187,42 @@ def _report(result: FingerDesign, figures: Mapping[str, Figure]) -> Report:
     )
 
 
-def _sheet(result: FingerDesign) -> Table:
-    """Numbers of each tendon at the start, and over the motion."""
-    finger, found = result.scenario.mechanism, result.inversion
-    geometry = finger.geometry()
-    wrap = geometry.wrap_angle_rad(result.inversion.position[:, : len(finger.joints)])
-    rows = [
-        (
-            tendon.name,
-            float(np.degrees(wrap[:, k].max())),
-            float(np.exp(tendon.friction.mu_dynamic * wrap[:, k].max())),
+def _sheets(result: FingerDesign) -> list[Table]:
+    """Data sheet: numbers of each tendon over the motion, and of each joint at its start."""
+    found, tendons, joints = result.inversion, result.tendons, result.joints
+    columns = ["tendon", "largest wrap angle [deg]", "tension ratio of full sliding [-]"]
+    columns += ["least tension [N]", "largest tension [N]", "largest at the drum [N]"]
+    columns += ["drive friction [N]", "lost motion of the motor [deg]"]
+    rows: list[list[str | float | None]] = [
+        [
+            each.name,
+            math.degrees(each.wrap_angle_rad),
+            each.tension_ratio,
             float(found.tension_N[:, k].min()),
             float(found.tension_N[:, k].max()),
             float(found.drum_N[:, k].max()),
-        )
-        for k, tendon in enumerate(finger.tendons)
+            each.drive_friction_N,
+            math.degrees(each.lost_motion_rad),
+        ]
+        for k, each in enumerate(tendons)
     ]
-    return Table(
-        caption="Tendons over the motion",
-        columns=(
-            *("tendon", "largest wrap angle [deg]", "tension ratio of full sliding [-]"),
-            *("least tension [N]", "largest tension [N]", "largest at the drum [N]"),
-        ),
-        rows=rows,
-    )
+    if any(each.least_pretension_N is not None for each in tendons):
+        columns.append("least pre-tension [N]")
+        for row, each in zip(rows, tendons, strict=True):
+            row.append(each.least_pretension_N)
+    tables = [Table(caption="Tendons over the motion", columns=tuple(columns), rows=[tuple(row) for row in rows])]
+    if all(each.lost_motion_rad is None for each in joints):
+        return tables
+    reach = all(each.torque_N_m is not None for each in joints)
+    head: tuple[str, ...] = ("joint", "lost motion by tendon lengths alone [deg]")
+    head += ("least torque [N m]", "largest torque [N m]") if reach else ()
+    cells = [
+        (
+            each.name,
+            None if each.lost_motion_rad is None else math.degrees(each.lost_motion_rad),
+            *((each.torque_N_m or ()) if reach else ()),
+        )
+        for each in joints
+    ]
+    said = "" if reach else "; reachable torques appear here once every motor states torque_max_N_m"
+    return [*tables, Table(caption=f"Joints at the start, the others at rest{said}", columns=head, rows=cells)]

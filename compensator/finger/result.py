@@ -12,6 +12,7 @@ from tendonff.compensator.files.results import writer_of
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.finger.compensators import FingerCompensator
 from tendonff.compensator.finger.scenario import FingerScenario, SampledFinger
+from tendonff.compensator.finger.sheet import JointSheet, TendonSheet
 from tendonff.ocp.mechanism.response import MechanismRun
 
 
@@ -72,6 +73,9 @@ class FingerDesign:
         The exact inverse before the drives.
     expectation : Expectation
         What to expect on a rig, and the profile that does best there.
+    tendons : tuple of TendonSheet
+    joints : tuple of JointSheet
+        Data sheet.
     masses, refinement : int
         Of the verifying mechanism: masses a tendon, and its steps in one of the design.
     warnings : tuple of str
@@ -84,6 +88,8 @@ class FingerDesign:
     profiles: dict[str, FingerProfile]
     inversion: MechanismRun
     expectation: Expectation
+    tendons: tuple[TendonSheet, ...]
+    joints: tuple[JointSheet, ...]
     masses: int
     refinement: int
     warnings: tuple[str, ...]

@@ -43,14 +43,16 @@ class FingerRuntime:
                 f"{scenario.source.name}: a runtime of several joints knows driven ones alone, not "
                 f'{", ".join(scenario.others)}; give them kind = "driven", or design for a known motion'
             )
-        self._problem = task.problem(task.finger)
-        self._engine = CompiledMechanism(self._problem, task.step_s)
-        self._memory = rest(self._problem)
-        self._command = np.zeros(self._problem.motors)
-        self._wanted = self._problem.start[: self._problem.known].copy()
-        self._effort = np.zeros(self._problem.known)
+        self._problem = problem = task.problem(task.finger)
+        memory, start = rest(problem), problem.start[: problem.known]
+        engine = CompiledMechanism(problem, task.step_s)
+        self._call = call = engine.inverse_call(memory, np.tile(start, (2, 1)), np.zeros((2, problem.known)))
+        self._state = (*memory.x, *memory.x_old, memory.worth, call.z, call.z_old, call.tension_N)
+        self._before = [each.copy() for each in self._state]
+        self._command = np.zeros(problem.motors)
         self.step_s, self.joints = task.step_s, task.finger.names
         self.motors = tuple(motor.name for motor in task.finger.motors)
+        self._at_rest = [0.0] * problem.known
         self.held = False
 
     def step(
@@ -74,20 +76,26 @@ class FingerRuntime:
             If an angle of a joint is missing.
         """
         wanted = None if reference is None else self._by_joint("reference", reference)
-        effort = self._effort * 0 if torque_N_m is None else self._by_joint("torque_N_m", torque_N_m)
-        self.held = wanted is None or not (np.isfinite(wanted).all() and np.isfinite(effort).all())
-        if self.held or wanted is None:
-            return self._command.copy()
-        memory = self._memory.copy()
-        rows = self._engine.invert(memory, np.array([self._wanted, wanted]), np.array([self._effort, effort]))
-        if not len(rows.lowest_N):  # no tensions give the torques there: the mechanism stays where it was
-            self.held = True
-            return self._command.copy()
-        self._memory, self._wanted, self._effort = memory, wanted, effort
-        self._command = motors_of(self._problem, rows.travel_m, rows.slack_m)[0]
+        effort = self._at_rest if torque_N_m is None else self._by_joint("torque_N_m", torque_N_m)
+        self.held = wanted is None or not all(map(math.isfinite, (*wanted, *effort)))
+        if not self.held:
+            self._advance(wanted, effort)
         return self._command.copy()
 
-    def _by_joint(self, name: str, given: Mapping[str, float] | Sequence[float]) -> FloatArray:
+    def _advance(self, wanted: Sequence[float] | None, effort: Sequence[float]) -> None:
+        call = self._call
+        for kept, now in zip(self._before, self._state, strict=True):
+            kept[:] = now
+        call.position[1], call.effort[1] = wanted, effort
+        if call():
+            call.position[0], call.effort[0] = wanted, effort
+            self._command = motors_of(self._problem, call.travel_m, call.slack_m)[0]
+            return
+        self.held = True  # no tensions give the torques there: the mechanism stays where it was
+        for kept, now in zip(self._before, self._state, strict=True):
+            now[:] = kept
+
+    def _by_joint(self, name: str, given: Mapping[str, float] | Sequence[float]) -> list[float]:
         if isinstance(given, Mapping):
             missing = [joint for joint in self.joints if joint not in given]
             if missing:
@@ -95,4 +103,4 @@ class FingerRuntime:
             given = [given[joint] for joint in self.joints]
         if isinstance(given, str) or len(given) != len(self.joints):
             raise ParameterError(f"{name} must hold {len(self.joints)} numbers ({', '.join(self.joints)})")
-        return np.array([math.nan if value is None else float(value) for value in given])
+        return [math.nan if value is None else float(value) for value in given]

@@ -53,6 +53,8 @@ class FingerScenario:
         there are fewer tendons than joints.
     file : str or None
         Of the reference: columns time_s and NAME_rad.
+    periodic : bool
+        The reference is one cycle of many.
     torques : dict of str to str
         Files of what the motion of a joint needs besides its own numbers: columns time_s and NAME_N_m.
     run : Run
@@ -71,6 +73,7 @@ class FingerScenario:
     references: dict[str, JointSine | JointWaypoints]
     wanted: int
     file: str | None
+    periodic: bool
     torques: dict[str, str]
     run: Run
     robust: Uncertainty
@@ -149,7 +152,7 @@ def parse_finger_scenario(text: str, source: str | os.PathLike[str] = "scenario.
     raw = with_base(raw, source, inputs)
     _check_tables(raw, file)
     joints, torques, others = _joints(raw["joints"], file)
-    references, csv = _reference(raw["reference"], tuple(joint.name for joint in joints), file)
+    references, csv, periodic = _reference(raw["reference"], tuple(joint.name for joint in joints), file)
     if csv is None:
         joints = tuple(sorted(joints, key=lambda joint: joint.name not in references))  # those that follow come last
     names = tuple(joint.name for joint in joints)
@@ -180,6 +183,7 @@ def parse_finger_scenario(text: str, source: str | os.PathLike[str] = "scenario.
         references=references,
         wanted=wanted,
         file=csv,
+        periodic=periodic,
         torques=torques,
         run=read_table(Run, raw["run"], file=file, table="run"),
         robust=with_spread(stated, spread, mechanism, file),
@@ -210,6 +214,11 @@ def sample_finger(scenario: FingerScenario) -> SampledFinger:
     angle = np.column_stack(found)
     if not np.ptp(angle, axis=0).any():
         raise InputError(f"{file} [reference]: no joint ever moves, so there is nothing to design; let one move")
+    if scenario.periodic and (off := float(np.abs(angle[-1] - angle[0]).max())) > 1e-3 * np.ptp(angle, axis=0).max():
+        raise InputError(
+            f"{file} [reference]: periodic = true, but a joint ends {off:.3g} rad from where it starts; give whole "
+            "periods and fade_in_s = 0"
+        )
     others = [joint_angles(other, name, time, folder, length) for name, other in scenario.others.items()]
     motion = JointMotion(names=(*names, *scenario.others), time_s=time, angle_rad=np.column_stack([angle, *others]))
     effort = np.zeros_like(angle)
@@ -239,7 +248,7 @@ def _check_tables(raw: Mapping[str, object], file: str) -> None:
         missing.append("motors")
     if missing:
         listed = ", ".join(f"[{key}]" for key in missing)
-        raise InputError(f'{file}: missing: {listed}; "tendonff new --for fingers" writes a file with every key')
+        raise InputError(f'{file}: missing: {listed}; "tendonff new --for finger" writes a file with every key')
 
 
 def _joints(raw: object, file: str) -> tuple[tuple[DrivenJoint, ...], dict[str, str], dict[str, Joint]]:
@@ -376,23 +385,34 @@ def _motor(
         raise InputError(f"{file} [{where}]: {error}") from None
 
 
-def _reference(
-    raw: object, joints: Sequence[str], file: str
-) -> tuple[dict[str, JointSine | JointWaypoints], str | None]:
-    if not isinstance(raw, Mapping):
-        raise InputError(f"{file}: reference must be a table, got {show(raw)}; write [reference] on a line of its own")
+def _check_reference(raw: Mapping[str, object], file: str) -> bool:
+    """Refuse unknown keys of a reference; whether it is one cycle of many."""
     for key in raw:
         if key not in (*_REFERENCE, "joints"):
             raise InputError(f'{file} [reference]: unknown key "{key}"{suggestion(key, [*_REFERENCE, "joints"])}')
-    if raw.get("periodic") or raw.get("quantity", JointQuantity.ANGLE) != JointQuantity.ANGLE:
-        raise InputError(f"{file} [reference]: several joints have wanted angles that do not repeat, for now")
+    if (quantity := raw.get("quantity", JointQuantity.ANGLE)) != JointQuantity.ANGLE:
+        raise InputError(
+            f'{file} [reference]: quantity must be "angle" where several joints are driven, got {show(quantity)}; '
+            "the torques that they give to what they touch go into [joints.NAME] torques"
+        )
+    if not isinstance(periodic := raw.get("periodic", False), bool):
+        raise InputError(f"{file} [reference]: periodic must be true or false, got {show(periodic)}")
+    return periodic
+
+
+def _reference(
+    raw: object, joints: Sequence[str], file: str
+) -> tuple[dict[str, JointSine | JointWaypoints], str | None, bool]:
+    if not isinstance(raw, Mapping):
+        raise InputError(f"{file}: reference must be a table, got {show(raw)}; write [reference] on a line of its own")
+    periodic = _check_reference(raw, file)
     kind = raw.get("kind")
     if kind == "csv":
         if not isinstance(raw.get("file"), str):
             raise InputError(
                 f"{file} [reference]: file must name a CSV with time_s and a column NAME_rad of each joint"
             )
-        return {}, str(raw["file"])
+        return {}, str(raw["file"]), periodic
     kinds: dict[object, type[JointSine | JointWaypoints]] = {"sine": JointSine, "waypoints": JointWaypoints}
     if kind not in kinds:
         raise InputError(f'{file} [reference]: kind must be one of "sine", "waypoints", "csv", got {show(kind)}')
@@ -410,4 +430,4 @@ def _reference(
         for name in joints
         if name in given
     }
-    return found, None
+    return found, None, periodic

@@ -1,4 +1,4 @@
-"""How long a fit takes against what was announced."""
+"""Time that a fit takes, against the time announced."""
 
 import time
 from collections.abc import Callable
@@ -39,7 +39,7 @@ class Pace:
         self._say(work)
 
     def end(self) -> None:
-        """What follows has no bound."""
+        """No bound for the rest of the fit."""
         self._announced_s = float("inf")
 
     def keep(self) -> None:

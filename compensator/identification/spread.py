@@ -52,8 +52,8 @@ def with_spread(scenario: Scenario, estimates: Sequence[Estimate], names: Sequen
     known: dict[str, Any] = {factor: 0.0 for factor, name in _FACTORS.items() if name in found}
     if spreads or not scenario.robust.is_certain:
         covered = taken | {key for spread in others for key in spread.keys}
-        widths, known["mu"] = _of_kept_friction(scenario, taken, covered)
-        spreads += widths
+        kept, known["mu"] = _of_kept_friction(scenario, taken, covered)
+        spreads += kept
     return replace(scenario, robust=replace(scenario.robust, spread=(*others, *spreads), **known))
 
 

@@ -1,23 +1,25 @@
 """Compensators of a joint: maps from a reference to the commands of its motors."""
 
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 
-from tendonff.compensator.compensators.expectation import ErrorBand, Expectation, bands_of, expectation_of
 from tendonff.compensator.compensators.uncertain import Doubt
 from tendonff.compensator.files.reading import FloatArray, InputError, suggestion
 from tendonff.compensator.joint.drive import commanded, known_by_ratio
-from tendonff.compensator.joint.plant import JointPlant, joint_load, verifying_masses
+from tendonff.compensator.joint.plant import JointPlant, joint_load
 from tendonff.compensator.joint.scenario.reference import JointQuantity
 from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint, sample_joint
+from tendonff.compensator.joint.task import ASSUMED_SPREAD, MotorCompensator, MotorTask, Reached
 from tendonff.compensator.reporting.colours import BLUE, GREEN, GREY, ORANGE, Style
+from tendonff.compensator.scenario.unit import Unit
 from tendonff.models.cached import cached_property
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.joint.parameters import DriveKind, Mechanism
+from tendonff.models.joint.parameters.finger import Finger
 from tendonff.models.joint.quasi_static import static_motor_rad
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.models.parameters.uncertainty import Objective, Spread, Uncertainty
@@ -27,14 +29,11 @@ from tendonff.ocp.joint.protocol import JointProblem
 from tendonff.ocp.joint.simulate import JointOutcome
 from tendonff.ocp.joint.start import joint_problem
 
-K = TypeVar("K", bound=Hashable)
-
-ASSUMED_SPREAD = 0.2
-"""Relative half-width of what is unknown where [robust] says nothing: friction, stiffness and pre-tension."""
+S = TypeVar("S", Mechanism, Finger)
 
 
 @dataclass(frozen=True, kw_only=True)  # without slots: what is computed once is kept in the instance
-class JointTask:
+class JointTask(MotorTask):
     """Reference of a joint, and the mechanism and level that designs know.
 
     Parameters
@@ -60,10 +59,32 @@ class JointTask:
             level=level or scenario.run.level,
         )
 
+    share_of = "range"
+
+    @property
+    def system(self) -> Mechanism:
+        """The mechanism."""
+        return self.mechanism
+
     @property
     def wanted(self) -> FloatArray:
         """Reference after the homing stroke, shape (rows,)."""
         return self.sampled.wanted[self.sampled.lead :]
+
+    @property
+    def time_s(self) -> FloatArray:
+        """Time after the homing stroke [s]."""
+        return self.sampled.run_time_s
+
+    @property
+    def unit(self) -> Unit:
+        """Unit of the reference."""
+        return self.scenario.reference.shown
+
+    @property
+    def compensators(self) -> tuple["JointCompensator", ...]:
+        """Those that have a meaning here."""
+        return compensators_of(self)
 
     @cached_property
     def problem(self) -> JointProblem:
@@ -88,6 +109,11 @@ class JointTask:
     def notes(self) -> tuple[str, ...]:
         """Notes on the inverse for the user."""
         return self._inverse[1]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Where the reference was changed."""
+        return self.sampled.warnings
 
     @cached_property
     def _inverse(self) -> tuple[JointInversion, tuple[str, ...]]:
@@ -114,32 +140,30 @@ class JointTask:
             refinement=refinement,
         )
 
-    def expect(self, commands: Mapping[str, FloatArray]) -> Expectation:
-        """Try commands, by name of the compensator, on all mechanisms that may be the real one."""
-        return expectation_of(self.doubt, self.level, self.bands(commands), unit=self.scenario.reference.shown)
-
-    def bands(self, commands: Mapping[K, FloatArray]) -> dict[K, ErrorBand]:
-        """Errors of commands on all mechanisms that may be the real one."""
-
-        def respond(mechanism: Mechanism, command: FloatArray) -> tuple[FloatArray, bool]:
-            plant = self.plant(mechanism, self.level, masses=verifying_masses(mechanism))
-            try:
-                run = plant.respond(command)
-            except (SolveError, ParameterError):
-                return np.full_like(self.wanted, np.nan), False
-            return plant.reached(run)[self.sampled.lead :], run.outcome is JointOutcome.SLACK
-
-        return bands_of(self.doubt, self.wanted, commands, respond, np.ndarray.tobytes)
+    def reached(
+        self,
+        system: Mechanism,
+        command_rad: FloatArray,
+        *,
+        level: Level | None = None,
+        masses: int | None = None,
+        refinement: int = 1,
+    ) -> Reached:
+        """Response of a mechanism behind its drive; see `MotorTask.reached`."""
+        plant = self.plant(system, level or self.level, refinement, masses)
+        run = plant.respond(command_rad)
+        slack = run.message if run.outcome is JointOutcome.SLACK else ""
+        return Reached(values=plant.reached(run)[self.sampled.lead :], slack=slack)
 
 
 def assumed(mechanism: Mechanism) -> Uncertainty:
-    """What is unknown of a mechanism that nobody has identified."""
+    """Uncertainty of a mechanism that has not been identified."""
     loop = mechanism.drive.kind is DriveKind.LOOP and mechanism.drive.pretension_N
     pretension = (Spread(keys=("drive.pretension_N",), half_width=ASSUMED_SPREAD),) if loop else ()
     return Uncertainty(mu=ASSUMED_SPREAD, stiffness=ASSUMED_SPREAD, spread=pretension, samples=2)
 
 
-def middle_compliance(mechanism: Mechanism, robust: Uncertainty) -> Mechanism | None:
+def middle_compliance(mechanism: S, robust: Uncertainty) -> S | None:
     """The mechanism whose tendons have the middle of the compliances that [robust] admits.
 
     The lost motion is proportional to 1/k, so the design for the harmonic middle has the same error at both ends, which
@@ -200,7 +224,7 @@ def _robust(task: JointTask) -> FloatArray:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class JointCompensator:
+class JointCompensator(MotorCompensator):
     """Map from a reference of a joint to the commands of its motors.
 
     Attributes

@@ -10,6 +10,7 @@ from tendonff.compensator.joint.scenario.reference import JointQuantity
 from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint
 from tendonff.models.fidelity import Level
 from tendonff.models.joint.parameters import Mechanism
+from tendonff.models.joint.parameters.finger import Finger
 from tendonff.ocp.integrate.method import Method
 from tendonff.ocp.joint.simulate import JointSimulation, simulate_joint
 from tendonff.ocp.joint.start import joint_problem
@@ -106,6 +107,6 @@ def joint_load(mechanism: Mechanism, sampled: SampledJoint, step_s: float) -> Fl
     return moving + joint.coulomb_N_m * np.sign(speed) + joint.static_torque_N_m(angle)
 
 
-def verifying_masses(mechanism: Mechanism) -> int:
+def verifying_masses(mechanism: Mechanism | Finger) -> int:
     """Masses of each tendon of the mechanism that commands are judged on."""
     return max(VERIFYING_MASSES, *(2 * tendon.path.segments for tendon in mechanism.tendons))

@@ -5,11 +5,11 @@ from typing import Protocol
 
 
 class Document(Protocol):
-    """What a report needs of a scenario."""
+    """Content of a scenario that a report needs."""
 
     @property
     def name(self) -> str:
-        """What it is, in words."""
+        """The rig, in words."""
 
     @property
     def source(self) -> Path:

@@ -105,7 +105,7 @@ class Request:
 
     @property
     def output(self) -> str:
-        """What follows the reference, in words."""
+        """The quantity that follows the reference, in words."""
         return "load position" if self.wants_position else "output tension"
 
 

@@ -19,10 +19,13 @@ class Run:
         Time step of reference, force profile and simulation [s], > 0.
     level : Level
         Fidelity level for the design: elastic, viscoelastic or presliding.
+    accept : tuple of str, optional
+        Keys whose values look like another unit and are right, such as "path.total_angle_rad".
     """
 
     step_s: float
     level: Level
+    accept: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         require("step_s", self.step_s, above=0, hint="0.001 is a good start")

@@ -225,7 +225,14 @@ def _follow(keys: dict[str, object], key: str, value: float, source: str, *, whe
 
 
 def _expand_friction(keys: dict[str, object]) -> None:
-    dynamic, release = keys.get("mu_dynamic"), keys.get("mu_dynamic_release")
-    steady = keys.get("mu_static") == dynamic and keys.get("mu_static_release", release) == release
-    if dynamic is not None and steady:
+    if "mu_dynamic" not in keys:
+        return
+    dynamic, release = keys["mu_dynamic"], keys.get("mu_dynamic_release", keys["mu_dynamic"])
+    static = keys.setdefault("mu_static", dynamic)
+    if not (_weakens(dynamic, static) or _weakens(release, keys.get("mu_static_release"))):
         keys.setdefault("stribeck_velocity_m_per_s", NO_STRIBECK_VELOCITY_M_PER_S)
+
+
+def _weakens(dynamic: object, static: object) -> bool:
+    """Whether friction weakens with speed; what is no coefficient is for the table's own check to refuse."""
+    return isinstance(dynamic, int | float) and isinstance(static, int | float) and static > dynamic >= 0

@@ -10,6 +10,22 @@ from collections.abc import Mapping
 from tendonff.models.mechanism.parts import Tendon
 
 
+def capstan_exponent(tendon: Tendon, places: Mapping[str, float]) -> float:
+    """Logarithm of the drum's tension over that at the far end, while the tendon is pulled [-].
+
+    Parameters
+    ----------
+    tendon : Tendon
+    places : mapping of str to float
+        Of the bodies that its sections follow; at zero where one is missing.
+    """
+    friction, found = tendon.friction, 0.0
+    for section in tendon.path.parts:
+        pull, _ = section.dynamic_coefficients(friction.mu_dynamic, friction.release_dynamic)
+        found += pull * max(section.angle_rad + section.angle_per_rad * places.get(section.joint or "", 0.0), 0.0)
+    return found
+
+
 def local_arms_m(tendon: Tendon, places: Mapping[str, float], speeds: Mapping[str, float]) -> dict[str, float]:
     """Torque on each body for a tension of 1 N at the far end, while the tendon slides everywhere [m].
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from tendonff.models.errors import LARGEST, ParameterError, require, require_given, require_whole
 from tendonff.models.parameters.drive import Drive, Motor
-from tendonff.models.path import JointMotion, Section
+from tendonff.models.path import JointMotion, Section, above_static
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,10 +147,7 @@ class Friction:
         require("mu_dynamic", self.mu_dynamic, least=0, hint="use 0 for a frictionless path")
         require("mu_static", self.mu_static, least=0, hint="use mu_dynamic for no Stribeck effect")
         if self.mu_static < self.mu_dynamic:
-            raise ParameterError(
-                f"mu_static must be >= mu_dynamic = {self.mu_dynamic:g}, got {self.mu_static}; "
-                "set both equal for no Stribeck effect"
-            )
+            raise ParameterError(above_static(self.mu_dynamic, self.mu_static))
         require("stribeck_velocity_m_per_s", self.stribeck_velocity_m_per_s, above=0, hint="0.001 to 0.05 is usual")
         require("viscous_N_s_per_m", self.viscous_N_s_per_m, least=0, hint="use 0 for none")
         require("bristle_stiffness_N_per_m", self.bristle_stiffness_N_per_m, above=0, hint="1e5 to 1e7 is stiff")
@@ -160,10 +157,7 @@ class Friction:
         if self.mu_static_release is not None:
             require("mu_static_release", self.mu_static_release, least=0, hint="leave it out to scale mu_static")
             if self.mu_static_release < self.release_dynamic:
-                raise ParameterError(
-                    f"mu_static_release must be >= mu_dynamic_release = {self.release_dynamic:g}, "
-                    f"got {self.mu_static_release}; set both equal for no Stribeck effect"
-                )
+                raise ParameterError(above_static(self.release_dynamic, self.mu_static_release, "_release"))
         require("adhesion_N", self.adhesion_N, least=0, hint="use 0 for friction that is proportional to tension")
         for name in ("pull_spread", "release_spread"):
             spread = getattr(self, name)

@@ -1,7 +1,7 @@
 """Bodies and tendons in compiled C."""
 
 import ctypes
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -82,6 +82,38 @@ def _source(chain: Chain) -> str:
     return host_source(chain, (*laws.simulation(), *own), templates, joint_numbers=JOINT_NUMBERS)
 
 
+@dataclass(slots=True, kw_only=True, eq=False)
+class InverseCall:
+    """Call of the compiled inverse; the arrays of its memory, z and z_old advance with each call.
+
+    Attributes are those of `InverseRows` and of `MechanismMemory`; `position` and `effort` are read anew by each call.
+    """
+
+    function: Any
+    memory: MechanismMemory
+    position: Array
+    effort: Array
+    z: Array
+    z_old: Array
+    out: Array
+    travel_m: Array
+    tension_N: Array
+    drum_N: Array
+    slack_m: Array
+    lowest_N: Array
+    fresh: ctypes.c_int
+    evaluations: ctypes.c_long = field(default_factory=ctypes.c_long)
+    arguments: tuple[Any, ...] = ()
+    kept: list[Any] = field(default_factory=list)  # what must outlive the arguments
+
+    def __call__(self) -> int:
+        """Advance over the rows of `position`; the number that was found."""
+        found: int = self.function(*self.arguments)
+        if found:
+            self.fresh.value = 0
+        return found
+
+
 class CompiledMechanism:
     """Invert and advance one mechanism in compiled C.
 
@@ -108,6 +140,8 @@ class CompiledMechanism:
         pairs = list(zip(problem.mechanism.tendons, chains, strict=True))
         self._effects = [self._effects_of(tendon, chain) for tendon, chain in pairs]
         self._homes = [_home(chain) for chain in chains]
+        bodies = ctypes.c_int(problem.bodies)
+        self._work = [np.empty(self._library.tff_strand_reals(ctypes.c_int(n), bodies)) for n in self._counts]
 
     def _effects_of(self, tendon: Tendon, chain: Chain) -> Any:
         records = (_Effect * self._problem.bodies)()
@@ -134,11 +168,10 @@ class CompiledMechanism:
             )
         return records
 
-    def _tendons(self, memory: MechanismMemory) -> tuple[Any, list[Any]]:
-        """Records of the tendons, and what must outlive them."""
-        bodies = ctypes.c_int(self._problem.bodies)
-        work = [np.empty(self._library.tff_strand_reals(ctypes.c_int(n), bodies)) for n in self._counts]
-        records = (_Tendon * len(work))(
+    def _tendons(self, memory: MechanismMemory) -> Any:
+        """Records of the tendons."""
+        work = self._work
+        return (_Tendon * len(work))(
             *(
                 _Tendon(
                     ctypes.addressof(self._chains[k]),
@@ -150,7 +183,6 @@ class CompiledMechanism:
                 for k in range(len(work))
             )
         )
-        return records, work
 
     def invert(self, memory: MechanismMemory, position: Array, effort: Array) -> InverseRows:
         """Motors for positions of the bodies at the present instant and the ends of the steps that follow.
@@ -162,49 +194,58 @@ class CompiledMechanism:
         position, effort : ndarray, shape (rows + 1, known)
             Of all bodies but the motors: positions, and torques on what they touch.
         """
+        call = self.inverse_call(memory, position, effort)
+        with out_of_turn():
+            done = call()
+        known = self._problem.known
+        memory.z[:known], memory.z_old[:known] = call.z, call.z_old
+        self._moved(memory, done, call.tension_N)
+        return InverseRows(
+            position=call.out[:done],
+            travel_m=call.travel_m[:done],
+            tension_N=call.tension_N[:done],
+            drum_N=call.drum_N[:done],
+            slack_m=call.slack_m[:done],
+            lowest_N=call.lowest_N[:done],
+            evaluations=call.evaluations.value,
+        )
+
+    def inverse_call(self, memory: MechanismMemory, position: Array, effort: Array) -> "InverseCall":
+        """The call of `invert` with its arrays, to be made once or, of a single row, again and again."""
         problem = self._problem
         rows, count, known = len(position) - 1, len(self._counts), problem.known
-        z, z_old = (np.ascontiguousarray(each[:known]) for each in (memory.z, memory.z_old))
-        given = np.ascontiguousarray(position, dtype=np.float64)
-        efforts = np.ascontiguousarray(effort, dtype=np.float64)
-        travel, tension, drum, slack = (np.empty((rows, count)) for _ in range(4))
-        out = np.empty((rows, known))
-        lowest, evaluations = np.empty(rows), ctypes.c_long()
-        tension[:1] = memory.tension_N
+        call = InverseCall(
+            function=self._library.tff_bodies_invert,
+            memory=memory,
+            position=np.ascontiguousarray(position, dtype=np.float64),
+            effort=np.ascontiguousarray(effort, dtype=np.float64),
+            z=np.array(memory.z[:known]),
+            z_old=np.array(memory.z_old[:known]),
+            out=np.empty((rows, known)),
+            travel_m=np.empty((rows, count)),
+            tension_N=np.empty((rows, count)),
+            drum_N=np.empty((rows, count)),
+            slack_m=np.empty((rows, count)),
+            lowest_N=np.empty(rows),
+            fresh=ctypes.c_int(memory.fresh),
+        )
+        call.tension_N[:1] = memory.tension_N
         sharing, closure = problem.sharing, np.zeros(count)
         how = _Sharing(
             *(sharing.least_tension_N, sharing.smooth_N, sharing.change_weight * _MS / self._step_s),
             *(each.ctypes.data for each in (self._winding, self._partner, self._alone, closure)),
         )
-        records, kept = self._tendons(memory)
-        with out_of_turn():
-            done = self._library.tff_bodies_invert(
-                *(
-                    self._laws,
-                    ctypes.c_int(known),
-                    ctypes.c_int(problem.driven),
-                    ctypes.c_int(problem.wanted),
-                    records,
-                    ctypes.c_int(count),
-                ),
-                ctypes.c_double(self._step_s),
-                *(ctypes.c_long(rows), ctypes.c_int(memory.fresh), *map(pointer, (given, efforts, self._scale))),
-                ctypes.byref(how),
-                *map(pointer, (z, z_old, out, travel, tension, drum, slack, lowest, memory.worth)),
-                ctypes.byref(evaluations),
-            )
-        del kept
-        memory.z[:known], memory.z_old[:known] = z, z_old
-        self._moved(memory, done, tension)
-        return InverseRows(
-            position=out[:done],
-            travel_m=travel[:done],
-            tension_N=tension[:done],
-            drum_N=drum[:done],
-            slack_m=slack[:done],
-            lowest_N=lowest[:done],
-            evaluations=evaluations.value,
+        records = self._tendons(memory)
+        call.kept = [self, how, closure, records]
+        call.arguments = (
+            *(self._laws, ctypes.c_int(known), ctypes.c_int(problem.driven), ctypes.c_int(problem.wanted)),
+            *(records, ctypes.c_int(count), ctypes.c_double(self._step_s), ctypes.c_long(rows), call.fresh),
+            *map(pointer, (call.position, call.effort, self._scale)),
+            ctypes.byref(how),
+            *map(pointer, (call.z, call.z_old, call.out, call.travel_m, call.tension_N, call.drum_N, call.slack_m)),
+            *(pointer(call.lowest_N), pointer(memory.worth), ctypes.byref(call.evaluations)),
         )
+        return call
 
     def run(self, memory: MechanismMemory, position: Array, effort: Array, led: Array | None = None) -> RunRows:
         """Advance over positions of bodies that are led and torques on what bodies touch, shape (rows + 1, bodies).
@@ -218,7 +259,7 @@ class CompiledMechanism:
         out = np.empty((rows, bodies, 2))
         tension, drum, lowest = np.empty((rows, count)), np.empty((rows, count)), np.empty(rows)
         report = ReportStruct()
-        records, kept = self._tendons(memory)
+        records = self._tendons(memory)
         with out_of_turn():
             done = self._library.tff_bodies_run(
                 *(self._laws, ctypes.c_int(bodies), pointer(leads), records, ctypes.c_int(count)),
@@ -226,7 +267,6 @@ class CompiledMechanism:
                 *map(pointer, (given, efforts, self._scale, memory.z, memory.z_old, out, tension, drum, lowest)),
                 ctypes.byref(report),
             )
-        del kept
         self._moved(memory, done, tension)
         return RunRows(
             position=out[:done, :, 0],

@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from tendonff.models.cached import cached_property
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.joint.balance import JointLaw
@@ -23,7 +24,7 @@ _LED = End(mass_kg=1.0, damping_N_s_per_m=0.0, stiffness_N_per_m=0.0)
 """An end whose motion is given: its own numbers have no effect."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)  # without slots: what is computed once is kept in the instance
 class MechanismProblem:
     """A mechanism at a level, from a start at rest.
 
@@ -66,34 +67,39 @@ class MechanismProblem:
         """Number of bodies that are no motors."""
         return self.bodies - self.motors
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the bodies in their order."""
         return tuple(body.name for body in self.mechanism.bodies)
 
-    @property
+    @cached_property
     def leads(self) -> tuple[bool, ...]:
         """Whether a drive leads each body."""
         led = {drive.body for drive in self.mechanism.drives if drive.leads}
         return tuple(name in led for name in self.names)
 
-    @property
+    @cached_property
     def motor_of(self) -> tuple[int, ...]:
         """Motor that winds each tendon, counted from the first motor."""
         return tuple(self.names.index(winding(tendon).body) - self.known for tendon in self.mechanism.tendons)
 
-    @property
+    @cached_property
+    def wound_by(self) -> tuple[list[int], ...]:
+        """Tendons on each motor."""
+        return tuple([t for t, own in enumerate(self.motor_of) if own == motor] for motor in range(self.motors))
+
+    @cached_property
     def winding_m(self) -> Array:
         """Travel of each tendon at its drum per unit of its motor, with its sign, shape (tendons,)."""
         return np.array([winding(tendon).metres_per_unit for tendon in self.mechanism.tendons])
 
-    @property
+    @cached_property
     def partner(self) -> tuple[int, ...]:
         """Tendon before each on the same drum; -1: none."""
         motors = self.motor_of
         return tuple(max((k for k in range(t) if motors[k] == motor), default=-1) for t, motor in enumerate(motors))
 
-    @property
+    @cached_property
     def alone(self) -> tuple[bool, ...]:
         """Whether each tendon is alone on its drum, so that its tension can be chosen."""
         return tuple(self.motor_of.count(motor) == 1 for motor in self.motor_of)

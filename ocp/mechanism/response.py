@@ -221,12 +221,12 @@ def _rows(name: str, values: Array, shape: tuple[int | None, int], step_s: float
 
 def motors_of(problem: MechanismProblem, travel_m: Array, slack_m: Array) -> Array:
     """Coordinates of the motors: those of the tendon on each that does not hang."""
-    each, motor_of = travel_m / problem.winding_m, np.array(problem.motor_of)
-    found = np.zeros((len(each), problem.motors))
-    for motor in range(problem.motors):
-        own = np.flatnonzero(motor_of == motor)
-        tight = own[np.argmin(slack_m[:, own], axis=1)]
-        found[:, motor] = each[np.arange(len(each)), tight]
+    each, wound = travel_m / problem.winding_m, problem.wound_by
+    found: Array = each[:, [own[0] for own in wound]]
+    if slack_m.any():
+        for motor, own in enumerate(wound):
+            tight = np.array(own)[np.argmin(slack_m[:, own], axis=1)]
+            found[:, motor] = each[np.arange(len(each)), tight]
     return found
 
 

@@ -112,13 +112,14 @@ def _settled(problem: MechanismProblem, touched: Array) -> MechanismProblem:
 
 @in_turn
 def held_at(problem: MechanismProblem, position: Array) -> Array:
-    """Torque that tendons hold at rest at a position of the driven bodies, shape (driven,) [N m or N]."""
-    found = []
-    for body, q in zip(problem.mechanism.bodies[: problem.driven], position, strict=True):
+    """Torque that tendons hold at rest where driven bodies stand, shape (rows, driven) or (driven,) [N m or N]."""
+    q = ca.SX.sym("q", problem.driven)
+    held = []
+    for body, at in zip(problem.mechanism.bodies[: problem.driven], ca.vertsplit(q), strict=True):
         states = {load: tuple(ca.SX(0) for _ in load.states) for load in body.loads}
-        held = sum((load.force(ca.SX(float(q)), ca.SX(0), own) for load, own in states.items()), ca.SX(0))
-        found.append(float(held))
-    return np.array(found)
+        held.append(sum((load.force(at, ca.SX(0), own) for load, own in states.items()), ca.SX(0)))
+    found = np.array(ca.Function("held", [q], [ca.vertcat(*held)])(np.atleast_2d(position).T)).T
+    return found.reshape(np.shape(position))
 
 
 def _tensions(problem: MechanismProblem, held: Array, pretension_N: Mapping[str, float]) -> Array:

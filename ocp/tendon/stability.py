@@ -114,7 +114,7 @@ def predict_stick_slip(
 
 
 def expected_error_N(chain: Chain, force_N: Array, reference_N: Array, step_s: float, state: ChainState) -> float:
-    """Error of a force, shape (n,), from a state of the same chain with a quarter of the step [N]; NaN if that fails."""
+    """Error of a force, shape (n,), from a state of the chain with a quarter of the step [N]; NaN if that fails."""
     coarse = np.arange(len(force_N)) * step_s
     fine = np.arange((len(force_N) - 1) * _REPLAY_STEPS + 1) * (step_s / _REPLAY_STEPS)
     run = simulate(chain, np.interp(fine, coarse, force_N), step_s / _REPLAY_STEPS, state=state)

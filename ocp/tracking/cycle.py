@@ -82,7 +82,7 @@ def track_cycle(
     problem = TrackingProblem.of(
         chains,
         tuple(states),
-        repeated(cycle_N),
+        [repeated(each) for each in (cycle_N, *others_N)],
         step_s,
         limits,
         options,
@@ -90,7 +90,6 @@ def track_cycle(
         start_N=limits.start(float(inversion.force_N[0])),
         inverse_N=repeated(inversion.force_N),
         objective=objective,
-        others_N=[repeated(each) for each in others_N],
     )
     force = repeated(inversion.force_N)
     time = np.arange(len(force), dtype=np.float64) * step_s

@@ -144,7 +144,7 @@ class TrackingProblem:
         cls,
         chains: tuple[Chain, ...],
         states: tuple[ChainState, ...],
-        reference_N: Array,
+        references_N: Sequence[Array],
         step_s: float,
         limits: ForceLimits,
         options: TrackOptions,
@@ -153,13 +153,13 @@ class TrackingProblem:
         start_N: float,
         inverse_N: Array,
         objective: Objective = Objective.WORST,
-        others_N: Sequence[Array] = (),
     ) -> "TrackingProblem":
         """The problem of chains in these states, the nominal one first; `inverse_N` is its exact inverse, shape (n,).
 
-        The travel of that within the limits is what the task needs. `others_N` is the reference of each further chain,
-        shape (n,), where that is not the nominal one's.
+        The travel of that within the limits is what the task needs. `references_N` is the reference of each chain,
+        shape (n,); those left out have that of the nominal one.
         """
+        reference_N, *others_N = references_N
         span = max(float(np.ptp(reference_N)), 1e-3 * float(reference_N.max()))
         margin = 1e-4 * span  # the search aims a little inside, so that what it finds is inside
         travel = max(travel_N(limits.apply(inverse_N, step_s, start_N)), 1e-3 * span)

@@ -141,7 +141,7 @@ def track_robust(
     problem = TrackingProblem.of(
         chains,
         tuple(chain.rest_state(start) for chain in chains),
-        reference,
+        (reference, *others_N),
         step_s,
         limits,
         options,
@@ -149,7 +149,6 @@ def track_robust(
         start_N=limits.start(start),
         inverse_N=inverse.force_N,
         objective=objective,
-        others_N=others_N,
     )
     return solve_tracking(problem, inverse, options, progress, build_s=time.perf_counter() - began)
 

@@ -71,14 +71,17 @@ def test_joints_are_linear_between_instants_and_held_or_repeated_beyond() -> Non
         ({"angle_rad": 1.0, "angle_per_rad": 1.0}, r"angle_per_rad = 1 needs a joint"),
         ({"angle_rad": 1.0, "kind": SectionKind.PULLEY}, "bearing_exponent belongs to kind"),
         ({"angle_rad": 0.0, "kind": SectionKind.PULLEY, "bearing_exponent": 0.1}, "a pulley needs angle_rad > 0"),
-        ({"angle_rad": 1.0, "mu_dynamic": 0.2, "mu_static": 0.1}, "mu_static must be >= mu_dynamic"),
+        (
+            {"angle_rad": 1.0, "mu_dynamic": 0.2, "mu_static": 0.1},
+            "mu_dynamic = 0.2 is above mu_static = 0.1: change both",
+        ),
         (
             {"angle_rad": 1.0, "mu_dynamic_release": 0.2, "mu_static_release": 0.1},
-            "mu_static_release must be >= mu_dynamic_release = 0.2",
+            "mu_dynamic_release = 0.2 is above mu_static_release = 0.1: change both, or delete mu_static_release",
         ),
         (
             {"angle_rad": 1.0, "mu_dynamic": 0.2, "mu_static_release": 0.1},
-            "mu_static_release must be >= mu_dynamic_release = 0.2, which holds there, got 0.1",
+            "mu_dynamic_release = 0.2 is above mu_static_release = 0.1",
         ),
         (
             {"angle_rad": 1.0, "kind": SectionKind.PULLEY, "bearing_exponent": 0.1, "mu_dynamic": 0.2},

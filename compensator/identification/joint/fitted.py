@@ -8,10 +8,11 @@ from typing import Any
 
 from tendonff.compensator.identification.answer.result import Estimate
 from tendonff.compensator.identification.joint.parameters import JointNumber, key_in
-from tendonff.compensator.joint.compensators import ASSUMED_SPREAD, assumed
+from tendonff.compensator.joint.compensators import assumed
 from tendonff.compensator.joint.observer_table import ObserverTable
 from tendonff.compensator.joint.scenario.base import with_base
 from tendonff.compensator.joint.scenario.scenario import JointScenario
+from tendonff.compensator.joint.task import ASSUMED_SPREAD
 from tendonff.compensator.scenario.scenario import relative_to_folder
 from tendonff.compensator.scenario.tables import toml_value
 from tendonff.models.joint.parameters import JointTendon, Mechanism
@@ -58,7 +59,7 @@ def _robust(mechanism: Mechanism, estimates: Sequence[Estimate], stated: Mapping
     """[robust] with the interval of every identified number; empty where nothing is identified or stated.
 
     A number that is not identified has the width that the scenario states or, where it states none, the one that a
-    design assumes: what nobody has measured is not known exactly. Pre-tension and stiffness that belong to a kept
+    design assumes: a number without a measurement is not known exactly. Pre-tension and stiffness that belong to a kept
     coefficient of friction are known by their ratio, so they vary together.
     """
     by_name = {each.name: each for each in estimates}

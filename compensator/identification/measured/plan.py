@@ -180,7 +180,8 @@ def data_doubts(records: Sequence[Record], explain: Explain) -> tuple[str, ...]:
                     f"--scale {end}_position=0.001"
                 )
         for name, angle in joints_of([file]).items():
-            found += angle_doubt(f"{file.name}: {name}", float(np.max(np.abs(angle))))
+            asked = angle_doubt(f"joints.{name}", float(np.max(np.abs(angle))), f"{file.name}: {name}")
+            found += map(str, asked)
     return tuple(found)
 
 

@@ -130,7 +130,7 @@ class JointDesign:
 
     @property
     def change(self) -> str:
-        """What to change where the motor cannot follow the reference; empty where it can."""
+        """The change to make where the motor cannot follow the reference; empty where it can."""
         drive, inversion = self.scenario.mechanism.drive, self.inversion
         torque = float(np.abs(inversion.motor_torque_N_m).max())
         if drive.torque_max_N_m is not None and torque > _BEYOND * drive.torque_max_N_m:

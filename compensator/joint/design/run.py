@@ -12,6 +12,7 @@ from tendonff.compensator.joint.compensators import JointTask, compensators_of
 from tendonff.compensator.joint.design.output import write_files
 from tendonff.compensator.joint.design.result import JointDesign, JointProfile
 from tendonff.compensator.joint.plant import REFINEMENT, joint_load, verifying_masses
+from tendonff.compensator.joint.scenario.doubts import joint_doubts
 from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint
 from tendonff.models.joint.closed_form import DataSheet, GrossSliding, data_sheet, sweep_pretension
 from tendonff.models.joint.parameters import DriveKind, JointDrive, Mechanism
@@ -75,7 +76,13 @@ def design_joint(scenario: JointScenario, *, strict: bool = True, progress: Prog
         parts.done()
     expectation = task.expect(commands)
     sheet, sheets, warned = _data_sheet(scenario, sampled, inversion)
-    warnings = [*sampled.warnings, *task.notes, *warned, *_drive_warnings(drive, inversion, scenario.run.step_s)]
+    warnings = [
+        *map(str, joint_doubts(scenario)),
+        *sampled.warnings,
+        *task.notes,
+        *warned,
+        *_drive_warnings(drive, inversion, scenario.run.step_s),
+    ]
     warnings += _ringing(mechanism, sampled)
     if inversion.status is not JointStatus.EXACT:
         warnings.insert(0, inversion.message)

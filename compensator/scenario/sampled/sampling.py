@@ -7,7 +7,13 @@ from typing import assert_never
 import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray, InputError
-from tendonff.compensator.scenario.doubts import out_of_reach, reference_doubts, scenario_doubts
+from tendonff.compensator.scenario.doubts import (
+    length_doubts,
+    reach_notes,
+    reference_doubts,
+    scenario_doubts,
+    scenario_notes,
+)
 from tendonff.compensator.scenario.reference import (
     CsvReference,
     Hold,
@@ -21,7 +27,6 @@ from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenario.unit import METRE, NEWTON, Unit
 
 _MAX_STEPS = 50_000_000
-_LONG_RUN = 200_000
 _LEAST_SHARE = 0.02  # of the range: a taut tendon where the reference is zero
 
 
@@ -65,7 +70,7 @@ class Reference:
 
     @property
     def wanted(self) -> FloatArray:
-        """What errors are relative to, shape (n + 1,), in `unit`: the load's position where that is the reference."""
+        """Base of relative errors, shape (n + 1,), in `unit`: the load's position where that is the reference."""
         return self.tension_N if self.position_m is None else self.position_m
 
     @property
@@ -75,7 +80,7 @@ class Reference:
 
     @property
     def output(self) -> str:
-        """What follows the reference, in words."""
+        """The quantity that follows the reference, in words."""
         return "output tension" if self.position_m is None else "load position"
 
     @property
@@ -112,13 +117,16 @@ def sample_reference(scenario: Scenario, *, strict: bool = False) -> Reference:
     spec, sampled, file = scenario.reference, _sample(scenario), scenario.source.name
     tension, initial, removed = sampled.tension_N, sampled.initial_tension_N, sampled.removed_noise_N
     require_taut(sampled.time_s, tension, file)
+    rig = scenario.transmission
+    reach = reach_notes(rig, sampled.time_s, tension, file)
+    if strict and reach:
+        raise InputError("; ".join(reach))
     doubts = (
         *scenario_doubts(scenario),
-        *reference_doubts(scenario.transmission, sampled.time_s, tension, file=file),
+        *length_doubts(spec, float(sampled.time_s[-1]), scenario.run),
+        *reference_doubts(rig, tension, scenario.run),
     )
-    if strict and out_of_reach(scenario.transmission, 0.0, float(np.max(tension))):
-        raise InputError("; ".join(doubts))
-    notes = [*sampled.warnings, *doubts]
+    notes = [*sampled.warnings, *map(str, doubts), *scenario_notes(rig), *reach]
     if removed > 0 and isinstance(spec, CsvReference):
         span, unit = (tension, "N") if sampled.position_m is None else (sampled.position_m, "m")
         notes.append(
@@ -135,17 +143,6 @@ def sample_reference(scenario: Scenario, *, strict: bool = False) -> Reference:
 def initial_tension(scenario: Scenario) -> float:
     """Uniform tension at rest before the start [N], without checking the rest of the reference."""
     return _sample(scenario).initial_tension_N
-
-
-def work_ahead(duration_s: float, step_s: float) -> tuple[str, ...]:
-    """Announcement of a long run; nothing for an ordinary one."""
-    if not duration_s > _LONG_RUN * step_s:
-        return ()
-    note = (
-        f"{duration_s:g} s in steps of {step_s:g} s are {duration_s / step_s:.0f} steps, which takes long: is the "
-        "length in seconds? A larger step_s or a part of the reference takes less"
-    )
-    return (note,)
 
 
 def _sample(scenario: Scenario) -> Reference:

@@ -10,8 +10,10 @@ from tendonff.compensator.compensators.expectation import expectation_of
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.writing import atomic_directory
-from tendonff.compensator.joint.compensators import JointTask, compensators_of
+from tendonff.compensator.finger.scenario import FingerScenario
+from tendonff.compensator.finger.task import task_of
 from tendonff.compensator.joint.scenario.scenario import JointScenario
+from tendonff.compensator.joint.task import MotorTask
 from tendonff.compensator.reporting.page import Report, pictures_of, provenance_of, write_pages
 from tendonff.compensator.reporting.plots import figure_style
 from tendonff.compensator.studies.compare.figures import errors_figure, matrix_figure
@@ -28,7 +30,6 @@ from tendonff.compensator.studies.compare.output import matrix_summary, write_ma
 from tendonff.compensator.studies.compare.report import CAPTIONS, FILES, matrix_sections
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
-from tendonff.ocp.joint.simulate import JointOutcome
 from tendonff.ocp.tendon.crosscheck import NUDGE
 
 _PLANTS = tuple(level.value for level in Level)
@@ -44,7 +45,7 @@ class JointComparison(MatrixData):
 
     Attributes
     ----------
-    scenario : JointScenario
+    scenario : JointScenario or FingerScenario
         The scenario it was made for.
     time_s, wanted : numpy.ndarray, shape (n,)
         Reference.
@@ -83,12 +84,12 @@ class JointComparison(MatrixData):
 
 
 @in_turn
-def compare_joint(scenario: JointScenario, *, progress: Progress = silent) -> JointComparison:
-    """Compare the fidelity levels with each other on a scenario of a joint.
+def compare_joint(scenario: JointScenario | FingerScenario, *, progress: Progress = silent) -> JointComparison:
+    """Compare the fidelity levels with each other on a scenario of driven joints.
 
     Parameters
     ----------
-    scenario : JointScenario
+    scenario : JointScenario or FingerScenario
     progress : callable, optional
 
     Raises
@@ -105,15 +106,15 @@ def compare_joint(scenario: JointScenario, *, progress: Progress = silent) -> Jo
     >>> comparison = tf.compare_joint(scenario)  # doctest: +SKIP
     >>> print(comparison.headline)  # doctest: +SKIP
     """
-    tasks = {level: JointTask.of(scenario, level) for level in Level}
+    tasks = {level: task_of(scenario, level) for level in Level}
     own = tasks[Level.PRESLIDING]
-    compensators = compensators_of(own)
+    compensators = own.compensators
     parts = Parts(progress, len(Level) * (len(_PLANTS) + 1))
     commands: dict[tuple[str, Level], FloatArray] = {}
     entries: list[Entry] = []
     outputs: dict[tuple[str, Level, str], FloatArray] = {}
     seen: dict[tuple[bytes, str], tuple[Entry, FloatArray]] = {}
-    warnings = list(own.sampled.warnings)
+    warnings = list(own.warnings)
     for level, task in tasks.items():
         for each in compensators:
             commands[each.name, level] = each.command_rad(task)
@@ -137,22 +138,22 @@ def compare_joint(scenario: JointScenario, *, progress: Progress = silent) -> Jo
                 entries.append(replace(found, compensator=each.name, design_level=level, plant_level=plant))
             parts.done()
     bands = own.bands(commands)
-    text, best = recommend(entries, compensators, bands, str(own.doubt), _SIMPLE, scenario.reference.shown)
+    text, best = recommend(entries, compensators, bands, str(own.doubt), _SIMPLE, own.unit)
     order = {each.name: k for k, each in enumerate(compensators)}
     entries.sort(key=lambda entry: order[entry.compensator])  # stable: levels and plants keep their order
     on_level = {name: band for (name, level), band in bands.items() if level is best}
     return JointComparison(
         scenario=scenario,
-        time_s=own.sampled.run_time_s,
+        time_s=own.time_s,
         wanted=own.wanted,
-        unit=scenario.reference.shown,
+        unit=own.unit,
         plants=_PLANTS,
-        static="static",
+        static="static" if "static" in order else "linear",
         compensators=compensators,
         entries=tuple(entries),
         outputs=outputs,
         bands=bands,
-        expectation=expectation_of(own.doubt, Level.PRESLIDING, on_level, unit=scenario.reference.shown),
+        expectation=expectation_of(own.doubt, Level.PRESLIDING, on_level, share_of=own.share_of, unit=own.unit),
         recommended_level=best,
         recommendation=text,
         warnings=tuple(dict.fromkeys((*warnings, *noise_warnings(entries)))),
@@ -160,15 +161,14 @@ def compare_joint(scenario: JointScenario, *, progress: Progress = silent) -> Jo
 
 
 def _outputs(
-    task: JointTask, level: Level, command: FloatArray, what: str, warnings: list[str]
+    task: MotorTask, level: Level, command: FloatArray, what: str, warnings: list[str]
 ) -> Iterator[FloatArray]:
     """Response of a plant with ever larger steps, then to commands that are a little different."""
     for refinement, factor in (*((each, 1.0) for each in REFINEMENTS), (REFINEMENTS[0], 1 + NUDGE)):
-        plant = task.plant(task.mechanism, level, refinement)
-        run = plant.respond(factor * command)
-        if refinement == REFINEMENTS[0] and factor == 1 and run.outcome is JointOutcome.SLACK:
-            warnings.append(f"{what}: {run.message}")
-        yield plant.reached(run)[task.sampled.lead :]
+        found = task.reached(task.system, factor * command, level=level, refinement=refinement)
+        if refinement == REFINEMENTS[0] and factor == 1 and found.slack:
+            warnings.append(f"{what}: {found.slack}")
+        yield found.values
 
 
 def _report(result: JointComparison, figures: dict[str, Figure]) -> Report:

@@ -19,9 +19,8 @@ from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.compensators.score import scale_of, score
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.text import as_argument
-from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.reporting.colours import Style
-from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.scenario.document import Document
 from tendonff.compensator.scenario.unit import NEWTON, Unit
 from tendonff.models.fidelity import Level
 
@@ -102,7 +101,7 @@ class Simple:
 class MatrixData:
     """Every design on every plant. `Comparison` and `JointComparison` document its fields."""
 
-    scenario: Scenario | JointScenario
+    scenario: Document
     time_s: FloatArray
     wanted: FloatArray
     unit: Unit

@@ -172,7 +172,7 @@ def _outputs(
     what: tuple[str, str],
     slack: dict[tuple[str, str], Slack],
 ) -> Iterator[FloatArray]:
-    """What a plant delivers with ever larger steps, then with a force that is a little different."""
+    """Response of a plant with ever larger steps, then with a force that is a little different."""
     if plant == CAPSTAN_PLANT:
         # Exact for a force that is linear between rows: nothing to refine.
         law, rows, start = CapstanLaw.of(transmission), profile.force_N, reference.initial_tension_N

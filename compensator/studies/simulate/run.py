@@ -14,7 +14,7 @@ from tendonff.compensator.files.quantities import FORCE_UNITS, LENGTH_UNITS, Qua
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.files.tables import table_dialect
 from tendonff.compensator.files.writing import open_csv
-from tendonff.compensator.scenario.doubts import force_doubts, scenario_doubts
+from tendonff.compensator.scenario.doubts import UnitDoubt, force_doubts, force_notes, scenario_doubts, scenario_notes
 from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.compensator.scenario.sampled.sampling import initial_tension
 from tendonff.compensator.scenario.scenario import Scenario
@@ -96,13 +96,20 @@ def read_force(path: Path, column: str | None = None, drive: Drive = Drive.FORCE
     )
 
 
-def doubts_of(scenario: Scenario, profile: ForceProfile) -> tuple[str, ...]:
-    """Questions about a scenario and a force file, which is simulated nevertheless."""
-    doubts = scenario_doubts(scenario)
+def doubts_of(scenario: Scenario, profile: ForceProfile) -> tuple[UnitDoubt, ...]:
+    """Doubts about a force file."""
     if profile.is_command:
-        return doubts
+        return ()
+    return force_doubts(scenario.transmission, profile.force_N, scenario.run, file=profile.name)
+
+
+def notes_of(scenario: Scenario, profile: ForceProfile) -> tuple[str, ...]:
+    """Notes on a scenario and a force file, which is simulated nevertheless."""
+    rig = scenario.transmission
+    if profile.is_command:
+        return scenario_notes(rig)
     start = initial_tension(scenario)
-    return (*doubts, *force_doubts(scenario.transmission, profile.force_N, start, file=profile.name))
+    return (*scenario_notes(rig), *force_notes(rig, profile.force_N, start, file=profile.name))
 
 
 def simulate_force(
@@ -150,7 +157,8 @@ def simulate_force(
             coming = next(computed, None)
             stream.write(rows)
             progress(round(rows[-1, 0] / step) + 1, total)
-    warnings = list(doubts_of(scenario, given))
+    doubts = (*scenario_doubts(scenario), *doubts_of(scenario, given))
+    warnings = [*map(str, doubts), *notes_of(scenario, given)]
     if given.is_command and (jump := abs(run.first_force - start_tension)) > 1e-6 * max(start_tension, 1.0):
         warnings.append(
             f"{profile.name} starts at {run.first_force:.6g} N, but the run starts at rest at {start_tension:.6g} N: "

@@ -85,7 +85,8 @@ def test_a_folder_that_cannot_be_written_is_refused_before_the_work(tmp_path: Pa
     ("key", "value", "message"),
     [
         ("amplitudes_N", "[25.0, 8.0]", "a tendon cannot push"),
-        ("step_s", "0.5", "frequencies_Hz must be < 1"),
+        ("frequencies_Hz", "[700.0, 0.5]", "frequencies_Hz must be < 500"),
+        ("step_s", "0.5", "[run] step_s = 0.5: milliseconds? Then it is 0.0005"),
     ],
 )
 def test_an_infeasible_reference_is_refused_before_heavy_packages_are_loaded(
@@ -104,12 +105,41 @@ def test_an_infeasible_reference_is_refused_before_heavy_packages_are_loaded(
 
 
 FOLLOWS = ("design", "compare", "adapt", "sweep", "table", "export-c", "export-fmu", "explore")
+COMPUTES = {
+    **{name: ("--no-browser",) if name == "explore" else ("--out", "o") for name in FOLLOWS},
+    "experiment": ("--out", "o"),
+    "simulate": ("--force", "f.csv", "--out", "o"),
+    "identify": ("--data", "d.csv", "--out", "o"),
+}
 
 
-def test_doubts_are_said_before_heavy_packages_are_loaded(tmp_path: Path, examples: Path) -> None:
+@pytest.mark.parametrize(
+    ("example", "old", "new", "asked"),
+    [
+        ("finger", "mass_kg = 0.02\n", "mass_kg = 20.0\n", "[load] mass_kg = 20: grams? Then it is 0.02"),
+        ("hand_joint", "moment_arm_m = 0.008", "moment_arm_m = 8", "[tendons] moment_arm_m = 8: millimetres?"),
+    ],
+)
+def test_every_command_that_computes_refuses_another_unit_before_it_computes(
+    tmp_path: Path, examples: Path, example: str, old: str, new: str, asked: str
+) -> None:
+    text = (examples / f"{example}.toml").read_text(encoding="utf-8")
+    assert old in text
+    (tmp_path / "odd.toml").write_text(text.replace(old, new), encoding="utf-8")
+    names = dict(COMPUTES)
+    if example == "hand_joint":
+        del names["experiment"]
+        names["watch"] = names["identify"]
+    commands = [(name, "odd.toml", *options) for name, options in names.items()]
+    for command, (status, said, modules) in zip(commands, start(tmp_path, *commands), strict=True):
+        assert (status, asked in said) == (2, True), (command, said)
+        assert not {"matplotlib", "control"} & modules, command
+    assert not (tmp_path / "o").exists()
+
+
+def test_warnings_are_said_before_heavy_packages_are_loaded(tmp_path: Path, examples: Path) -> None:
     """What a command computes with fails to load, so that all it says was said before."""
     text = (examples / "finger.toml").read_text(encoding="utf-8").replace("force_max_N = 200.0", "force_max_N = 60.0")
-    text = text.replace("mass_kg = 0.02\n", "mass_kg = 20.0\n")
     start_, end = text.index("[reference]"), text.index("[run]")
     (tmp_path / "sine.toml").write_text(text, encoding="utf-8")
     measured = f'{text[:start_]}[reference]\nkind = "csv"\nfile = "r.csv"\n\n{text[end:]}'
@@ -120,7 +150,6 @@ def test_doubts_are_said_before_heavy_packages_are_loaded(tmp_path: Path, exampl
     commands.append(("design", "csv.toml", *written["design"]))
     for command, (status, said, _) in zip(commands, start(tmp_path, *commands, absent=HEAVY), strict=True):
         assert status == "ModuleNotFoundError", command
-        assert "warning: [load] mass_kg = 20: grams? Then it is 0.02\n" in said, command
         assert "the peak of 47" in said, command
         assert "force_max_N = 60 delivers at most" in said, command
 

@@ -9,9 +9,18 @@ import pandas as pd
 import pytest
 
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.finger.compensators import FingerTask
 from tendonff.compensator.finger.design import design_finger
 from tendonff.compensator.finger.runtime import FingerRuntime
 from tendonff.compensator.finger.scenario import load_finger_scenario, parse_finger_scenario, sample_finger
+from tendonff.compensator.finger.sheet import joint_sheets, tendon_sheets
+from tendonff.compensator.joint.design.run import design_joint
+from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
+from tendonff.compensator.studies.compare.joint import compare_joint
+from tendonff.compensator.studies.design.sweep.run import sweep
+from tendonff.models.fidelity import Level
+from tendonff.models.parameters.numbers import with_numbers
+from tendonff.ocp.mechanism.response import MechanismStatus
 
 EXAMPLE = Path("examples/three_joint_finger.toml")
 SHORT = (
@@ -174,3 +183,77 @@ def test_one_tendon_moves_two_springed_joints_of_which_one_is_wanted():
     assert found.names == ("a",)
     assert errors["inverse"] < errors["linear"] / 10
     assert np.ptp(found.inversion.position[:, 1]) > 0.05
+
+
+LOOP = Path("examples/hand_joint.toml")
+
+
+@pytest.fixture(scope="module")
+def loop():
+    """The joint of a hand, written with a motor that winds both tendons."""
+    text = LOOP.read_text("utf-8")
+    for sign in ("", "-"):
+        text = text.replace(f"moment_arm_m = {sign}0.008 ", f"moment_arms_m = {{ knuckle = {sign}0.008 }} ")
+    text = text.replace('kind = "loop" ', "").replace("[drive]", "[[motors]]\nname = 'servo'")
+    text = text.replace("drum_radius_m = 0.008 ", "drums_m = { flexor = 0.008, extensor = -0.008 } ")
+    before, after = text.split("[reference]")
+    reference, run = after.split("[run]")
+    for key in ("quantity", "angles_rad"):
+        reference = "\n".join(line for line in reference.splitlines() if not line.startswith(key))
+    angles = "[reference.joints.knuckle]\nangles_rad = [0.0, 0.9, 0.9, 0.3, 1.1, 0.0]\n"
+    return parse_finger_scenario(f"{before}[reference]{reference}\n{angles}[run]{run}", LOOP)
+
+
+@pytest.mark.compiler
+def test_a_joint_on_a_loop_is_designed_the_same_with_a_motor_of_two_tendons(loop):
+    found, before = FingerTask.of(loop), design_joint(load_joint_scenario(LOOP))
+    ours, theirs = found.inversion.motor, before.inversion.motor_rad
+    assert ours == pytest.approx(theirs, abs=1e-8)  # both solve to a tolerance
+
+
+@pytest.mark.compiler
+def test_the_data_sheet_has_the_closed_forms_of_a_loop(loop):
+    """Lost motion and drive friction of both tendons together; the least pre-tension keeps both taut."""
+    task, known = FingerTask.of(loop), design_joint(load_joint_scenario(LOOP)).sheet
+    [joint], tendons = joint_sheets(task), tendon_sheets(task)
+    weightless = replace(loop.mechanism, joints=(replace(loop.mechanism.joints[0], gravity_N_m=0.0),))
+    [light] = joint_sheets(replace(task, finger=weightless))
+    assert light.lost_motion_rad == pytest.approx(known.lost_motion_rad, rel=0.05)
+    assert sum(each.drive_friction_N for each in tendons) == pytest.approx(known.drive_force_N, rel=0.1)
+    least = tendons[0].least_pretension_N
+    for share, status in ((1.01, MechanismStatus.DONE), (0.98, MechanismStatus.SLACK)):
+        finger = with_numbers(loop.mechanism, {"motors.servo.drive.pretension_N": share * least})
+        assert task.inverse(finger).status is status
+    low, high = joint.torque_N_m
+    ratio = tendons[0].tension_ratio
+    assert high == pytest.approx(0.008 * (1.0 / 0.008 / ratio - loop.mechanism.sharing.least_tension_N), rel=1e-6)
+    assert low == pytest.approx(-high)
+
+
+@pytest.mark.compiler
+def test_a_finger_is_compared_and_swept_over_its_uncertainty(tmp_path):
+    coarse = scenario(SHORT, ("duration_s = 0.6", "duration_s = 0.2"), ("step_s = 1e-3", "step_s = 2e-3"))
+    text = coarse.text.replace("segments = 12", "segments = 4") + "[robust]\nmu = 0.2\nstiffness = 0.3\nsamples = 2\n"
+    stated = parse_finger_scenario(text, EXAMPLE)
+    found = compare_joint(stated)
+    errors = {c.name: found.entry(c.name, Level.PRESLIDING, "presliding") for c in found.compensators}
+    assert set(errors) == {"linear", "stretch", "static", "inverse", "robust"}
+    assert errors["inverse"].rmse_percent_of_range < 0.1 * errors["static"].rmse_percent_of_range
+    units = sweep(stated, tmp_path / "sweep", samples=3)
+    assert len(units.rows) == 3
+    assert units.compensators == ("linear", "stretch", "static", "inverse", "robust")
+
+
+@pytest.mark.compiler
+def test_a_cycle_of_a_finger_is_judged_where_it_repeats():
+    text = SHORT.replace("fade_in_s = 0.3", "fade_in_s = 0.0\nperiodic = true").replace(
+        "step_s = 1e-3", "step_s = 2e-3"
+    )
+    for before, after in (("0.6", "0.5"), ("[0.7]", "[2.0]"), ("[1.1]", "[2.0]"), ("[0.9]", "[4.0]")):
+        text = text.replace(before, after, 1)
+    task = FingerTask.of(parse_finger_scenario(text.replace("segments = 12", "segments = 4"), EXAMPLE))
+    run = task.respond(task.finger, task.inversion.motor)
+    assert run.position[:, :3] == pytest.approx(task.sampled.angle_rad, abs=1e-4)
+    assert run.position[-1] == pytest.approx(run.position[0], abs=1e-4)
+    with pytest.raises(InputError, match=r"ends .* rad from where it starts"):
+        sample_finger(parse_finger_scenario(text.replace("[4.0]", "[4.5]"), EXAMPLE))

@@ -125,7 +125,7 @@ def test_reversed_tensions_and_other_units_of_positions_and_joints_are_asked_abo
     [doubt] = data_doubts([record(**even, input_position_m=10 * WAVE)], Explain.AUTO)
     assert doubt.endswith("moves by 20 m: millimetres? --scale input_position=0.001")
     [doubt] = data_doubts([record(["wrist"], **even, wrist_rad=45 * WAVE)], Explain.AUTO)
-    assert doubt.startswith("a.csv: wrist: it turns to 45 rad: degrees?")
+    assert doubt == "a.csv: wrist: it turns to 45 rad: degrees? Then it is 0.7854"
 
 
 def test_a_spike_of_a_cell_is_no_sign_of_reversed_columns(record):

@@ -12,7 +12,7 @@ from random_examples import tried_on
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_text
 from tendonff.compensator.joint.scenario.detect import is_joint_file
-from tendonff.compensator.scenario.doubts import largest_tension, scenario_doubts
+from tendonff.compensator.scenario.doubts import largest_tension, scenario_doubts, scenario_notes
 from tendonff.compensator.scenario.reference import CsvReference, SineReference
 from tendonff.compensator.scenario.scenario import (
     Scenario,
@@ -97,7 +97,7 @@ def test_optional_tables_and_keys_default_to_nothing_special() -> None:
         (
             line("mu_static"),
             "mu_static = 0.1\n",
-            "[friction]: mu_static must be >= mu_dynamic = ",
+            "[friction]: mu_dynamic = 0.2 is above mu_static = 0.1: change both, or delete mu_static for no Stribeck",
         ),
         (line("mu_dynamic"), "", '[friction]: key "mu_dynamic" is missing (Coefficients when pulling'),
         (line("mu_dynamic"), 'mu_dynamic = "0.2"\n', '[friction]: mu_dynamic must be a number, got "0.2" (text)'),
@@ -191,6 +191,33 @@ def test_modulus_section_length_and_density_stand_for_stiffness_and_mass() -> No
         parse(text.replace("diameter_m", "diametr_m"))
 
 
+@pytest.mark.parametrize(
+    ("mu", "message"),
+    [
+        ("0.3", "mu_dynamic = 0.3 is above mu_static = 0.2: change both, or delete mu_static"),
+        ("-0.2", "mu_dynamic must be a finite number >= 0, got -0.2"),
+        ('"0.2"', 'mu_dynamic must be a number, got "0.2" (text)'),
+    ],
+)
+@pytest.mark.parametrize("stated", [True, False])
+def test_the_first_edit_of_a_file_is_answered_by_the_coefficient_itself(mu: str, message: str, stated: bool) -> None:
+    """Without a Stribeck velocity, as the templates are; none is asked for."""
+    text = TEXT.replace(line("stribeck_velocity_m_per_s"), "").replace(line("mu_dynamic"), f"mu_dynamic = {mu}\n")
+    text = text if stated else text.replace(line("mu_static"), "")
+    if not stated and "above" in message:
+        assert parse(text).transmission.friction.mu_static == float(mu)
+        return
+    with pytest.raises(InputError, match=re.escape(f"[friction]: {message}")):
+        parse(text)
+
+
+@pytest.mark.parametrize(
+    "path", sorted((ROOT / "compensator" / "scenario").rglob("*.toml")), ids=lambda path: path.stem
+)
+def test_a_template_leaves_mu_static_out(path: Path) -> None:
+    assert not re.search(r"^mu_static = ", path.read_text(encoding="utf-8"), flags=re.MULTILINE)
+
+
 def test_a_key_without_effect_may_be_left_out() -> None:
     assert line("mu_static").split()[2] == line("mu_dynamic").split()[2]
     bare = TEXT
@@ -199,6 +226,7 @@ def test_a_key_without_effect_may_be_left_out() -> None:
     assert parse(bare).transmission.path.radius_m is None
     with pytest.raises(InputError, match='key "stribeck_velocity_m_per_s" is missing'):
         parse(bare.replace(line("mu_static"), "mu_static = 0.9\n"))
+    assert parse(bare.replace(line("mu_static"), "")) == parse(bare)
     still = TEXT.replace(line("relaxation_time_s"), "")
     with pytest.raises(InputError, match='key "relaxation_time_s" is missing'):
         parse(still)
@@ -297,7 +325,7 @@ def test_the_largest_force_is_named_by_the_key_that_limits_it(
     actuator = replace(transmission.actuator, coulomb_N=1.0)
     assert (actuator.largest_force_name, actuator.largest_force_N) == (name, pytest.approx(force_N))
     assert ForceLimits.of(actuator).maximum_name == name
-    assert asked in "; ".join(scenario_doubts(scenario))
+    assert asked in "; ".join([*map(str, scenario_doubts(scenario)), *scenario_notes(transmission)])
     assert largest_tension(replace(transmission, actuator=actuator)) >= 0
     assert parse(TEXT).transmission.actuator.largest_force_name == "force_max_N"
 

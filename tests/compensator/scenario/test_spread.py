@@ -46,7 +46,7 @@ def test_half_widths_ends_and_keys_that_vary_together_are_read_and_written_back(
         ('"actuator.coulomb_N" = 0.2', 'spread "actuator.coulomb_N": the number is not set'),
         ('"friction.adhesion_N" = 0.2', 'spread "friction.adhesion_N": the number is 0'),
         ('"path.segments" = 0.5', "a whole number cannot be uncertain"),
-        ('"friction.mu_static" = 0.5', "mu_static must be >= mu_dynamic"),
+        ('"friction.mu_static" = 0.5', r"mu_dynamic = 0\.2 is above mu_static = 0\.1"),
         ('"load.mass_kg" = [-1.0, 1.0]', "mass_kg must be a finite number > 0, got -1"),
     ],
 )

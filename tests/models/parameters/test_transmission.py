@@ -63,8 +63,8 @@ def test_segments_are_a_whole_number_in_range(generic: Transmission, bad: float)
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"mu_static": 0.1}, "mu_static must be >= mu_dynamic = 0.2, got 0.1"),
-        ({"mu_static_release": 0.1}, "mu_static_release must be >= mu_dynamic_release = 0.15, got 0.1"),
+        ({"mu_static": 0.1}, "mu_dynamic = 0.2 is above mu_static = 0.1: change both, or delete mu_static"),
+        ({"mu_static_release": 0.1}, "mu_dynamic_release = 0.15 is above mu_static_release = 0.1: change both"),
     ],
 )
 def test_static_friction_is_not_below_dynamic(generic: Transmission, values: dict[str, float], message: str) -> None:

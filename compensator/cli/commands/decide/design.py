@@ -5,7 +5,15 @@ from typing import Annotated
 
 import typer
 
-from tendonff.compensator.cli.options import OutFolderOption, PdfOption, ScenarioArgument, opened, option
+from tendonff.compensator.cli.options import (
+    OutFolderOption,
+    PdfOption,
+    ScenarioArgument,
+    YesOption,
+    joint_looked_at,
+    opened,
+    option,
+)
 from tendonff.compensator.cli.progress import progress, say, warn
 from tendonff.compensator.files.text import InputError
 from tendonff.ocp.integrate.method import Method
@@ -30,6 +38,7 @@ def design(
         Method | None,
         option("--check", None, "Simulate the recommended profile by this method too and state the difference."),
     ] = None,
+    yes: YesOption = False,
 ) -> int:
     """Design and verify the force, or the motor angle of a joint.
 
@@ -39,8 +48,8 @@ def design(
     from tendonff.compensator.joint.scenario.detect import is_joint_file
 
     if is_joint_file(scenario):
-        return _design_joint(scenario, out, strict=strict, online=online or interactive, check=check)
-    with opened(scenario, out, strict=strict) as (loaded, folder):
+        return _design_joint(scenario, out, strict=strict, online=online or interactive, check=check, yes=yes)
+    with opened(scenario, out, strict=strict, yes=yes) as (loaded, folder):
         from tendonff.compensator.studies.design.output import print_scores
         from tendonff.compensator.studies.design.run import design as design_profile
 
@@ -69,16 +78,15 @@ def design(
     return 0 if result.is_usable else EXIT_SOLVE
 
 
-def _design_joint(scenario: Path, out: Path, *, strict: bool, online: bool, check: Method | None) -> int:
-    from tendonff.compensator.files.writing import atomic_directory
-    from tendonff.compensator.joint.design.run import design_joint
-    from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
-
+def _design_joint(scenario: Path, out: Path, *, strict: bool, online: bool, check: Method | None, yes: bool) -> int:
     if online:
         raise InputError(
             f"{scenario.name}: --online and --interactive are for the tension of one tendon; leave them out"
         )
-    loaded = load_joint_scenario(scenario)
+    loaded = joint_looked_at(scenario, yes=yes)
+    from tendonff.compensator.files.writing import atomic_directory
+    from tendonff.compensator.joint.design.run import design_joint
+
     with atomic_directory(out) as folder:
         with progress("designing") as advance:
             result = design_joint(loaded, strict=strict, progress=advance)

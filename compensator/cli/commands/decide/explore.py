@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from tendonff.compensator.cli.options import ScenarioArgument, any_looked_at
+from tendonff.compensator.cli.options import ScenarioArgument, YesOption, any_looked_at
 from tendonff.compensator.cli.progress import say
 from tendonff.compensator.files.text import InputError
 
@@ -15,13 +15,14 @@ def explore(
         int, typer.Option("--port", help="Port on this machine; 0 takes any that is free.", min=0, max=65535)
     ] = 5006,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")] = True,
+    yes: YesOption = False,
 ) -> None:
     """Explore a scenario in the browser.
 
     Sliders change friction, angle, presliding stiffness, relaxation, rate limit, load and the pose of joints; for a
     driven joint friction, stiffness, tension, load and servo lag.
     """
-    loaded = any_looked_at(scenario)
+    loaded = any_looked_at(scenario, yes=yes)
     try:
         from tendonff.compensator.studies.explore.page import make_server, page_url
     except ModuleNotFoundError as error:

@@ -6,7 +6,14 @@ from typing import Annotated
 
 import typer
 
-from tendonff.compensator.cli.options import OutFolderOption, PdfOption, ScenarioArgument, any_looked_at, option
+from tendonff.compensator.cli.options import (
+    OutFolderOption,
+    PdfOption,
+    ScenarioArgument,
+    YesOption,
+    any_looked_at,
+    option,
+)
 from tendonff.compensator.cli.progress import progress, say
 
 
@@ -35,6 +42,7 @@ def sweep(
     ] = None,
     parquet: Annotated[bool, typer.Option("--parquet", help="Write the samples as a Parquet file too.")] = False,
     pdf: PdfOption = False,
+    yes: YesOption = False,
 ) -> None:
     """Try a design on units that differ, or design over a grid.
 
@@ -42,7 +50,7 @@ def sweep(
     """
     if source != "robust":
         raise typer.BadParameter(f'must be "robust", got "{source}"', param_hint="--from")
-    loaded = any_looked_at(scenario)
+    loaded = any_looked_at(scenario, yes=yes)
     from tendonff.compensator.files.interrupts import Interrupted
     from tendonff.compensator.files.writing import require_parquet
     from tendonff.compensator.studies.design.sweep.plan import Axis

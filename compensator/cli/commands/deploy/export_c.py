@@ -10,6 +10,8 @@ from tendonff.compensator.cli.options import (
     LevelOption,
     OutFolderOption,
     PrefixOption,
+    YesOption,
+    joint_looked_at,
     opened,
 )
 from tendonff.compensator.cli.progress import progress, say, warn
@@ -31,6 +33,7 @@ def export_c(
     prefix: PrefixOption = "tff",
     level: LevelOption = None,
     force_export: ForceOption = False,
+    yes: YesOption = False,
 ) -> None:
     """Write C99 for the controller.
 
@@ -43,12 +46,12 @@ def export_c(
     if is_joint_file(scenario):
         if level is not None:
             raise InputError(f"{scenario.name}: --level is for the tension of one tendon; set [run] level in the file")
-        return _export_joints(scenarios, out, precision, prefix, force_export=force_export)
+        return _export_joints(scenarios, out, precision, prefix, force_export=force_export, yes=yes)
     if len(scenarios) > 1:
         raise InputError(
             f"{scenario.name}: one project has one tension, or several driven joints; give one scenario at a time"
         )
-    with opened(scenario, out) as (loaded, folder):
+    with opened(scenario, out, yes=yes) as (loaded, folder):
         from tendonff.compensator.export.c_project import export_project
         from tendonff.compensator.export.judgement import score_lines
 
@@ -64,12 +67,13 @@ def export_c(
     return None
 
 
-def _export_joints(scenarios: list[Path], out: Path, precision: Precision, prefix: str, *, force_export: bool) -> None:
+def _export_joints(
+    scenarios: list[Path], out: Path, precision: Precision, prefix: str, *, force_export: bool, yes: bool
+) -> None:
+    loaded = [joint_looked_at(path, yes=yes) for path in scenarios]
     from tendonff.compensator.files.writing import atomic_directory
     from tendonff.compensator.joint.export.project import export_joints
-    from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
 
-    loaded = [load_joint_scenario(path) for path in scenarios]
     with progress("exporting"), atomic_directory(out) as folder:
         exported = export_joints(loaded, precision=precision, prefix=prefix, force_export=force_export)
         exported.write(folder)

@@ -12,6 +12,7 @@ from tendonff.compensator.cli.options import (
     OutFolderOption,
     PrefixOption,
     ScenarioArgument,
+    YesOption,
     joint_looked_at,
     opened,
     option,
@@ -35,6 +36,7 @@ def export_fmu(
         bool, typer.Option("--everywhere", help="Binaries for Windows and macOS too (needs ziglang); not run here.")
     ] = False,
     force_export: ForceOption = False,
+    yes: YesOption = False,
 ) -> None:
     """Write FMUs for Simulink, dSPACE or Modelica.
 
@@ -48,8 +50,8 @@ def export_fmu(
         if kind is not Kind.INVERSE:
             raise InputError(f"{scenario.name}: a driven joint has the kind inverse only, got {kind}; leave --kind out")
         versions = FmiVersion if fmi is None else (fmi,)
-        return _joint(scenario, out, tuple(versions), prefix, everywhere=everywhere, force_export=force_export)
-    with opened(scenario, out) as (loaded, folder):
+        return _joint(scenario, out, tuple(versions), prefix, everywhere=everywhere, force_export=force_export, yes=yes)
+    with opened(scenario, out, yes=yes) as (loaded, folder):
         from tendonff.compensator.export.fmu import build_fmu
         from tendonff.compensator.export.judgement import score_lines
 
@@ -77,11 +79,12 @@ def _joint(
     *,
     everywhere: bool,
     force_export: bool,
+    yes: bool,
 ) -> None:
+    loaded = joint_looked_at(scenario, yes=yes)
     from tendonff.compensator.files.writing import atomic_directory
     from tendonff.compensator.joint.export.fmu import build_joint_fmu
 
-    loaded = joint_looked_at(scenario)
     with progress("exporting"), atomic_directory(out) as folder:
         made = [
             build_joint_fmu(loaded, each, prefix=prefix, everywhere=everywhere, force_export=force_export)

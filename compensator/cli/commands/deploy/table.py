@@ -11,6 +11,7 @@ from tendonff.compensator.cli.options import (
     PdfOption,
     PrefixOption,
     ScenarioArgument,
+    YesOption,
     joint_looked_at,
     named_numbers,
     opened,
@@ -49,6 +50,7 @@ def table(
     *,
     force: Annotated[bool, typer.Option("--force", help="Write a table all the same that does harm.")] = False,
     pdf: PdfOption = False,
+    yes: YesOption = False,
 ) -> None:
     """Tabulate the feedforward force.
 
@@ -61,11 +63,11 @@ def table(
         for name, given in (("--level", level), ("--bound", bound), ("--angles", angles), ("--rates", rates)):
             if given is not None or pose:
                 raise InputError(f"{scenario.name}: {name if given is not None else '--pose'} is for a tension")
-        _table_joint(scenario, out, force=force, pdf=pdf)
+        _table_joint(scenario, out, force=force, pdf=pdf, yes=yes)
         return
     angles_of_joints = dict(named_numbers("--pose", pose or [], "NAME=ANGLE", "wrist=0.5", is_named=True))
     angle_axis, rate_axis = _numbers(angles, "--angles"), _numbers(rates, "--rates")
-    with opened(scenario, out) as (loaded, folder):
+    with opened(scenario, out, yes=yes) as (loaded, folder):
         from tendonff.compensator.export.modules import check_prefix
         from tendonff.compensator.studies.tables.run import make_tables
 
@@ -95,11 +97,11 @@ def table(
     )
 
 
-def _table_joint(scenario: Path, out: Path, *, force: bool, pdf: bool) -> None:
+def _table_joint(scenario: Path, out: Path, *, force: bool, pdf: bool, yes: bool) -> None:
+    loaded = joint_looked_at(scenario, yes=yes)
     from tendonff.compensator.files.writing import atomic_directory
     from tendonff.compensator.studies.tables.joint import tabulate_joint
 
-    loaded = joint_looked_at(scenario)
     with atomic_directory(out) as folder, progress("tabulating"):
         result = tabulate_joint(loaded)
         worst = result.expectation.worst_percent

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-from tendonff.compensator.cli.options import OutFolderOption, PdfOption, ScenarioArgument, opened, option
+from tendonff.compensator.cli.options import OutFolderOption, PdfOption, ScenarioArgument, YesOption, opened, option
 from tendonff.compensator.cli.progress import progress, say, warn
 
 _MEASURED = "Tensions of this test on a rig (time_s, any of tension_1_N to tension_7_N), laid over the models."
@@ -14,12 +14,13 @@ def experiment(
     out: OutFolderOption = Path("experiment"),
     measured: Annotated[Path | None, option("--measured", "FILE", _MEASURED)] = None,
     pdf: PdfOption = False,
+    yes: YesOption = False,
 ) -> None:
     """Run the ten-state test on two motors.
 
     All three model levels receive the same commands.
     """
-    with opened(scenario, out, follows_reference=False) as (loaded, folder):
+    with opened(scenario, out, follows_reference=False, yes=yes) as (loaded, folder):
         from tendonff.compensator.studies.experiment.numbers import warnings_of
         from tendonff.compensator.studies.experiment.run import experiment as run_test
 

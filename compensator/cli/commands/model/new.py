@@ -14,12 +14,14 @@ from tendonff.compensator.files.text import InputError
 class Rig(StrEnum):
     """Rigs with a scenario of their own to start from."""
 
-    FINGER = "finger"
+    TENDON = "tendon"
     BOWDEN = "bowden"
     SURGICAL = "surgical"
     EXOSUIT = "exosuit"
     HAND = "hand"
     INSTRUMENT = "instrument"
+    FINGER = "finger"
+    UNDERACTUATED = "underactuated"
 
 
 def new(
@@ -42,7 +44,7 @@ def new(
     text = template.read_text(encoding="utf-8")
     if joint is not None:
         if rig not in (Rig.HAND, Rig.INSTRUMENT):
-            raise InputError("--joint is for --for hand and --for instrument: the other rigs have no driven joint")
+            raise InputError("--joint is for --for hand and --for instrument: the other rigs have none or several")
         if not joint.isidentifier():
             raise InputError(f'--joint must be letters, digits and underscores, got "{joint}"; --joint index_base')
         text = re.sub(r"^\[joints\.\w+\]", f"[joints.{joint}]", text, flags=re.MULTILINE)

@@ -9,6 +9,7 @@ from tendonff.compensator.cli.options import (
     LevelOption,
     MethodOption,
     ScenarioArgument,
+    YesOption,
     joint_looked_at,
     looked_at,
     option,
@@ -35,6 +36,7 @@ def simulate(
         bool, typer.Option("--check", help="Simulate with smaller steps as well and state the discretisation error.")
     ] = False,
     method: MethodOption = Method.BDF2,
+    yes: YesOption = False,
 ) -> None:
     """Simulate a force file, or a joint under a file of motor angles.
 
@@ -43,16 +45,17 @@ def simulate(
     from tendonff.compensator.joint.scenario.detect import is_joint_file
 
     if is_joint_file(scenario):
-        _simulate_joint(scenario, force, out, column, level, method, unused=joints is not None or check)
+        _simulate_joint(scenario, force, out, column, level, method, unused=joints is not None or check, yes=yes)
         return
-    loaded = looked_at(scenario, follows_reference=False)
+    loaded = looked_at(scenario, follows_reference=False, yes=yes)
+    from tendonff.compensator.scenario.doubts import settle
     from tendonff.compensator.scenario.sampled.joint_motion import moved_by_file
-    from tendonff.compensator.studies.simulate.run import doubts_of, read_force, simulate_force
+    from tendonff.compensator.studies.simulate.run import doubts_of, notes_of, read_force, simulate_force
 
     loaded = loaded if joints is None else moved_by_file(loaded, joints)
     profile = read_force(force, column, loaded.transmission.actuator.drive)
     say(*profile.notes)
-    warn(*doubts_of(loaded, profile))
+    warn(*settle(doubts_of(loaded, profile), file=scenario.name, accept=yes), *notes_of(loaded, profile))
     if out.exists() and any(out.samefile(source) for source in (scenario, force, joints) if source):
         raise InputError(f"{out} is an input of this run; name another file for the result")
     with progress("simulating") as advance:
@@ -73,12 +76,13 @@ def _simulate_joint(
     method: Method,
     *,
     unused: bool,
+    yes: bool,
 ) -> None:
-    from tendonff.compensator.joint.simulate import simulate_joint_file
-
     if unused:
         raise InputError(f"{scenario.name}: --joints and --check are for the tension of one tendon; leave them out")
-    loaded = joint_looked_at(scenario)
+    loaded = joint_looked_at(scenario, yes=yes)
+    from tendonff.compensator.joint.simulate import simulate_joint_file
+
     if out.exists() and any(out.samefile(source) for source in (scenario, motors)):
         raise InputError(f"{out} is an input of this run; name another file for the result")
     with progress("simulating"):

@@ -2,11 +2,23 @@
 
 from pathlib import Path
 
-from tendonff.compensator.cli.options import OutFolderOption, PdfOption, ScenarioArgument, joint_looked_at, opened
+from tendonff.compensator.cli.options import (
+    OutFolderOption,
+    PdfOption,
+    ScenarioArgument,
+    YesOption,
+    joint_looked_at,
+    opened,
+)
 from tendonff.compensator.cli.progress import progress, say, warn
 
 
-def adapt(scenario: ScenarioArgument, out: OutFolderOption = Path("adapt"), pdf: PdfOption = False) -> None:
+def adapt(
+    scenario: ScenarioArgument,
+    out: OutFolderOption = Path("adapt"),
+    pdf: PdfOption = False,
+    yes: YesOption = False,
+) -> None:
     """Try self-tuning on rigs that differ from the scenario.
 
     Feedforward and feedback alone stand beside it; of a driven joint the plain inverse.
@@ -14,9 +26,9 @@ def adapt(scenario: ScenarioArgument, out: OutFolderOption = Path("adapt"), pdf:
     from tendonff.compensator.joint.scenario.detect import is_joint_file
 
     if is_joint_file(scenario):
-        _adapt_joint(scenario, out, pdf=pdf)
+        _adapt_joint(scenario, out, pdf=pdf, yes=yes)
         return
-    with opened(scenario, out) as (loaded, folder):
+    with opened(scenario, out, yes=yes) as (loaded, folder):
         from tendonff.compensator.studies.adapt.run import adapt as study
 
         with progress("self-tuning") as advance:
@@ -28,11 +40,11 @@ def adapt(scenario: ScenarioArgument, out: OutFolderOption = Path("adapt"), pdf:
     say(result.headline)
 
 
-def _adapt_joint(scenario: Path, out: Path, *, pdf: bool) -> None:
+def _adapt_joint(scenario: Path, out: Path, *, pdf: bool, yes: bool) -> None:
+    loaded = joint_looked_at(scenario, yes=yes)
     from tendonff.compensator.files.writing import atomic_directory
     from tendonff.compensator.studies.adapt.joint import adapt_joint
 
-    loaded = joint_looked_at(scenario)
     with atomic_directory(out) as folder:
         with progress("self-tuning") as advance:
             result = adapt_joint(loaded, progress=advance)

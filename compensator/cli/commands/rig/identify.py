@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tendonff.compensator.cli.options import OutFolderOption, PdfOption, ScenarioArgument, named_numbers, opened, option
+from tendonff.compensator.cli.options import (
+    OutFolderOption,
+    PdfOption,
+    ScenarioArgument,
+    joint_looked_at,
+    named_numbers,
+    opened,
+    option,
+)
 from tendonff.compensator.cli.progress import interruptible, progress, say, warn
 from tendonff.compensator.files.progress import DOUBT
 from tendonff.compensator.files.text import InputError, suggestion
@@ -17,6 +25,7 @@ from tendonff.models.errors import ParameterError
 if TYPE_CHECKING:
     from tendonff.compensator.identification.answer.result import Identification
 
+_YES = "Fit very long files without asking, and go on where a value looks like another unit."
 SCALED = ("time", "input", "output", "input_position", "output_position", "actuator_force")
 _SCALE = (
     "Factor to SI units: of both tensions, or of the column time, input, output, input_position, output_position or "
@@ -78,24 +87,24 @@ def identify(
     ] = None,
     static_only: Annotated[bool, typer.Option("--static", help="Fit the quasi-static laws only.")] = False,
     condition: Annotated[list[str] | None, _several("--condition", "FILE=LABEL", _LABEL)] = None,
-    yes: Annotated[bool, typer.Option("--yes", help="Fit very long files without asking.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help=_YES)] = False,
     pdf: PdfOption = False,
 ) -> None:
     """Fit the parameters to measured data.
 
     The data are tensions, and optionally positions, at both ends of the tendon. For a joint between tendons: angle
     (motor_rad) and torque or current of its motor, and the joint's angle where there is an encoder; --input-column
-    names the motor's torque, --output-column the joint's where it was measured, --input-position-column the motor's angle,
-    --output-position-column the joint's.
+    names the motor's torque, --output-column the joint's where it was measured, --input-position-column the motor's
+    angle, --output-position-column the joint's.
     """
     from tendonff.compensator.joint.scenario.detect import is_joint_file
 
     is_joint = is_joint_file(scenario)
     if suggest and is_joint:
-        _suggest_routine(scenario, out, pdf=pdf)
+        _suggest_routine(scenario, out, pdf=pdf, yes=yes)
         return
     if suggest:
-        with opened(scenario, out, follows_reference=False) as (loaded, folder):
+        with opened(scenario, out, follows_reference=False, yes=yes) as (loaded, folder):
             from tendonff.compensator.identification.answer.output import write_suggestion
 
             excitation = write_suggestion(loaded, folder, pdf=pdf)
@@ -142,14 +151,14 @@ def identify(
             joint_how = _of_columns(joint_how, "--offset", offset or [], ("input",), "input=0.004 takes 4 mN m off")
         except ParameterError as error:
             raise InputError(str(error)) from None
-        _identify_joint(scenario, out, data, validate or [], joint_how, pdf=pdf)
+        _identify_joint(scenario, out, data, validate or [], joint_how, pdf=pdf, yes=yes)
         return
     labels = _labels(condition or [], [path.name for path in data])
 
     def confirm(question: str) -> bool:
         return yes or (sys.stdin.isatty() and typer.confirm(f"{question}. Go on?", err=True))
 
-    with opened(scenario, out, follows_reference=False) as (loaded, folder):
+    with opened(scenario, out, follows_reference=False, yes=yes) as (loaded, folder):
         try:
             how = replace(loaded.measurement, **{k: v for k, v in names.items() if v is not None})  # type: ignore[arg-type]
             how = _of_columns(how, "--scale", scale or [], SCALED, "input=9.81 turns kg into N")
@@ -179,26 +188,24 @@ def identify(
     say(*summary_lines(found, str(out)))
 
 
-def _suggest_routine(scenario: Path, out: Path, *, pdf: bool) -> None:
+def _suggest_routine(scenario: Path, out: Path, *, pdf: bool, yes: bool) -> None:
     """Write motor angles that identify a joint."""
     from tendonff.compensator.identification.joint.output import write_routine
-    from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
 
-    routine = write_routine(load_joint_scenario(scenario), out, pdf=pdf)
+    routine = write_routine(joint_looked_at(scenario, follows_reference=False, yes=yes), out, pdf=pdf)
     reach = f"{routine.motor_rad.min():.3g} to {routine.motor_rad.max():.3g} rad"
     say(f"{out / 'suggested_motor.csv'}: {routine.time_s[-1]:.4g} s, {reach}", *(f"  {p}" for p in routine.parts))
 
 
 def _identify_joint(
-    scenario: Path, out: Path, data: list[Path], validate: list[Path], how: Measurement, *, pdf: bool
+    scenario: Path, out: Path, data: list[Path], validate: list[Path], how: Measurement, *, pdf: bool, yes: bool
 ) -> None:
     """Identify a joint from its motor, and write what was found."""
+    loaded = joint_looked_at(scenario, follows_reference=False, yes=yes)
     from tendonff.compensator.files.writing import atomic_directory
     from tendonff.compensator.identification.joint.result import summary_lines
     from tendonff.compensator.identification.joint.run import identify_joint
-    from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
 
-    loaded = load_joint_scenario(scenario)
     with atomic_directory(out) as folder:
         with progress("identifying"):
             found = interruptible(lambda: identify_joint(loaded, data, validate, how=how))

@@ -4,7 +4,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
-from tendonff.compensator.cli.options import OutFolderOption, PdfOption, ScenarioArgument, option
+from tendonff.compensator.cli.options import (
+    OutFolderOption,
+    PdfOption,
+    ScenarioArgument,
+    YesOption,
+    joint_looked_at,
+    option,
+)
 from tendonff.compensator.cli.progress import progress, say, warn
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.scenario.measurement import Measurement
@@ -27,6 +34,7 @@ def watch(
         float | None, option("--torque-constant", "N_M_PER_A", "Torque over current of the motor, in N m/A.")
     ] = None,
     pdf: PdfOption = False,
+    yes: YesOption = False,
 ) -> None:
     """Watch friction and pre-tension of a joint drift.
 
@@ -34,7 +42,6 @@ def watch(
     """
     from tendonff.compensator.files.writing import atomic_directory
     from tendonff.compensator.joint.scenario.detect import is_joint_file
-    from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
 
     if not is_joint_file(scenario) and scenario.exists():
         raise InputError(
@@ -43,7 +50,7 @@ def watch(
         )
     if not data:
         raise InputError("no log given; name at least one with --data, in the order of use")
-    loaded = load_joint_scenario(scenario)
+    loaded = joint_looked_at(scenario, follows_reference=False, yes=yes)
     given = {
         "time_column": time_column,
         "input_column": input_column,

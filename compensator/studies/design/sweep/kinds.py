@@ -1,4 +1,4 @@
-"""The two kinds of scenario that are swept: the tension of one tendon, and a joint between tendons."""
+"""The two kinds of scenario that are swept: the tension of one tendon, and joints between tendons."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -12,20 +12,18 @@ from tendonff.compensator.compensators.profile import Profile
 from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
 from tendonff.compensator.compensators.score import Score, score, verify
 from tendonff.compensator.files.reading import FloatArray
-from tendonff.compensator.joint.compensators import (
-    JointCompensator,
-    JointTask,
-    compensators_of,
-    joint_compensator,
-)
+from tendonff.compensator.finger.scenario import FingerScenario
+from tendonff.compensator.finger.task import task_of
 from tendonff.compensator.joint.plant import verifying_masses
 from tendonff.compensator.joint.scenario.scenario import JointScenario
+from tendonff.compensator.joint.task import MotorCompensator, MotorTask
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.compensator.scenario.unit import Unit
 from tendonff.ocp.errors import SolveError
 
-AnyScenario = Scenario | JointScenario
+MotorScenario = JointScenario | FingerScenario
+AnyScenario = Scenario | MotorScenario
 
 
 class Kind(ABC):
@@ -36,7 +34,7 @@ class Kind(ABC):
         """Names of the compensators that are scored by default."""
 
     @abstractmethod
-    def compensator(self, name: str) -> Compensator | JointCompensator:
+    def compensator(self, scenario: Any, name: str) -> Compensator | MotorCompensator:
         """The compensator of a name; InputError if there is none."""
 
     @abstractmethod
@@ -76,7 +74,7 @@ class _Tension(Kind):
     def default(self, scenario: Scenario) -> tuple[str, ...]:  # noqa: ARG002
         return tuple(c.name for c in COMPENSATORS if c.name != "table")
 
-    def compensator(self, name: str) -> Compensator:
+    def compensator(self, scenario: Scenario, name: str) -> Compensator:  # noqa: ARG002
         return compensator(name)
 
     def system(self, scenario: Scenario) -> object:
@@ -108,48 +106,47 @@ class _Tension(Kind):
         return expect(problem.doubt, problem.level, profiles, problem.reference)
 
 
-class _Joint(Kind):
-    def default(self, scenario: JointScenario) -> tuple[str, ...]:
-        return tuple(each.name for each in compensators_of(JointTask.of(scenario)))
+class _Motors(Kind):
+    def default(self, scenario: MotorScenario) -> tuple[str, ...]:
+        return tuple(each.name for each in task_of(scenario).compensators)
 
-    def compensator(self, name: str) -> JointCompensator:
-        return joint_compensator(name)
+    def compensator(self, scenario: MotorScenario, name: str) -> MotorCompensator:
+        return task_of(scenario).compensator(name)
 
-    def system(self, scenario: JointScenario) -> object:
+    def system(self, scenario: MotorScenario) -> object:
         return scenario.mechanism
 
-    def with_system(self, scenario: JointScenario, system: Any) -> JointScenario:
+    def with_system(self, scenario: MotorScenario, system: Any) -> MotorScenario:
         return replace(scenario, mechanism=system)
 
-    def digest(self, scenario: JointScenario) -> str:
+    def digest(self, scenario: MotorScenario) -> str:
         return scenario.digest()
 
-    def unit(self, scenario: JointScenario) -> Unit:
-        return scenario.reference.shown
+    def unit(self, scenario: MotorScenario) -> Unit:
+        return task_of(scenario).unit
 
-    def problem(self, scenario: JointScenario) -> JointTask:
-        return JointTask.of(scenario)
+    def problem(self, scenario: MotorScenario) -> MotorTask:
+        return task_of(scenario)
 
-    def profile(self, name: str, problem: JointTask) -> FloatArray:
-        return joint_compensator(name).command_rad(problem)
+    def profile(self, name: str, problem: MotorTask) -> FloatArray:
+        return problem.compensator(name).command_rad(problem)
 
-    def score(self, name: str, problem: JointTask, profile: FloatArray) -> Score:  # noqa: ARG002
-        plant = problem.plant(problem.mechanism, problem.level, masses=verifying_masses(problem.mechanism))
-        reached = plant.reached(plant.respond(profile))
-        return score(problem.wanted, reached[problem.sampled.lead :])
+    def score(self, name: str, problem: MotorTask, profile: FloatArray) -> Score:  # noqa: ARG002
+        masses = verifying_masses(problem.system)
+        return score(problem.wanted, problem.reached(problem.system, profile, masses=masses).values)
 
-    def expect(self, problem: JointTask, profiles: Mapping[str, FloatArray]) -> Expectation:
+    def expect(self, problem: MotorTask, profiles: Mapping[str, FloatArray]) -> Expectation:
         return problem.expect(profiles)
 
 
-TENSION, JOINT = _Tension(), _Joint()
+TENSION, MOTORS = _Tension(), _Motors()
 
 
 def kind_of(scenario: AnyScenario) -> Kind:
     """Kind of a scenario."""
-    return JOINT if isinstance(scenario, JointScenario) else TENSION
+    return TENSION if isinstance(scenario, Scenario) else MOTORS
 
 
-def named(scenario: AnyScenario, names: Sequence[str]) -> dict[str, Compensator | JointCompensator]:
+def named(scenario: AnyScenario, names: Sequence[str]) -> dict[str, Compensator | MotorCompensator]:
     """Compensators by their names."""
-    return {name: kind_of(scenario).compensator(name) for name in names}
+    return {name: kind_of(scenario).compensator(scenario, name) for name in names}

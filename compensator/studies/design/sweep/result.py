@@ -99,7 +99,7 @@ class Sweep:
         if self.expectation is not None:
             best = self.expectation.recommended
         *_, most, worst = (max(q, 1e-3) for q in self.quantiles(best))
-        label = kind_of(self.scenario).compensator(best).label
+        label = kind_of(self.scenario).compensator(self.scenario, best).label
         if self.expectation is None:
             return (
                 f"RMS error of up to {two_digits(worst)} % of range over {len(self.rows)} points, best profile: "

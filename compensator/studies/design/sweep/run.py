@@ -103,7 +103,7 @@ def sweep(
     if bool(over) == (samples > 0):
         raise InputError("a sweep needs either --over KEY=FROM:TO:COUNT or --samples N, and not both")
     kind = kind_of(scenario)
-    names = tuple(kind.compensator(name).name for name in compensators or kind.default(scenario))
+    names = tuple(kind.compensator(scenario, name).name for name in compensators or kind.default(scenario))
     random = samples > 0
     keys = random_keys(scenario) if random else tuple(axis.key for axis in over)
     units = random_units(scenario, samples) if random else grid_units(scenario, tuple(over))

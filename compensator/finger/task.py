@@ -1,0 +1,13 @@
+"""The task that a scenario of driven joints poses, whether they are one or several."""
+
+from tendonff.compensator.finger.compensators import FingerTask
+from tendonff.compensator.finger.scenario import FingerScenario
+from tendonff.compensator.joint.compensators import JointTask
+from tendonff.compensator.joint.scenario.scenario import JointScenario
+from tendonff.compensator.joint.task import MotorTask
+from tendonff.models.fidelity import Level
+
+
+def task_of(scenario: JointScenario | FingerScenario, level: Level | None = None) -> MotorTask:
+    """The task of a scenario; the level by default its own."""
+    return (FingerTask if isinstance(scenario, FingerScenario) else JointTask).of(scenario, level)  # type: ignore[arg-type]
