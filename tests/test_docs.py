@@ -200,7 +200,7 @@ def fingers(folder):
 def tool(folder):
     """A grasper that something else than its mechanism loads: a capstan on torque and pre-tension, both ends sprung."""
     shutil.copy(ROOT / "examples" / "hand_joint.toml", folder / "tool.toml")
-    time, draw = np.arange(0, 12, 0.01), np.random.default_rng(0)
+    time, draw = np.arange(0, 8, 0.01), np.random.default_rng(0)
     angle = 0.5 * (1 - np.cos(2 * np.pi * 0.3 * time))
     way = np.tanh(20 * np.sin(2 * np.pi * 0.3 * time))
     for name, load in (("low", 0.02), ("high", 0.14), ("unseen", 0.08)):
@@ -219,6 +219,7 @@ NEEDED = (
     pytest.param("README.md", lambda folder: cable(folder, is_there=False), marks=MINUTES),
     pytest.param("docs/identify.md", cable, marks=MINUTES),
     pytest.param("docs/tutorials/hand.md", hand, marks=MINUTES),
+    pytest.param("docs/tutorials/fingers.md", lambda _: None, marks=MINUTES),
     pytest.param("docs/guide/identify_joint.md", lambda folder: knuckle(folder, "log.csv"), marks=MINUTES),
     pytest.param("docs/guide/watch_joint.md", worn, marks=MINUTES),
     pytest.param("docs/guide/joints.md", fingers, marks=MINUTES),
