@@ -11,14 +11,19 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 import typer
 from selenium.webdriver.support.ui import WebDriverWait
 
 import tendonff as tf
 from tendonff.compensator.cli import app, run
+from tendonff.compensator.files.writing import write_csv
+from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
 from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.ocp.codegen.compiler import find_compiler
+from tests.compensator.identification.joint.own_log import write as write_log
+from tests.compensator.identification.synthetic import Faults, write_synthetic
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
@@ -136,17 +141,110 @@ def test_the_commands_of_the_tutorial_lead_from_the_data_sheet_to_tested_c(tmp_p
     assert "self test passed" in said
 
 
+def commands_of(text):
+    """Words of every command of a page, in a block or indented, in their order."""
+    found = re.findall(r"^(?: {4})?(tendonff [^\n]*(?:(?<=\\)\n[^\n]*)*)", text, re.MULTILINE)
+    return [shlex.split(line.replace("\\\n", " "), comments=True)[1:] for line in found]
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_the_command_line_takes_every_command_of_the_pages(page):
     """Name, arguments, options and their values; nothing is run."""
     group = typer.main.get_command(app)
-    text = page.read_text(encoding="utf-8")
-    for block in re.findall(r"^```sh\n(.*?)^```", text, re.MULTILINE | re.DOTALL):
-        for line in block.replace("\\\n", " ").splitlines():
-            words = shlex.split(line, comments=True)
-            if words[:1] == ["tendonff"]:
-                command = group.commands[words[1]]
-                command.make_context(words[1], words[2:])
+    for words in commands_of(page.read_text(encoding="utf-8")):
+        group.commands[words[0]].make_context(words[0], words[1:])
+
+
+def cable(folder, *, is_there=True):
+    """A scenario, and a log of its rig."""
+    assert run(["new", "mine.toml", "--for", "bowden"]) == 0
+    transmission = load_scenario(folder / "mine.toml").transmission
+    time = np.arange(0, 12, 0.002)
+    level = 0.4 * transmission.actuator.force_max_N
+    force = level * (1 + 0.8 * np.sin(2 * np.pi * 0.25 * time) * np.minimum(time, 1))
+    write_synthetic(folder / "log.csv", transmission, time, force, Faults(), step_s=2e-3, masses=12)
+    if not is_there:
+        (folder / "mine.toml").unlink()
+
+
+def knuckle(folder, *logs):
+    """Scenarios of a hand's joints, and logs of the first."""
+    for name in ("knuckle", "middle"):
+        assert run(["new", f"{name}.toml", "--for", "hand", "--joint", name]) == 0
+    scenario = load_joint_scenario(folder / "knuckle.toml")
+    for log in logs:
+        write_log(folder, scenario.mechanism, scenario, encoder=True).rename(folder / log)
+
+
+def hand(folder):
+    """The second joint of a hand; the first is written by the page."""
+    knuckle(folder)
+    (folder / "knuckle.toml").unlink()
+
+
+def worn(folder):
+    """An identified joint, and logs of two days."""
+    knuckle(folder, "monday.csv", "tuesday.csv")
+    (folder / "fit").mkdir()
+    (folder / "knuckle.toml").rename(folder / "fit" / "fitted.toml")
+
+
+def fingers(folder):
+    """Joints of a hand."""
+    knuckle(folder)
+    (folder / "fingers").mkdir()
+    for name in ("knuckle", "middle"):
+        shutil.copy(folder / f"{name}.toml", folder / "fingers")
+
+
+def tool(folder):
+    """A grasper that something else than its mechanism loads: a capstan on torque and pre-tension, both ends sprung."""
+    shutil.copy(ROOT / "examples" / "hand_joint.toml", folder / "tool.toml")
+    time, draw = np.arange(0, 8, 0.01), np.random.default_rng(0)
+    angle = 0.5 * (1 - np.cos(2 * np.pi * 0.3 * time))
+    way = np.tanh(20 * np.sin(2 * np.pi * 0.3 * time))
+    for name, load in (("low", 0.02), ("high", 0.14), ("unseen", 0.08)):
+        torque = (load + 0.12) * np.exp(0.35 * way) - 0.12
+        columns = {
+            "input_torque_Nm": torque + 1e-3 * draw.standard_normal(len(time)),
+            "input_angle_rad": angle,
+            "output_torque_Nm": load + 1e-3 * draw.standard_normal(len(time)),
+            "output_angle_rad": 0.9 * angle - 0.2 * torque + 2e-3 * draw.standard_normal(len(time)),
+        }
+        write_csv(folder / f"{name}.csv", {"time_s": time, **columns})
+
+
+MINUTES = pytest.mark.nightly
+NEEDED = (
+    pytest.param("README.md", lambda folder: cable(folder, is_there=False), marks=MINUTES),
+    pytest.param("docs/identify.md", cable, marks=MINUTES),
+    pytest.param("docs/tutorials/hand.md", hand, marks=MINUTES),
+    pytest.param("docs/tutorials/fingers.md", lambda _: None, marks=MINUTES),
+    pytest.param("docs/guide/identify_joint.md", lambda folder: knuckle(folder, "log.csv"), marks=MINUTES),
+    pytest.param("docs/guide/watch_joint.md", worn, marks=MINUTES),
+    pytest.param("docs/guide/joints.md", fingers, marks=MINUTES),
+    pytest.param("docs/guide/observe.md", tool),
+)
+"""What the commands of a page take as given."""
+
+BY_OTHER_TESTS = {f"docs/tutorials/{name}.md" for name in ("bowden", "finger", "identify")}
+
+
+def test_the_commands_of_every_page_are_run_by_a_test():
+    having = {p.relative_to(ROOT).as_posix() for p in PAGES if commands_of(p.read_text(encoding="utf-8"))}
+    assert having == {param.values[0] for param in NEEDED} | BY_OTHER_TESTS
+
+
+@pytest.mark.compiler
+@pytest.mark.parametrize(("page", "prepare"), NEEDED)
+def test_the_commands_of_a_page_run_with_its_files(page, prepare, tmp_path, monkeypatch, unpainted):
+    monkeypatch.chdir(tmp_path)
+    prepare(tmp_path)
+    for command in commands_of((ROOT / page).read_text(encoding="utf-8")):
+        if command[0] == "explore":  # serves until it is stopped; has tests of its own
+            continue
+        words = [file for word in command for file in (sorted(map(str, Path().glob(word))) if "*" in word else [word])]
+        assert run(words) == 0, command
 
 
 @pytest.fixture

@@ -178,12 +178,13 @@ def _derived(found: Found, values: Mapping[JointNumber, float], *, described: bo
         if number in (*_BY_A_STOP, N.ADHESION, N.SECOND_SIDE, N.COULOMB, N.EFFICIENCY):
             step = 1e-4 * (abs(value) or number.spec.step)
             slopes[:, k] = (derived(law.at({**values, number: value + step}), start) - middle) / step
-    used = np.abs(slopes).sum(axis=0) > 0
-    covariance = slopes[:, used] @ found.covariance[np.ix_(used, used)] @ slopes[:, used].T
+    known = np.isfinite(np.diag(found.covariance))
+    variance = np.diag(slopes[:, known] @ found.covariance[np.ix_(known, known)] @ slopes[:, known].T)
+    errors = np.where((slopes[:, ~known] != 0).any(axis=1), np.inf, np.sqrt(variance))
     rows = []
     bounded = any(n in found.solution.at_bound for n in _BY_A_STOP)
     for k, name in enumerate(DERIVED):
-        error = float(np.sqrt(covariance[k, k]))
+        error = float(errors[k])
         if found.not_identifiable and name != "motor_friction_N_m":
             why = f"{found.kept_because}; {ANGLE_OR_PUSH}"
             rows.append(Estimate(name=name, value=float(before[k]), why=why, scenario=float(before[k])))

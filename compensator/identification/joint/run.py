@@ -240,7 +240,8 @@ def _loaded(law: MechanismLaw, free: Sequence[JointNumber], looks: Sequence[Firs
     """A fit of the first file alone, where it shows that no mechanism explains the torque; else None."""
     one = replace(law, logs=law.logs[:1])
     solution = _from_starts(one, free, looks, most=FIRST_STEPS)
-    found = Found(law=one, solution=solution, covariance=np.full((len(free),) * 2, np.inf), tried=(), kept_because="")
+    unknown = np.full((len(solution.values),) * 2, np.inf)
+    found = Found(law=one, solution=solution, covariance=unknown, tried=(), kept_because="")
     return replace(found, law=law) if _percent(found) > 2 * DESCRIBED_PERCENT else None
 
 
