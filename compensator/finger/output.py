@@ -36,16 +36,21 @@ _CAPTIONS = {
 
 def write_files(result: FingerDesign, folder: str | os.PathLike[str]) -> None:
     """Write the files of `FingerDesign.write`."""
+    figures = finger_figures(result)
+    with atomic_directory(folder) as partial:
+        write_csv(partial / "profile.csv", profile_columns(result))
+        write_pages(partial, summary(result), figures, _report(result, figures))
+
+
+def finger_figures(result: FingerDesign) -> dict[str, Figure]:
+    """All figures of a finger's design by file name."""
     with figure_style():
-        figures = {
+        return {
             "joints": _joints_figure(result),
             "tension": _tension_figure(result),
             "motor": _motor_figure(result),
             "contributions": contributions_figure(result.expectation, result.recommended.style),
         }
-    with atomic_directory(folder) as partial:
-        write_csv(partial / "profile.csv", profile_columns(result))
-        write_pages(partial, summary(result), figures, _report(result, figures))
 
 
 def profile_columns(result: FingerDesign) -> dict[str, FloatArray]:

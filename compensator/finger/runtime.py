@@ -133,6 +133,8 @@ class FingerRuntime:
             given = [given[joint] for joint in self.joints]
         if isinstance(given, str | float | int) or len(given) != len(self.joints):
             raise ParameterError(f"{name} must hold {len(self.joints)} numbers ({', '.join(self.joints)})")
+        if text := [value for value in given if isinstance(value, str)]:
+            raise ParameterError(f"{name} must hold numbers, got {text[0]!r}; convert text by float() where it arrives")
         return [math.nan if value is None else float(value) for value in given]
 
 

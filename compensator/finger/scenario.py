@@ -79,7 +79,7 @@ class FingerScenario:
     run: Run
     robust: Uncertainty
     source: Path
-    text: str
+    text: str = field(repr=False)
     inputs: tuple[Path, ...] = field(default=())
 
     @property

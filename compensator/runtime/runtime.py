@@ -164,7 +164,7 @@ class Runtime:
         Raises
         ------
         ParameterError
-            If an angle of a joint is missing.
+            If an angle of a joint is missing, or something else than a number is given.
         """
         if self._finger is not None:
             if joints or measured is not None or (dt is not None and not math.isclose(dt, self.step_s)):
@@ -172,18 +172,16 @@ class Runtime:
                     f"several joints advance by step_s = {self.step_s:g} s to their references alone; set [run] step_s "
                     "to your cycle, and leave measured and joints out"
                 )
-            if isinstance(reference, int | float):
+            if not isinstance(reference, Mapping | Sequence | np.ndarray | None) or isinstance(reference, str):
                 raise ParameterError(f"reference must hold an angle of each of {', '.join(self.joints)}")
             return self._finger.step(reference)
-        if isinstance(reference, Mapping | Sequence):
-            raise ParameterError(f"reference must be one number, got {type(reference).__name__}")
         for k, angle in enumerate(self._given(joints)):
-            self._angles[k] = angle
+            self._angles[k] = _number("an angle of joints", angle)
         self._status = self._step(
             self._memory,
-            self.step_s if dt is None else dt,
-            math.nan if reference is None else reference,
-            math.nan if measured is None else measured,
+            self.step_s if dt is None else _number("dt", dt),
+            _number("reference", reference),
+            _number("measured", measured),
             *self._places,
         )
         return float(self._command[0]) if self._outputs == 1 else self._command[: self._outputs].copy()
@@ -241,6 +239,18 @@ class Runtime:
                 "mapping by name"
             )
         return joints
+
+
+def _number(name: str, value: object) -> float:
+    """A value as a number, NaN for None; text is refused, that of a number too."""
+    if value is None:
+        return math.nan
+    try:
+        if not isinstance(value, str | bytes):
+            return float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        pass
+    raise ParameterError(f"{name} must be a number, got {value!r}; convert text by float() where it arrives")
 
 
 def _kind(kind: RuntimeKind | str) -> RuntimeKind:

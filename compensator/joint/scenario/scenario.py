@@ -76,7 +76,7 @@ class JointScenario:
     run: Run
     robust: Uncertainty
     source: Path
-    text: str
+    text: str = field(repr=False)
     observer: ObserverTable | None = None
     inputs: tuple[Path, ...] = field(default=())
     adaptation: JointAdaptation | None = None

@@ -41,6 +41,16 @@ def commands(runtime, references, dt=None):
     return np.array([np.atleast_1d(runtime.step(float(each), dt=dt)) for each in references])
 
 
+@pytest.mark.parametrize(
+    ("given", "named"),
+    [(("0.1",), "reference"), (([0.1],), "reference"), ((0.1, "1e-3"), "dt"), ((0.1, None, "x"), "measured")],
+)
+def test_what_is_no_number_is_refused_by_name_and_value(examples, given, named):
+    runtime = tf.Runtime(examples / "hand_joint.toml")
+    with pytest.raises(tf.ParameterError, match=f"{named} must be a number, got "):
+        runtime.step(*given)
+
+
 def test_a_joint_is_commanded_as_its_design_says(joint):
     scenario, sampled, motor_rad = joint
     runtime = tf.Runtime(scenario)
