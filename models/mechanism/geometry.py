@@ -59,9 +59,9 @@ class Geometry:
             length = -tendon.far.travel_m(places)
             wrap = ca.SX(0)
             for section in tendon.path.parts:
-                at = places.get(section.joint or "", ca.SX(0))
-                length += section.length_per_rad_m * at
-                wrap += at_least(section.angle_rad + section.angle_per_rad * at, 0.0)
+                bent, gained = section.symbolic(places)
+                length += gained
+                wrap += at_least(bent, 0.0)
             rows.append(ca.horzcat(length, wrap, -ca.jacobian(length, q)))
         return ca.Function("geometry", [q], [ca.vertcat(*rows)])
 

@@ -5,10 +5,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tendonff.models.joint.balance import Followed
 from tendonff.models.layout import fields_of
 from tendonff.models.mechanism import Arm, Tendon
+from tendonff.models.path import CutPath, TabulatedSection
+from tendonff.models.path_table import MOST_AXES, PathTable
 from tendonff.models.tendon.chain import Chain
 from tendonff.models.turns import out_of_turn
 from tendonff.ocp.joint.laws import JOINT_NUMBERS, joint_torque, link_back, path_mass_back, representative
@@ -29,11 +32,22 @@ class _Effect(ctypes.Structure):
     )
 
 
+class _Table(ctypes.Structure):
+    _fields_ = (
+        *((name, ctypes.c_void_p) for name in ("values", "share")),
+        *((name, ctypes.c_double * MOST_AXES) for name in ("low", "step")),
+        ("per_m", ctypes.c_double),
+        *((name, ctypes.c_int * MOST_AXES) for name in ("body", "nodes")),
+        *((name, ctypes.c_int) for name in ("axes", "first", "count")),
+    )
+
+
 class _Tendon(ctypes.Structure):
     _fields_ = (
         *((name, ctypes.c_void_p) for name in ("chain", "home", "effects")),
         ("start_m", ctypes.c_double),
-        *((name, ctypes.c_void_p) for name in ("x", "x_old", "memory")),
+        *((name, ctypes.c_void_p) for name in ("x", "x_old", "memory", "tables")),
+        ("tabled", ctypes.c_int),
     )
 
 
@@ -139,6 +153,7 @@ class CompiledMechanism:
         self._kept: list[Any] = []
         pairs = list(zip(problem.mechanism.tendons, chains, strict=True))
         self._effects = [self._effects_of(tendon, chain) for tendon, chain in pairs]
+        self._tables = [self._tables_of(chain.elements.path) for chain in chains]
         self._homes = [_home(chain) for chain in chains]
         bodies = ctypes.c_int(problem.bodies)
         self._work = [np.empty(self._library.tff_strand_reals(ctypes.c_int(n), bodies)) for n in self._counts]
@@ -158,7 +173,8 @@ class CompiledMechanism:
             table = None if arm is None or isinstance(arm, Arm) else arm
             knots = None if table is None else table.knots
             cubics = None if table is None else np.ascontiguousarray(table.cubics)
-            touched = arm is not None or followed.any
+            tabled = any(name in section.joints for section in chain.elements.path.sections)
+            touched = arm is not None or followed.any or tabled
             self._kept += [per, knots, cubics]
             records[b] = _Effect(
                 drum.metres_per_unit if isinstance(drum, Arm) else 0.0,
@@ -167,6 +183,32 @@ class CompiledMechanism:
                 not followed.any,
             )
         return records
+
+    def _tables_of(self, path: CutPath) -> Any:
+        """Records of the tables of a path."""
+        records = []
+        for k, section in enumerate(path.sections):
+            if not isinstance(section, TabulatedSection):
+                continue
+            masses, links = np.flatnonzero(path.section_of == k), np.flatnonzero(path.parts[:, k])
+            if section.angle is not None and len(masses):  # of a tendon that is never on, nothing bends
+                share = 1 / path.pieces[masses]
+                records.append(self._table(section.angle.shifted(-section.angle_rad), masses, share, 0.0))
+            if section.length is not None:
+                gained, whole = section.length.shifted(-(section.length_m or 0.0)), path.length_m or 1.0
+                records.append(self._table(gained, links, path.parts[links, k], 1 / whole))
+        return (_Table * len(records))(*records)
+
+    def _table(self, table: PathTable, rows: NDArray[np.int_], share: Array, per_m: float) -> _Table:
+        """A table that changes rows of a path, which are neighbours."""
+        axes, coefficients, shares = len(table.joints), table.coefficients.copy(), np.array(share)
+        self._kept += [coefficients, shares]
+        places = (ctypes.c_int * MOST_AXES)(*(self._problem.names.index(joint) for joint in table.joints))
+        low, step = ((ctypes.c_double * MOST_AXES)(*each) for each in (table.low_rad, table.step_rad))
+        return _Table(
+            *(coefficients.ctypes.data, shares.ctypes.data, low, step, per_m),
+            *(places, (ctypes.c_int * MOST_AXES)(*table.nodes), axes, int(rows[0]), len(rows)),
+        )
 
     def _tendons(self, memory: MechanismMemory) -> Any:
         """Records of the tendons."""
@@ -179,6 +221,7 @@ class CompiledMechanism:
                     ctypes.addressof(self._effects[k]),
                     float(memory.start_m[k]),
                     *(each.ctypes.data for each in (memory.x[k], memory.x_old[k], work[k])),
+                    *(ctypes.addressof(self._tables[k]), len(self._tables[k])),
                 )
                 for k in range(len(work))
             )

@@ -138,8 +138,8 @@ class Finger:
             )
             for joint in self.joints
         )
-        named = (section.joint for tendon in self.tendons for section in tendon.path.sections)
-        others = tuple(dict.fromkeys(name for name in named if name is not None and name not in self.names))
+        named = (joint for tendon in self.tendons for section in tendon.path.sections for joint in section.joints)
+        others = tuple(dict.fromkeys(name for name in named if name not in self.names))
         motors = tuple(
             Body(name=motor.body, unit=Unit.RADIAN, inertia=max(motor.drive.inertia_kg_m2, 1e-9))
             for motor in self.motors
