@@ -122,13 +122,9 @@ def host_source(
         joint_numbers=joint_numbers,
     )
     parts = ["#include <math.h>\n#include <stddef.h>\n", *(code.render(name) for name in ("types.h.j2", "host.h.j2"))]
-    return "\n".join(
-        [
-            *parts,
-            *(law.code for law in printed.values()),
-            *(core_text(PREFIX) if name == CORE else code.render(name) for name in templates),
-        ]
-    )
+    parts += [law.code for law in printed.values()]
+    parts += [core_text(PREFIX) if name == CORE else code.render(name) for name in templates]
+    return "\n".join(parts)
 
 
 def library_of(chain: Chain, make_source: Callable[[Chain], str]) -> ctypes.CDLL:
