@@ -26,6 +26,9 @@ from tendonff.models.errors import ParameterError
 from tendonff.models.layout import Array
 from tendonff.models.path_table import PathTable
 
+FURTHEST_RAD = 7.0
+"""No joint turns further, by a good turn."""
+
 MOST_TURNS = 100.0
 
 ANGLE_FLOOR_RAD = 1e-12
@@ -171,10 +174,9 @@ class Section:
         gained: Array = self.length_per_rad_m * _place(self.joint, places)
         return gained
 
-    def gained_slopes_at(self, places: Mapping[str, float]) -> dict[str, float]:
-        """Slope of its length over each joint that it follows [m/rad]."""
-        del places  # the same everywhere
-        return {joint: self.length_per_rad_m for joint in self.joints}
+    def gained_slopes_at(self, places: Mapping[str, Any]) -> dict[str, Array]:
+        """Slope of its length over each joint that it follows, for angles by joint [m/rad]."""
+        return {joint: np.full(_place(joint, places).shape, self.length_per_rad_m) for joint in self.joints}
 
     def symbolic(self, places: Mapping[str, ca.SX]) -> tuple[ca.SX, ca.SX]:
         """Wrap angle before it is cut off at zero, and gained length, as CasADi scalars."""
@@ -205,7 +207,8 @@ class TabulatedSection(Section):
 
     Notes
     -----
-    `angle_rad` and `length_m` are the values with all joints at zero; `tabulated` sets them.
+    `tabulated` sets `angle_rad`, over which the bristles are spread, to the largest angle of the table, for at joint
+    angle zero there may be none; `length_m` is the length there, or as near to it as the table's range allows.
     """
 
     angle: PathTable | None = None
@@ -218,9 +221,9 @@ class TabulatedSection(Section):
             raise ParameterError(f'section "{section.name}" has a table, so it names no joint; leave joint out')
         given = {field.name: getattr(section, field.name) for field in fields(Section)}
         if angle is not None:
-            given["angle_rad"] = max(float(angle.at({})), 0.0)
+            given["angle_rad"] = max(angle.peak, 0.0)
         if length is not None:
-            given["length_m"] = float(length.at({}))
+            given["length_m"] = length.home
         return cls(**given, angle=angle, length=length)
 
     @property
@@ -251,10 +254,10 @@ class TabulatedSection(Section):
             return np.array(0.0)
         return self.length.at(places) - (self.length_m or 0.0)
 
-    def gained_slopes_at(self, places: Mapping[str, float]) -> dict[str, float]:
+    def gained_slopes_at(self, places: Mapping[str, Any]) -> dict[str, Array]:
         """Slope of its length over each joint that it follows [m/rad]."""
         slopes = {} if self.length is None else self.length.slopes_at(places)
-        return {joint: float(slopes.get(joint, 0.0)) for joint in self.joints}
+        return {joint: slopes.get(joint, np.zeros(_place(joint, places).shape)) for joint in self.joints}
 
     def symbolic(self, places: Mapping[str, ca.SX]) -> tuple[ca.SX, ca.SX]:
         """Wrap angle before it is cut off at zero, and gained length, as CasADi scalars."""
@@ -287,12 +290,15 @@ class JointMotion:
         Shape (rows, joints).
     period_s : float or None
         They repeat after so long; default: they are held.
+    range_rad : tuple
+        By joint the angles that are accepted live, (low, high) [rad], or None for what the path admits; default: all.
     """
 
     names: tuple[str, ...]
     time_s: Array
     angle_rad: Array
     period_s: float | None = None
+    range_rad: tuple[tuple[float, ...] | None, ...] = ()
 
     def at(self, time_s: Array) -> Array:
         """Joint angles at instants, shape (len(time_s), joints) [rad]."""
@@ -301,7 +307,8 @@ class JointMotion:
 
     def held(self, angle_rad: Array) -> "JointMotion":
         """Joints at constant angles, shape (joints,)."""
-        return JointMotion(names=self.names, time_s=np.zeros(1), angle_rad=np.asarray(angle_rad, float)[None, :])
+        angles = np.asarray(angle_rad, float)[None, :]
+        return JointMotion(names=self.names, time_s=np.zeros(1), angle_rad=angles, range_rad=self.range_rad)
 
     @property
     def by_joint(self) -> dict[str, Array]:

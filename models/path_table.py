@@ -70,10 +70,10 @@ class PathTable:
             steps = np.diff(axis)
             if len(axis) < FEWEST_NODES or not steps[0] > 0 or np.ptp(steps) > 1e-6 * steps[0]:
                 raise ParameterError(
-                    f'the path table over {name} needs at least {FEWEST_NODES} nodes of "{joint}" that increase by equal '
-                    f"steps, got {len(axis)} from {axis[0] if len(axis) else 0:g}; write it with tendonff import"
+                    f'the path table over {name} needs at least {FEWEST_NODES} nodes of "{joint}" that increase '
+                    f"by equal steps, got {len(axis)} from {axis[0] if len(axis) else 0:g}; write it with tendonff import"
                 )
-        for k, axis in enumerate(axes):
+        for k in range(len(axes)):
             found = np.moveaxis(_coefficients(np.moveaxis(found, k, 0)), 0, k)
         return cls(
             joints=tuple(joints),
@@ -92,6 +92,18 @@ class PathTable:
         """Last node of each axis [rad]."""
         high: Array = self.low_rad + self.step_rad * (np.array(self.nodes) - 1)
         return high
+
+    @property
+    def home(self) -> float:
+        """Value where all joints are at zero, or as near to it as its range allows."""
+        near = np.clip(0.0, self.low_rad, self.high_rad)
+        return float(self.at(dict(zip(self.joints, near.tolist(), strict=True))))
+
+    @property
+    def peak(self) -> float:
+        """Largest value at a node."""
+        low, high = (dict(zip(self.joints, each.tolist(), strict=True)) for each in (self.low_rad, self.high_rad))
+        return self.largest(low, high)
 
     def shifted(self, by: float) -> "PathTable":
         """The same with a number added to every value."""
@@ -116,9 +128,9 @@ class PathTable:
         return found
 
     def largest(self, low_rad: Mapping[str, float], high_rad: Mapping[str, float]) -> float:
-        """Largest value between bounds of its joints."""
+        """Largest value between bounds of its joints, at about as many places as it has nodes."""
         spans = [
-            np.linspace(low_rad.get(joint, 0.0), high_rad.get(joint, 0.0), 2 * count - 1)
+            np.linspace(low_rad.get(joint, 0.0), high_rad.get(joint, 0.0), count)
             for joint, count in zip(self.joints, self.nodes, strict=True)
         ]
         points = np.meshgrid(*spans, indexing="ij")
@@ -169,7 +181,7 @@ class PathTable:
             first.append(piece.astype(int))
             over.append(q - within)
         axes = range(len(given))
-        found = [np.zeros(np.shape(given[0])) for _ in range(1 + len(given))]
+        found: list[Array] = [np.zeros(np.shape(given[0])) for _ in range(1 + len(given))]
         for corner in itertools.product(range(4), repeat=len(given)):
             own = self.coefficients[tuple(first[a] + corner[a] for a in axes)]
             for k, total in enumerate(found):
@@ -177,7 +189,8 @@ class PathTable:
                 for a in axes:
                     share = share * (slopes if a == k - 1 else weights)[a][corner[a]]
                 found[k] = total + share
-        found[0] = found[0] + sum(slope * off for slope, off in zip(found[1:], over, strict=True))
+        for slope, off in zip(found[1:], over, strict=True):
+            found[0] = found[0] + slope * off
         return found
 
 

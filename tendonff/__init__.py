@@ -33,6 +33,7 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.compensator.joint.export.project import ExportedJoints
     from tendonff.compensator.joint.export.project import export_joints as export_joint_c
     from tendonff.compensator.joint.scenario.scenario import JointScenario, load_joint_scenario
+    from tendonff.compensator.mjcf.run import import_mjcf
     from tendonff.compensator.observe.estimate import Estimate, Observation, ObserverStatus
     from tendonff.compensator.observe.observer import Observer
     from tendonff.compensator.runtime.kinds import RuntimeKind, RuntimeStatus
@@ -149,6 +150,7 @@ __all__ = [
     "export_joint_fmu",
     "identify",
     "identify_joint",
+    "import_mjcf",
     "integrate",
     "invert",
     "invert_joint",
@@ -201,6 +203,7 @@ _HOMES = {
     "compensator.joint.export.project": ("ExportedJoints", "export_joint_c:export_joints"),
     "compensator.joint.design.result": ("JointDesign",),
     "compensator.joint.scenario.scenario": ("JointScenario", "load_joint_scenario"),
+    "compensator.mjcf.run": ("import_mjcf",),
     "compensator.observe.estimate": ("Estimate", "Observation", "ObserverStatus"),
     "compensator.observe.observer": ("Observer",),
     "compensator.runtime.kinds": ("RuntimeKind", "RuntimeStatus"),

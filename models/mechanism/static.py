@@ -43,7 +43,7 @@ def local_arms_m(tendon: Tendon, places: Mapping[str, float], speeds: Mapping[st
         arms[arm.body] = slope
         sliding += slope * speeds.get(arm.body, 0.0)
     for section in reversed(tendon.path.parts):
-        slopes = section.gained_slopes_at(places)
+        slopes = {name: float(slope) for name, slope in section.gained_slopes_at(places).items()}
         gained = math.fsum(slope * speeds.get(name, 0.0) for name, slope in slopes.items())
         pull, release = section.dynamic_coefficients(friction.mu_dynamic, friction.release_dynamic)
         exponent = (pull if sliding - gained / 2 > 0 else -release) * float(section.angle_at(places))

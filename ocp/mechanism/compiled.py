@@ -15,8 +15,8 @@ from tendonff.models.path_table import MOST_AXES, PathTable
 from tendonff.models.tendon.chain import Chain
 from tendonff.models.turns import out_of_turn
 from tendonff.ocp.joint.laws import JOINT_NUMBERS, joint_torque, link_back, path_mass_back, representative
-from tendonff.ocp.mechanism.problem import Array, MechanismMemory, MechanismProblem
-from tendonff.ocp.step.c_engine import ReportStruct, chain_struct, host_source, library_of, pointer
+from tendonff.ocp.mechanism.problem import Array, MechanismMemory, MechanismProblem, rest
+from tendonff.ocp.step.c_engine import CORE, ReportStruct, chain_struct, host_source, library_of, pointer
 from tendonff.ocp.step.laws import ElementLaws
 
 _MS = 1e-3
@@ -58,7 +58,10 @@ class _Body(ctypes.Structure):
 class _Sharing(ctypes.Structure):
     _fields_ = (
         *((name, ctypes.c_double) for name in ("least", "smooth", "price")),
-        *((name, ctypes.c_void_p) for name in ("winding_m", "partner", "shares", "closure_rad")),
+        *(
+            (name, ctypes.c_void_p)
+            for name in ("winding_m", "partner", "shares", "closure_rad", "compliance", "pretension")
+        ),
     )
 
 
@@ -92,7 +95,7 @@ class RunRows:
 def _source(chain: Chain) -> str:
     laws = ElementLaws.of(chain, folded=True)
     own = (joint_torque(), link_back(laws), path_mass_back(laws))
-    templates = ("kernel.c.j2", "weigh.c.j2", "bodies.c.j2")
+    templates = ("kernel.c.j2", "weigh.c.j2", "bodies_laws.c.j2", CORE, "bodies.c.j2")
     return host_source(chain, (*laws.simulation(), *own), templates, joint_numbers=JOINT_NUMBERS)
 
 
@@ -180,7 +183,7 @@ class CompiledMechanism:
                 drum.metres_per_unit if isinstance(drum, Arm) else 0.0,
                 *(pointer(each).value for each in (per if touched else None, knots, cubics)),
                 0 if table is None else len(table.cubics),
-                not followed.any,
+                not followed.any and not tabled,
             )
         return records
 
@@ -193,9 +196,9 @@ class CompiledMechanism:
             masses, links = np.flatnonzero(path.section_of == k), np.flatnonzero(path.parts[:, k])
             if section.angle is not None and len(masses):  # of a tendon that is never on, nothing bends
                 share = 1 / path.pieces[masses]
-                records.append(self._table(section.angle.shifted(-section.angle_rad), masses, share, 0.0))
+                records.append(self._table(section.angle.shifted(-float(section.angle_at({}))), masses, share, 0.0))
             if section.length is not None:
-                gained, whole = section.length.shifted(-(section.length_m or 0.0)), path.length_m or 1.0
+                gained, whole = section.length.shifted(-float(section.length.at({}))), path.length_m or 1.0
                 records.append(self._table(gained, links, path.parts[links, k], 1 / whole))
         return (_Table * len(records))(*records)
 
@@ -226,6 +229,28 @@ class CompiledMechanism:
                 for k in range(len(work))
             )
         )
+
+    def path_at(self, position: Array) -> list[Array]:
+        """Rows of each tendon's path where bodies stand, shape (rows, 3 N + 3).
+
+        Wrap angles of the masses (N), whole length over that of each link (N + 1), gained lengths (N + 1), far end.
+
+        Parameters
+        ----------
+        position : ndarray, shape (rows, bodies)
+        """
+        given = np.ascontiguousarray(position, dtype=np.float64)
+        records, rows = self._tendons(rest(self._problem)), len(given)
+        found = [np.empty((rows, 3 * n + 3)) for n in self._counts]
+        for k, out in enumerate(found):
+            self._library.tff_bodies_place(
+                ctypes.byref(records[k]),
+                ctypes.c_int(self._problem.bodies),
+                ctypes.c_long(rows),
+                pointer(given),
+                pointer(out),
+            )
+        return found
 
     def invert(self, memory: MechanismMemory, position: Array, effort: Array) -> InverseRows:
         """Motors for positions of the bodies at the present instant and the ends of the steps that follow.
@@ -277,6 +302,7 @@ class CompiledMechanism:
         how = _Sharing(
             *(sharing.least_tension_N, sharing.smooth_N, sharing.change_weight * _MS / self._step_s),
             *(each.ctypes.data for each in (self._winding, self._partner, self._alone, closure)),
+            *(None, None),  # at rest only
         )
         records = self._tendons(memory)
         call.kept = [self, how, closure, records]
