@@ -71,7 +71,7 @@ class PathTable:
             if len(axis) < FEWEST_NODES or not steps[0] > 0 or np.ptp(steps) > 1e-6 * steps[0]:
                 raise ParameterError(
                     f'the path table over {name} needs at least {FEWEST_NODES} nodes of "{joint}" that increase '
-                    f"by equal steps, got {len(axis)} from {axis[0] if len(axis) else 0:g}; write it with tendonff import"
+                    f"by equal steps, got {len(axis)}; write it with tendonff import"
                 )
         for k in range(len(axes)):
             found = np.moveaxis(_coefficients(np.moveaxis(found, k, 0)), 0, k)
@@ -215,5 +215,5 @@ def _coefficients(values: Array) -> Array:
     rows[0, :5] = rows[-1, -5:] = (1, -4, 6, -4, 1)
     right = np.zeros((n + 2, *values.shape[1:]))
     right[1:-1] = values
-    found: Array = np.linalg.solve(rows, right.reshape(n + 2, -1)).reshape(right.shape)
+    found: Array = np.asarray(np.linalg.solve(rows, right.reshape(n + 2, -1)), np.float64).reshape(right.shape)
     return found

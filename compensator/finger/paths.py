@@ -73,14 +73,13 @@ def with_measures(raw: object, known: Mapping[str, Measures], file: Path, where:
             )
     found = []
     for row in raw["sections"]:
-        own = known.get(row.get("name")) if isinstance(row, Mapping) else None
-        if own is not None:
-            if twice := [key for key in (*QUANTITIES, "joint") if key in row]:
-                raise InputError(
-                    f'{where}: two sources for {twice[0]} of section "{row["name"]}": {file.name} has it; leave it out here'
-                )
-            row = {**row, "angle_rad": _peak(own.angle_rad), "length_m": _home(own.length_m)}
-        found.append(row)
+        own = known.get(str(row.get("name"))) if isinstance(row, Mapping) else None
+        if own is not None and (twice := [key for key in (*QUANTITIES, "joint") if key in row]):
+            raise InputError(
+                f'{where}: two sources for {twice[0]} of section "{row["name"]}": {file.name} has it; leave it out'
+            )
+        measures = {} if own is None else {"angle_rad": _peak(own.angle_rad), "length_m": _home(own.length_m)}
+        found.append({**row, **measures} if measures else row)
     return {**raw, "sections": found}
 
 
@@ -105,7 +104,7 @@ def read_paths(file: Path) -> dict[str, Measures]:
     import pandas as pd  # a third of a second to import, for such files alone
 
     try:
-        frame = pd.read_csv(file, float_precision="round_trip", dtype={"section": str, "quantity": str})
+        frame = pd.read_csv(file, dtype={"section": str, "quantity": str})
     except (OSError, ValueError) as error:  # of pandas' own errors too
         raise InputError(f"{file.name}: no file of paths: {error}; write it with tendonff import") from None
     columns = [str(name) for name in frame.columns]

@@ -295,7 +295,7 @@ def _tendons(
         name = row.get("name", f"tendon{k}")
         if not isinstance(name, str) or not name.isidentifier():
             raise InputError(f"{file} [{where}]: name must be letters, digits and underscores, got {show(name)}")
-        parts = {}
+        parts: dict[str, object] = {}
         for key in _PARTS:
             if key not in row and key not in raw:
                 raise InputError(

@@ -1,4 +1,4 @@
-"""Inertia and torques of a model's joints: what a motion needs besides the joints' own springs, damping and friction."""
+"""Inertia and torques of a model's joints: what a motion needs besides their springs, damping, friction."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +13,7 @@ _OFF = ("mjDSBL_CONSTRAINT", "mjDSBL_SPRING", "mjDSBL_DAMPER", "mjDSBL_PASSIVE",
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointNumbers:
-    """What a model states of one joint.
+    """Numbers of one joint in a model.
 
     Attributes
     ----------

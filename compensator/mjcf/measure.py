@@ -21,8 +21,8 @@ class Measured:
     ----------
     length_m : ndarray, shape (rows, intervals)
     turn_rad : ndarray, shape (rows, intervals)
-        Bend on the geom of each interval; negative: by how much the tendon would have to turn to touch it. Of a helix on a
-        cylinder the integral of its curvature, which is what friction grows with. 0 without a geom.
+        Bend on the geom of each interval; negative: by how much the tendon would have to turn to touch it. Of a helix
+        on a cylinder the integral of its curvature, which is what friction grows with. 0 without a geom.
     bend_rad : ndarray, shape (rows, intervals - 1)
         Bend at the sites between intervals.
     whole_m : ndarray, shape (rows,)

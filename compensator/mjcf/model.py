@@ -1,4 +1,4 @@
-"""Tendons of a MuJoCo model: sites and geoms in the order from the motor on, joints that move them, refusals by name."""
+"""Tendons of a MuJoCo model: sites and geoms from the motor on, joints that move them, refusals by name."""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -52,7 +52,7 @@ class Interval:
     geom : int
         -1: none.
     before, after : tuple of str
-        Joints between the first site and the geom, and between the geom and the last site; without a geom all are `after`.
+        Joints between the first site and the geom, and between it and the last site; without a geom all are `after`.
     """
 
     first: int
@@ -103,14 +103,14 @@ class Route:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hand:
-    """What an import reads of a model.
+    """Tendons and joints of a model that are imported.
 
     Attributes
     ----------
     path : Path
     model : mujoco.MjModel
     joints : tuple of Joint
-        In the order of the model; all others stand still at `qpos0`.
+        In the order of the model; all others are held at `qpos0`.
     routes : tuple of Route
     notes : tuple of str
         What the user should know.
@@ -150,8 +150,8 @@ def read_hand(path: Path, tendons: Sequence[str] = (), joints: Sequence[str] = (
     path : Path
         MJCF, or a compiled model (.mjb).
     tendons, joints : sequence of str, optional
-        Those to import; default: tendons that an actuator pulls, or all where none is pulled, and hinges that they cross.
-        A joint may be given a range: NAME=LOW:HIGH [rad].
+        Those to import; default: tendons that an actuator pulls, or all where none is pulled, and hinges that they
+        cross. A joint may be given a range: NAME=LOW:HIGH [rad].
     near : sequence of str, optional
         Sites at which tendons come from their motors, where the model does not decide it.
 
@@ -209,8 +209,8 @@ class _Reader:
         for route in routes:
             if not route.joints:
                 raise InputError(
-                    f'{file}: tendon "{route.name}" crosses none of the joints {", ".join(by_index.values())}; leave it '
-                    "out by naming the others with --tendon"
+                    f'{file}: tendon "{route.name}" crosses none of the joints {", ".join(by_index.values())}; leave '
+                    "it out by naming the others with --tendon"
                 )
         motors = [route.motor for route in routes]
         if twice := next((name for name in motors if motors.count(name) > 1), None):
@@ -315,14 +315,14 @@ class _Reader:
         name, file = self.tendons[tendon], self.path.name
         if any(kind == self.mujoco.mjtWrap.mjWRAP_PULLEY for kind, _, _ in elements):
             raise InputError(
-                f'{file}: tendon "{name}" branches (<pulley>), so no single tension runs along it; write its branches as '
-                "<spatial> tendons of their own, or import the others by --tendon"
+                f'{file}: tendon "{name}" branches (<pulley>), so no single tension runs along it; write its branches '
+                "as <spatial> tendons of their own, or import the others by --tendon"
             )
         if self.model.tendon_stiffness[tendon] > 0:
             raise InputError(
                 f'{file}: tendon "{name}" is a spring (stiffness {self.model.tendon_stiffness[tendon]:g} N/m) in the '
-                "model, with tension of its own; take stiffness off (elasticity goes into [tendon] of the scenario), or "
-                "import the others by --tendon"
+                "model, with tension of its own; take stiffness off (elasticity goes into [tendon] of the scenario), "
+                "or import the others by --tendon"
             )
 
     def _route(self, tendon: int, joints: dict[int, str], starts: set[int], motor: str | None) -> Route:

@@ -61,8 +61,8 @@ def import_mjcf(
     path : path-like
         MJCF, or a compiled model (.mjb).
     tendons, joints : sequence of str, optional
-        Those to import; default: tendons that an actuator pulls, or all where none is pulled, and hinges that they cross.
-        A joint may be given a range: NAME=LOW:HIGH [rad].
+        Those to import; default: tendons that an actuator pulls, or all where none is pulled, and hinges that they
+        cross. A joint may be given a range: NAME=LOW:HIGH [rad].
     near : sequence of str, optional
         Sites at which tendons come from their motors, where the model does not decide it.
     out : path-like, optional
@@ -123,8 +123,8 @@ def _check_kept(scenario: FingerScenario, hand: Hand, target: Path) -> None:
     routes = {tendon.name for tendon in scenario.mechanism.tendons} ^ {route.name for route in hand.routes}
     if missing or routes:
         raise InputError(
-            f"{target.name} exists and has other joints or tendons ({', '.join([*missing, *sorted(routes)])}); name those "
-            "that it has by --joint and --tendon, or choose another --out"
+            f"{target.name} exists and has other joints or tendons ({', '.join([*missing, *sorted(routes)])}); name "
+            "those that it has by --joint and --tendon, or choose another --out"
         )
 
 

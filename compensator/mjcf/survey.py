@@ -49,7 +49,7 @@ class TendonSurvey:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Survey:
-    """What an import found.
+    """Survey of all tendons of an import.
 
     Attributes
     ----------
@@ -79,11 +79,12 @@ class Survey:
         if not self.unreachable_rad:
             return ()
         pose = ", ".join(f"{name} {q:.3g} rad" for name, q in self.unreachable_rad.items())
-        return (
-            f"in {100 * (1 - self.reachable):.0f} % of {POSES} poses no tensions of at least {self.least_N:g} N hold the "
-            f"joints, friction not counted, such as at {pose}: keep the reference out of them, or name fewer joints by "
-            "--joint",
+        message = (
+            f"in {100 * (1 - self.reachable):.0f} % of {POSES} poses no tensions of at least {self.least_N:g} N hold "
+            f"the joints, friction not counted, such as at {pose}: keep the reference out of them, or name fewer "
+            "joints by --joint"
         )
+        return (message,)
 
     least_N: float = 0.0
 

@@ -1,9 +1,9 @@
 """Sections of a route as tables over the joints that each follows, on grids that are refined until they fit.
 
-An interval between two sites becomes, from the motor on: a bend at the first site, a span, a bend on the geom, a span, a
-bend at the last site. A wrap grows at its edge, where the bone moves that changes it: what a joint between the first
-site and the geom changes is length of the span before the geom, all else of the span behind it. So each joint acts with
-the tension next to it, and the tendon does not creep along a wrap that grows.
+An interval between two sites becomes, from the motor on: a bend at the first site, a span, a bend on the geom, a
+span, a bend at the last site. A wrap grows at its edge, where the bone moves that changes it: what a joint between the
+first site and the geom changes is length of the span before the geom, all else of the span behind it. So each joint
+acts with the tension next to it, and the tendon does not creep along a wrap that grows.
 """
 
 from collections.abc import Sequence
@@ -26,6 +26,7 @@ _NO_BEND_RAD = 1e-3  # a bend that is never larger rubs no section
 _STILL = 1e-9
 _JUMP_M = 1e-4  # change of a moment arm that is none of a smooth path
 _PROBES = 64
+_BASES, _ALONG = 4, 65
 
 _Where = tuple[str, int, float, float | PathTable]
 """Quantity, interval, a constant and a table that are taken off."""
@@ -144,8 +145,8 @@ class _Fit:
         if len(axes) > MOST_AXES:
             raise InputError(
                 f'{self.hand.path.name}: a bend or a length of tendon "{self.route.name}" follows {len(axes)} joints '
-                f"({', '.join(axis.name for axis in axes)}), more than {MOST_AXES}; add a site on the bones between, or "
-                "name fewer joints by --joint"
+                f"({', '.join(axis.name for axis in axes)}), more than {MOST_AXES}; add a site on the bones between, "
+                "or name fewer joints by --joint"
             )
         return self._refined(where, axes)
 
@@ -196,13 +197,13 @@ class _Fit:
         return found
 
     def _matters(self, axis: Joint, where: _Where) -> bool:
-        """Whether a joint changes a value, anywhere in a few poses."""
-        poses = sweep_poses(self.hand, 12, seed=3)
-        turned = poses.copy()
-        place = self.hand.names.index(axis.name)
-        turned[:, place] = sweep_poses(self.hand, 12, seed=4)[:, place]
-        before, after = self._measured("few", poses), self._measured(("few", axis.name), turned)
-        return bool(np.abs(self._values(where, after) - self._values(where, before)).max() > _STILL)
+        """Whether a joint changes a value anywhere along its range, from a few poses."""
+        bases = sweep_poses(self.hand, _BASES, seed=3)
+        poses = np.repeat(bases, _ALONG, axis=0)
+        along = np.linspace(axis.low_rad, axis.high_rad, _ALONG)
+        poses[:, self.hand.names.index(axis.name)] = np.tile(along, _BASES)
+        values = self._values(where, self._measured(("along", axis.name), poses)).reshape(_BASES, _ALONG)
+        return bool(np.ptp(values, axis=1).max() > _STILL)
 
 
 def _check_flips(hand: Hand, route: Route) -> None:

@@ -1,4 +1,4 @@
-"""The scenario that an import writes: what the model states, and questions with usual values where it states nothing."""
+"""The scenario that an import writes: what the model states, and questions with usual values for the rest."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -15,8 +15,8 @@ LEAST_TENSION_N = 5.0
 _FEWEST_MASSES = 12
 _LOST_INERTIA = 1e-7
 
-_HEAD = """# Tendons of {model}, imported by tendonff. Lengths, bends and moment arms are the model's: {stem}_TENDON.csv has
-# them as tables. Lines with QUESTION are what a MuJoCo model does not know; the values are usual ones (estimates for
+_HEAD = """# Tendons of {model}, imported by tendonff. Lengths, bends and moment arms are the model's, tables in
+# {stem}_TENDON.csv. Lines with QUESTION are what a MuJoCo model does not know; the values are usual ones (estimates for
 # planning) until you measure them. After a change of [reference] run the same command again: it keeps this file, and
 # writes the torques of inertia and gravity anew.
 
@@ -41,11 +41,16 @@ bristle_stiffness_N_per_m = 1.0e6     # 20 to 100 times the tendon's stiffness
 soft_bristle_stiffness_N_per_m = 3.0e5
 """
 
-_CHANNEL = """# QUESTION: the way from the drum to the model's first site. Sum of all bends whichever way, and its length:
+_CHANNEL = """# QUESTION: the way from the drum to the model's first site: sum of all bends, and length:
 # [[tendons.path.sections]]
 # name = "channel"
 # angle_rad = 2.0                     # a tube through a palm or an arm: 1 to 4
 # length_m = 0.25
+"""
+
+_DRUMS = """
+# QUESTION: drum radius up to the middle of the tendon; positive: it takes the tendon in as it turns to positive angles.
+# Two tendons on one motor are a loop: drums_m = { flexor = 0.008, extensor = -0.008 }, pretension_N = 10.0.
 """
 
 _DRIVE = """
@@ -55,7 +60,7 @@ speed_max_rad_per_s = 8.0             # a small serial servo without load: 5 to 
 torque_max_N_m = 1.0                  # at the commanded shaft; 0.4 to 3
 
 [sharing]                             # how tendons share torques that several could give
-least_tension_N = {least:.1f}                 # QUESTION: no tendon goes below it at its far end; pre-tension that you allow
+least_tension_N = {least:.1f}                 # QUESTION: the pre-tension that you allow: no tendon goes below it
 smooth_N = 2.0
 change_weight = 10.0
 """
@@ -81,8 +86,7 @@ def scenario_text(
     text += _TENDON
     for route in hand.routes:
         text += _tendon(route, parts.get(route.name, ()), target)
-    text += "\n# QUESTION: drum radius up to the middle of the tendon; positive: it takes the tendon in as it turns to positive\n"
-    text += "# angles. Two tendons on one motor are a loop: drums_m = { flexor = 0.008, extensor = -0.008 }, pretension_N = 10.0.\n"
+    text += _DRUMS
     for route in hand.routes:
         text += f'[[motors]]\nname = "{route.motor}"\ndrums_m = {{ {route.name} = 0.008 }}\n'
     return text + _DRIVE.format(least=LEAST_TENSION_N) + _reference(hand, poses_rad)
@@ -106,7 +110,8 @@ def _tendon(route: Route, parts: Sequence[Part], target: Path) -> str:
     text = f'\n[[tendons]]\nname = "{route.name}"\n'
     if not route.intervals:
         arms = ", ".join(f"{joint} = {arm:.9g}" for joint, arm in route.arms_m.items())
-        text += f"moment_arms_m = {{ {arms} }}   # a fixed tendon of the model\n[tendons.path]\nsegments = {_FEWEST_MASSES}\n"
+        text += f"moment_arms_m = {{ {arms} }}   # a fixed tendon of the model\n"
+        text += f"[tendons.path]\nsegments = {_FEWEST_MASSES}\n"
         return (
             text + "total_angle_rad = 2.0                 # QUESTION: sum of all bends from drum to insertion; 1 to 6\n"
         )

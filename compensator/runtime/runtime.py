@@ -142,6 +142,7 @@ class Runtime:
         dt: float | None = None,
         measured: float | None = None,
         joints: Mapping[str, float] | Sequence[float] | None = None,
+        torque_N_m: Mapping[str, float] | Sequence[float] | None = None,
     ) -> float | NDArray[np.float64]:
         """Advance by one step and give the command of the actuator.
 
@@ -158,6 +159,9 @@ class Runtime:
             Measurement that the adaptive kind learns from [N, m or rad]; None or NaN teaches nothing.
         joints : mapping of str to float, or sequence of float, optional
             Angles [rad] of the joints that `joints` names, by name or in that order.
+        torque_N_m : mapping of str to float, or sequence of float, optional
+            Of several joints: what they give to what they touch, or their motion needs besides their own numbers, such
+            as gravity [N m], by name or in the order of `joints`.
 
         Returns
         -------
@@ -178,7 +182,9 @@ class Runtime:
                 )
             if not isinstance(reference, Mapping | Sequence | np.ndarray | None) or isinstance(reference, str):
                 raise ParameterError(f"reference must hold an angle of each of {', '.join(self.joints)}")
-            return self._finger.step(reference)
+            return self._finger.step(reference, torque_N_m)
+        if torque_N_m is not None:
+            raise ParameterError("torque_N_m is for several joints; reference of a torque has the torque itself")
         for k, angle in enumerate(self._given(joints)):
             self._angles[k] = _number("an angle of joints", angle)
         self._status = self._step(

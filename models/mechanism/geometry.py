@@ -61,7 +61,7 @@ class Geometry:
 
     @cached_property
     def _ends(self) -> ca.Function:
-        """What the far ends add: length, no wrap angle, moment arms."""
+        """Shares of the far ends: length, no wrap angle, moment arms."""
         q = ca.SX.sym("q", len(self.bodies))
         places = dict(zip(self.bodies, ca.vertsplit(q), strict=True))
         rows = []

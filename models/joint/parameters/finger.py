@@ -132,7 +132,7 @@ class Finger:
         return self.geometry().wrap_angle_rad(angles)
 
     def moment_arm_m(self, angles: Array) -> Array:
-        """Moment arms with a tension that is the same along the tendon [m]: (rows, joints) -> (rows, tendons, joints)."""
+        """Moment arms under a uniform tension [m]: (rows, joints) -> (rows, tendons, joints)."""
         return self.geometry().moment_arm_m(angles)
 
     def beyond_tables(self, motion: JointMotion) -> tuple[str, ...]:

@@ -33,17 +33,15 @@ def import_(
     """Import the tendons of a MuJoCo model.
 
     A scenario with questions for what such a model does not know, tables of the paths, torques of inertia and gravity
-    along the reference, and a survey of the tendons. Run again after a change of the reference: the scenario is kept, the
-    rest is new.
+    along the reference, and a survey of the tendons. Run again after a change of the reference: the scenario is kept,
+    the rest is new.
     """
     from tendonff.compensator.mjcf.run import run_import
 
     result = run_import(model, tendons=tendon or (), joints=joint or (), near=near or (), out=out)
     typer.echo(result.survey.text())
     warn(*result.notes)
-    name = out.stem
-    say(
-        f"{'kept' if result.kept else 'scenario'}: {out}; tables {name}_TENDON.csv, torques {name}_torques.csv, {name}_survey.svg"
-    )
+    files = ", ".join(f"{out.stem}_{each}" for each in ("TENDON.csv", "torques.csv", "survey.svg"))
+    say(f"{'kept' if result.kept else 'scenario'}: {out}; beside it {files}")
     if not result.kept:
         say(f"Next: answer the lines with QUESTION in {out}, then tendonff design {out}")
