@@ -1295,6 +1295,7 @@ static void test_observer(void)
         before = (double)tff_observer_step(&self, seen_input[0] + (slope * (tff_real)(2 * k)), (tff_real)NAN);
         mixed = fabs((double)tff_observer_step_dt(&other, (tff_real)2 * TFF_STEP_S, seen_input[0] + (slope * (tff_real)(2 * k)), (tff_real)NAN) - before) <= (1e3 * ROUNDING * (1.0 + before));
     }
+    tff_observer_init(&other, seen_input[0]);
     (void)tff_observer_step_dt(&other, (tff_real)2.25 * TFF_STEP_S, seen_input[0], (tff_real)NAN);
     mixed = mixed && (fabs((double)other.waiting - (0.25 * (double)TFF_STEP_S)) <= (1e-4 * (double)TFF_STEP_S));
     self = whole;
