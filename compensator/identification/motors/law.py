@@ -33,7 +33,7 @@ TURNING_SHARE, SLIDES = 0.02, 0.7
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Predicted:
-    """What a mechanism does in a log."""
+    """Response of a mechanism in a log."""
 
     torque_N_m: Array  # shape (rows, motors)
     angle_rad: Array  # shape (rows, joints)

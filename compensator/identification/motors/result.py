@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tendonff.compensator.files.results import writer_of
+from tendonff.compensator.files.results import Result, views_of
 from tendonff.compensator.finger.scenario import FingerScenario, parse_finger_scenario
 from tendonff.compensator.identification.answer.result import Estimate
 from tendonff.compensator.identification.measured import Array, Mask
@@ -57,8 +57,8 @@ class MotorsComparison:
         return np.asarray(np.degrees(np.sqrt(((self.model_rad - self.joint_rad)[self.counted] ** 2).mean(axis=0))))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class MotorsIdentification:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class MotorsIdentification(Result):
     """Everything that logs of several motors identify.
 
     Attributes
@@ -166,7 +166,7 @@ class MotorsIdentification:
 
     def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
         """Write `fitted.toml`, `fit.json`, figures and `report.html`, all or nothing; makes the folder."""
-        writer_of(MotorsIdentification)(self, folder, pdf=pdf)
+        views_of(MotorsIdentification).write(self, folder, pdf=pdf)
 
 
 def _range(label: str, found: Sequence[Estimate], unit: str) -> str:

@@ -12,15 +12,15 @@ from scipy.stats import t as student
 from threadpoolctl import threadpool_limits
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.files.results import register_writer
+from tendonff.compensator.files.results import Views, register_views
 from tendonff.compensator.finger.scenario import FingerScenario, SampledFinger, sample_finger
-from tendonff.compensator.identification.answer.result import Estimate, is_known
+from tendonff.compensator.identification.answer.result import Estimate, estimate_columns, is_known
 from tendonff.compensator.identification.joint.fitted import to_toml
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.motors.law import MotorsLaw
 from tendonff.compensator.identification.motors.log import MotorsLog, read_logs
 from tendonff.compensator.identification.motors.numbers import Number, numbers_of, put_into, scenarios_own
-from tendonff.compensator.identification.motors.output import write_files
+from tendonff.compensator.identification.motors.output import identification_figures, write_files
 from tendonff.compensator.identification.motors.result import (
     DESCRIBED_PERCENT,
     MotorsComparison,
@@ -46,7 +46,14 @@ FIRST_STEPS, STEPS = 8, 12
 FINE_PARTS = 2
 """Steps of the last simulation in one row."""
 
-register_writer(MotorsIdentification, write_files)
+register_views(
+    MotorsIdentification,
+    Views(
+        write=write_files,
+        columns=lambda found: estimate_columns(found.estimates),
+        figures=identification_figures,
+    ),
+)
 
 
 @in_turn

@@ -220,7 +220,7 @@ def _suggest_motors(loaded: "JointScenario | FingerScenario", out: Path, *, pdf:
 
 
 def _is_loop(loaded: "JointScenario | FingerScenario") -> bool:
-    """One motor moves one joint."""
+    """Whether a single motor moves a single joint."""
     from tendonff.compensator.joint.scenario.scenario import JointScenario
 
     return isinstance(loaded, JointScenario) and loaded.mechanism.drive.kind == "loop"
