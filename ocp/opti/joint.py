@@ -34,6 +34,8 @@ class JointFormulation:
         Of joint and tendons.
     time_s : ndarray, shape (n,)
         Ends of the intervals.
+    wanted_rad : ndarray, shape (n,)
+        Reference of the joint.
     motor_rad : ca.MX, shape (motors, n)
         Since the start.
     angle_rad, speed_rad_per_s : ca.MX, shape (n, 1)
@@ -53,6 +55,7 @@ class JointFormulation:
     opti: ca.Opti
     equations: MechanismEquations
     time_s: Array
+    wanted_rad: Array
     motor_rad: ca.MX
     angle_rad: ca.MX
     speed_rad_per_s: ca.MX
@@ -163,6 +166,7 @@ def formulate_joint(
         opti=opti,
         equations=page,
         time_s=time_s,
+        wanted_rad=wanted,
         motor_rad=motor,
         angle_rad=angle,
         speed_rad_per_s=speed,

@@ -17,7 +17,7 @@ Width = Callable[[ca.SX], ca.SX]
 
 
 def switches(function: ca.Function) -> ca.Function:
-    """Arguments of abs and of comparisons with zero in a function of dense columns, of its inputs; shape (switches,)."""
+    """Arguments of abs and of comparisons with zero in a function of dense columns; shape (switches,)."""
     inputs, found = function.sx_in(), [ca.SX(0, 1)]
 
     def collect(x: ca.SX) -> ca.SX:

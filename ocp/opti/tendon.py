@@ -80,6 +80,8 @@ class Formulation:
         With objective, constraints, first guess and solver; `subject_to`, `minimize` and `solver` add and replace.
     time_s : ndarray, shape (n,)
         Ends of the intervals.
+    wanted_N : ndarray, shape (n,)
+        Reference of the output.
     force_N : ca.MX, shape (n, 1)
         Of the actuator.
     output_N : ca.MX, shape (n, 1)
@@ -96,6 +98,7 @@ class Formulation:
 
     opti: ca.Opti
     time_s: Array
+    wanted_N: Array
     force_N: ca.MX
     output_N: ca.MX
     tension_N: ca.MX
@@ -191,6 +194,7 @@ def formulate(problem: TrackingProblem, guess_N: Array, collocation: Collocation
     found = Formulation(
         opti=opti,
         time_s=time_s,
+        wanted_N=wanted[0],
         force_N=force,
         output_N=tensions[0][-1, :].T,
         tension_N=tensions[0],
