@@ -9,6 +9,7 @@ from tendonff.compensator.reporting.plots import legend_below, new_figure, thinn
 from tendonff.models.turns import in_turn
 
 _GRID = 400
+_SEEN = 2.5  # times the largest error with the feedforward, that a panel shows
 _STYLES = {
     "feedforward": ("feedforward alone", {"color": GREY, "linestyle": "--"}),
     "feedback": ("feedback alone", {"color": ORANGE, "linestyle": ":"}),
@@ -61,6 +62,9 @@ def error_figure(result: FeedbackResult) -> Figure:
         panel = axes[goal, 0]
         for case, (label, style) in _STYLES.items():
             panel.plot(result.time_s[rows], factor * result.cases[case].worst[rows, goal], label=label, **style)
+        seen = max(result.cases["feedforward"].worst_peak, result.cases["both"].worst_peak)
+        if np.isfinite(seen) and seen > 0:  # feedback alone may be far outside
+            panel.set_ylim(-_SEEN * factor * seen, _SEEN * factor * seen)
         panel.set(ylabel=f"error{_of(result, name)} [{result.unit.shown}]")
     axes[-1, 0].set(xlabel="time [s]")
     legend_below(figure, axes[0, 0], columns=3)

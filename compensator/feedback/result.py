@@ -9,7 +9,7 @@ from tendonff.compensator.scenario.unit import Unit
 from tendonff.ocp.feedback.design import LoopDesign
 
 CASES = ("feedforward", "feedback", "both")
-"""What is compared: the exact inverse alone, plain feedback of the same gains without friction model, and both."""
+"""Compared cases: the exact inverse alone, plain feedback of the same gains without friction model, and both."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -41,7 +41,7 @@ class CaseErrors:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LimitCycle:
-    """Behaviour of the loops where the reference stands still, on a plant that is further off than stated.
+    """Behaviour of the loops under a constant reference, on a plant that is further off than stated.
 
     Attributes
     ----------
@@ -103,19 +103,25 @@ class FeedbackResult:
 
     @property
     def bound(self) -> str:
-        """What bounds the gains, in words."""
+        """Bounds of the gains, in words."""
         design = self.design
         law, margins = design.laws[0], min(design.margins, key=lambda each: each.gain)
-        times = [f"{1e3 * law.delay_s:.3g} ms of delay" if law.delay_s else "", f"samples of {1e3 * law.sample_s:.3g} ms"]
+        times = [
+            f"{1e3 * law.delay_s:.3g} ms of delay" if law.delay_s else "",
+            f"samples of {1e3 * law.sample_s:.3g} ms",
+        ]
         times += [f"{1e3 * law.lag_s:.3g} ms of lag of the drive" if law.lag_s else ""]
         found = ", ".join(each for each in times if each)
         if np.isfinite(margins.gain):
-            return f"bounded by {found}: at {margins.gain:.2g} times the gain it oscillates at {margins.oscillation_Hz:.2g} Hz"
+            return (
+                f"bounded by {found}: at {margins.gain:.2g} times the gain it oscillates at "
+                f"{margins.oscillation_Hz:.2g} Hz"
+            )
         return f"bounded by {found}"
 
     @property
     def sentence(self) -> str:
-        """What feedback buys here, and what bounds it."""
+        """Benefit of the feedback, and its bounds."""
         both, alone = self.cases["both"], self.cases["feedforward"]
         return (
             f"Feedback beside the feedforward: worst RMS error {self.text(both.worst_rms)} (feedforward alone "
@@ -125,7 +131,7 @@ class FeedbackResult:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the user should know."""
+        """Warnings for the user."""
         found, design = [], self.design
         if self.hunts:
             worst = max(self.cycles, key=lambda cycle: cycle.swing)
@@ -170,7 +176,12 @@ def feedback_summary(result: FeedbackResult) -> dict[str, object]:
         "rmse": {name: result.cases[name].worst_rms for name in CASES},
         "peak": {name: result.cases[name].worst_peak for name in CASES},
         "limit_cycles": [
-            {"friction": c.friction, "delay": c.delay, "swing": c.swing if np.isfinite(c.swing) else None, "hunts": c.hunts}
+            {
+                "friction": c.friction,
+                "delay": c.delay,
+                "swing": c.swing if np.isfinite(c.swing) else None,
+                "hunts": c.hunts,
+            }
             for c in result.cycles
         ],
     }

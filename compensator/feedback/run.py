@@ -102,7 +102,7 @@ def _errors(
 
 
 def _limit_cycles(task: FeedbackTask, design: LoopDesign, alone: CaseErrors) -> tuple[LimitCycle, ...]:
-    """Whether loops come to rest where the reference stands still, friction and delay being off."""
+    """Limit cycles under a constant reference, with friction and delay that differ from the stated ones."""
     held = task.feedforward.held(STANDING_S)
     rows = len(held.reference) - len(task.feedforward.reference)
     found = []

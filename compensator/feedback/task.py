@@ -1,4 +1,4 @@
-"""What a feedback is designed for: a scenario's goals, mechanisms and feedforward, whatever is driven."""
+"""Task of a feedback: a scenario's goals, mechanisms and feedforward, whatever is driven."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ class FeedbackTask(ABC):
     masses : int
         Of each tendon of the mechanisms that the loops are judged on.
     feedforward, alone : Course
-        With the exact inverse, and with what a controller commands that knows no friction.
+        With the exact inverse, and with the commands of a controller without a friction model.
     scored : slice
         Rows whose errors count.
     scales_with_reference : bool

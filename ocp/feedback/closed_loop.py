@@ -16,7 +16,7 @@ from tendonff.ocp.mechanism.problem import Array, MechanismMemory, rest
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Course:
-    """What happens on the way, at rows h apart.
+    """Reference, feedforward and surroundings of a run, at rows h apart.
 
     Parameters
     ----------

@@ -24,7 +24,7 @@ _WIDTHS = (0.003, 0.006, 0.012, 0.025, 0.05)  # half widths of the play to try, 
 _NARROWER = (0.4, 0.15)  # times the width with the best shape: what may do better in the loop
 _SHAPED = 0.5  # share of a feedforward's error that the shape of friction must explain to be used
 _TURNED = 0.5  # share of the integral that then turns with the reference
-_PEAK = 1.0  # of the feedforward's peak, above which a peak has a price
+_PEAK = 1.05  # of the feedforward's peak, above which a peak has a price
 _PEAK_PRICE = 2.0
 _FLOORS = (0.0, 0.1)
 """Shares of critical damping that oscillations have at least [-]: what friction adds, where all else leaves no gain."""
@@ -38,7 +38,7 @@ _WORSE = 1.5  # times the feedforward's RMS error: a loop that oscillates while 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensor:
-    """What the loops are closed by.
+    """Sensor and timing of the loops.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class Sensor:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LoopDesign:
-    """Laws of the loops, and what they promise.
+    """Laws of the loops, and their margins.
 
     Attributes
     ----------
@@ -283,7 +283,7 @@ def _explained(columns: Array, values: Array) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Standing:
-    """Whether a loop comes to rest where its reference stands still.
+    """Rest or limit cycle of a loop under a constant reference.
 
     Attributes
     ----------
@@ -298,7 +298,7 @@ class Standing:
 
 
 def standing(run: ClosedLoop, course: Course, rows: int, resolution: float, feedforward_rms: float) -> Standing:
-    """Judge a run whose reference stands still over its last rows."""
+    """Judge a run whose reference is constant over its last rows."""
     if not run.complete:
         return Standing(swing=math.inf, hunts=True)
     error = run.output - course.reference

@@ -7,12 +7,12 @@ r"""Law of the feedback: proportional and integral action on the error against t
     correction = Kp e + Ki int e + s Kf int s e, within +-clamp
 
 The correction is added to the command that the feedforward computes. s is the shape that friction gives to the error of
-a feedforward: reference less its play, over the half width of the play, -1 to 1. What has been learned pulling is thus
-turned round, without delay, where the reference turns. In steady sliding, either way, Ki + Kf is the integral gain:
-margins are for that.
+a feedforward: reference less its play, over the half width of the play, -1 to 1. What was learned while pulling is
+thus inverted, without delay, where the reference turns. In steady sliding, either way, Ki + Kf is the integral gain,
+which margins are for.
 
 An error that is proportional to the rate of the reference is an age of the measurement that differs from delay_s. It
-is told from friction by recursive least squares along strokes, where s stands still,
+is separated from friction by recursive least squares along strokes, where s is constant,
 
     e + g u = alpha s + beta + Delta dr/dt,     g u: what the own correction does, as old as the measurement,
 
@@ -37,7 +37,7 @@ STATES = (
     *("filtered", "integral", "friction", "correction", "lagged", "play", "aged_play", "stroke", "before"),
     *AGE_STATES,
 )
-"""What the law remembers beside its delay lines: filtered error, integrals, correction and how far the drive has
+"""Memory of the law beside its delay lines: filtered error, integrals, correction and how far the drive has
 followed it, play of the reference and of the aged one, its stroke, the aged reference one sample before, and of the
 least squares three estimates and the lower triangle of their covariance."""
 NUMBERS = (
@@ -181,7 +181,7 @@ def _play(play: ca.SX, value: ca.SX, half: ca.SX) -> ca.SX:
 
 
 def feedback_step() -> Law:
-    """One sample of the law: `STATES` from themselves, reference, aged values, measurement and `NUMBERS`.
+    """A sample of the law: `STATES` from themselves, reference, aged values, measurement and `NUMBERS`.
 
     `fresh` is 1, or 0 where the measurement is missing: then the error is held, and nothing is learned. Where the
     correction is at its clamp, integrals go on only towards less of it (anti-windup).

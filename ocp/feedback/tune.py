@@ -13,10 +13,10 @@ from tendonff.ocp.feedback.law import FeedbackLaw
 from tendonff.ocp.feedback.linear import Branch, Complex
 from tendonff.ocp.mechanism.problem import Array
 
-_RATIOS = (0.05, 0.15, 0.4, 1.0)
-"""Ki/Kp to try, over the inverse of all delays and lags [-]."""
-_FILTERS = (0.3, 1.0)
-"""Time constants of a filter to try, over all delays and lags [-]."""
+_RATIOS = (0.1, 0.4, 1.5)
+"""Ki/Kp to try, over the inverse of all delays and lags, the filter's included [-]."""
+_FILTERS = (0.0, 0.5, 2.5)
+"""Time constants of the filter to try, over all other delays and lags [-]."""
 _WORTH_A_FILTER = 0.95  # of the error without one, below which a filter helps
 _ROUNDING = 1.001  # of the gain
 _ROUNDS = 8  # of the gain's reduction where loops disturb each other
@@ -184,17 +184,14 @@ def tune(
         Of laws to compare.
     """
 
-    def tried(ratio: float, filter_s: float) -> tuple[float, tuple[FeedbackLaw, ...]] | None:
-        shapes = [replace(law, proportional=1.0, integral_per_s=ratio / lag_s, filter_s=filter_s) for law in laws]
-        found = as_high_as_allowed(plants, shapes, requirement)
-        return None if found is None else (cost(found), found)
-
-    plain = [(ratio, found) for ratio in _RATIOS if (found := tried(ratio, 0.0)) is not None]
-    if not plain:
-        return None
-    ratio, best = min(plain, key=lambda each: each[1][0])
-    for share in _FILTERS:
-        filtered = tried(ratio, share * lag_s)
-        if filtered is not None and filtered[0] < _WORTH_A_FILTER * best[0]:
-            best = filtered
+    best: tuple[float, tuple[FeedbackLaw, ...]] | None = None
+    for filter_s in (share * lag_s for share in _FILTERS):
+        for rate in (ratio / (lag_s + filter_s) for ratio in _RATIOS):
+            shapes = [replace(law, proportional=1.0, integral_per_s=rate, filter_s=filter_s) for law in laws]
+            if (found := as_high_as_allowed(plants, shapes, requirement)) is None:
+                continue
+            costs = cost(found)
+            worth = 1.0 if best is None or best[1][0].filter_s == filter_s else _WORTH_A_FILTER
+            if best is None or costs < worth * best[0]:
+                best = costs, found
     return best
