@@ -1287,8 +1287,8 @@ static void test_observer(void)
         mixed = mixed && is_near(((k % 3) == 2) ? (double)tff_observer_step(&self, seen_input[k], (tff_real)NAN) : (double)tff_observer_step_dt(&self, time, seen_input[k], (tff_real)NAN), before)
             && (self.output.status == other.output.status);
     }
-    tff_observer_init(&self, seen_input[0]);
     tff_observer_init(&other, seen_input[0]);
+    tff_observer_init(&self, seen_input[0]);
     for (k = 1; (k <= 20) && mixed; k++) { /* two samples a call: the one between is on the straight line */
         const tff_real slope = (tff_real)5e-4 * seen_input[0];
         (void)tff_observer_step(&self, seen_input[0] + (slope * ((tff_real)(2 * k) - 1.0)), (tff_real)NAN);
