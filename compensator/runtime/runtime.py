@@ -69,6 +69,9 @@ class Runtime:
         Joints whose angles a step takes; of several driven joints those that a reference holds.
     motors : tuple of str
         Of several driven joints, in the order of the commands; else empty.
+    ranges : dict of str to (float, float)
+        Values that are accepted, low and high: of "reference" [N or rad], and of joints by name [rad]. Others have the
+        status RANGE. Set by `range_N` of [reference] and `range_rad` of [joints.NAME].
 
     Raises
     ------
@@ -106,6 +109,7 @@ class Runtime:
             self._finger = finger = FingerRuntime(scenario)
             self.kind, self.step_s, self.joints = RuntimeKind.JOINT, finger.step_s, finger.joints
             self.motors, self.start, self._digest = finger.motors, math.nan, scenario.digest()
+            self.ranges = finger.ranges
             return
         if isinstance(scenario, JointScenario):
             code = joint_runtime(scenario, wanted)
@@ -115,7 +119,7 @@ class Runtime:
         if host is None:
             raise CodeError(f"a runtime runs the exported C, compiled here, and nothing else; {why_no_compiler()}")
         self.kind, self.step_s, self.joints = code.kind, code.step_s, code.joints
-        self.start = code.start if start is None else start
+        self.start, self.ranges = code.start if start is None else start, code.ranges
         self._digest, self._driven = code.digest, code.driven
         size = host.function("tff_runtime_size", result=ctypes.c_long)()
         self._memory = ctypes.create_string_buffer(size)
