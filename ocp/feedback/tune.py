@@ -183,7 +183,6 @@ def tune(
     cost : callable
         Of laws to compare.
     """
-
     best: tuple[float, tuple[FeedbackLaw, ...]] | None = None
     for filter_s in (share * lag_s for share in _FILTERS):
         for rate in (ratio / (lag_s + filter_s) for ratio in _RATIOS):
