@@ -11,6 +11,7 @@ from tendonff.compensator.export.modules import accepted_steps
 from tendonff.compensator.export.text.c_text import harmless
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.joint.adaptation import TunedJoint
+from tendonff.compensator.joint.export import observed
 from tendonff.compensator.joint.export.adaptive import adaptive_context
 from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint, sample_joint
 from tendonff.models.errors import ParameterError
@@ -24,15 +25,6 @@ from tendonff.ocp.joint.target import MOVES, joint_code, other_joints
 
 _TEMPLATES = environment("tendonff.compensator.export", "templates/joint")
 _PACKAGES = environment("tendonff.compensator.export", "templates/transmission")
-_OBSERVE_MOVES = 12
-"""Steps of the model after the first one, in which an observed joint is found."""
-
-_OBSERVE_STEP_RAD, _OBSERVE_SPEED, _OBSERVE_SPEED_OF_COURSE = 0.02, 1.5, 10.0
-"""A measured motor may jump so far [rad] beside so many times its limit in speed, or that of the scenario's course."""
-
-_OBSERVE_LOST_S = 0.1
-"""Time without a good motor angle after which an observer starts again at rest."""
-
 _PUSH_N = -1e-6
 """Tensions of a loop that count as pushing: those of rounding do not."""
 
@@ -144,12 +136,12 @@ def _context(
         "other_parameter": f", const {prefix}_real other_rad[]" if others else "",
         "re_entry": max(1, round(RE_ENTRY_S / step)),
         "steps": accepted_steps(step),
-        "observe_moves": _OBSERVE_MOVES,
+        "observe_moves": observed.MOVES,
         "observe_width_rad": 1e-13 if precision is Precision.DOUBLE else 2e-7,
-        "observe_step_rad": _OBSERVE_STEP_RAD,
-        "observe_lost_s": max(_OBSERVE_LOST_S, 10 * step),
-        "observe_speed": f"{_OBSERVE_SPEED:g}",
-        "observe_speed_of_course": f"{_OBSERVE_SPEED_OF_COURSE:g}",
+        "observe_step_rad": observed.STEP_RAD,
+        "observe_lost_s": max(observed.LOST_S, 10 * step),
+        "observe_speed": f"{observed.SPEED:g}",
+        "observe_speed_of_course": f"{observed.SPEED_OF_COURSE:g}",
         "halvings": 45 if precision is Precision.DOUBLE else 22,
         "observe_rad": 1e-11 if precision is Precision.DOUBLE else 2e-6,
         "push": _PUSH_N if precision is Precision.DOUBLE else 100 * _PUSH_N,
@@ -207,12 +199,6 @@ def _described(
     ]
     scale = [winding / drive.gear_ratio for winding in problem.windings_m]
     change = 1e30 if drive.speed_max_rad_per_s is None else drive.speed_max_rad_per_s * step
-    observed = scale[0] / mechanism.arms_at(float(sampled.angle_rad[0]))[0]
-    if drive.speed_max_rad_per_s is None:
-        turned = float(np.abs(np.diff(sampled.angle_rad)).max(initial=0.0)) / step / abs(observed)
-        fastest = _OBSERVE_SPEED_OF_COURSE * turned
-    else:
-        fastest = _OBSERVE_SPEED * drive.speed_max_rad_per_s
 
     def text(value: float) -> str:
         return literal(float(value), precision)
@@ -224,7 +210,8 @@ def _described(
         *(str(count), str(int(loop)), text(least), text(most)),
         *(text(drive.pretension_N or 0.0), text(drive.least_tension_N or 0.0), both(compliance), both(scale)),
         *(text(change), text(drive.torque_max_N_m or 1e30), text(drive.servo_time_s / step)),
-        *(text(observed), text(fastest)),
+        *(text(scale[0] / mechanism.arms_at(float(sampled.angle_rad[0]))[0]),),
+        *(text(observed.observed_motor(scenario, sampled.angle_rad)[1]),),
         *(text(drive.play_rad / 2), text(drive.turning_rad)),
     ]
     if others:
