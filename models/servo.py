@@ -158,14 +158,15 @@ class Servo:
         else:
             at = np.arange(0.0, time[-1] + interval, interval)
             values = np.interp(at, time, command)
-        if self.command_hold is CommandHold.LATE:
-            at = at + interval
-        return at, rounded(values, self.resolution)
+        late = interval if self.command_hold is CommandHold.LATE else 0.0
+        starts: Array = np.asarray(at + late, dtype=np.float64)
+        return starts, rounded(values, self.resolution)
 
     def _between(self, first: Array, second: Array, at: Array, values: Array) -> tuple[Array, Array]:
         """Commanded values just after the first and just before the second of two times."""
         if self.command_hold is not CommandHold.HOLD:
-            left, right = (np.asarray(np.interp(times, at, values), dtype=np.float64) for times in (first, second))
+            left: Array = np.interp(first, at, values)
+            right: Array = np.interp(second, at, values)
             return left, right
         width = at[1] - at[0] if len(at) > 1 else 1.0
         held: Array = values[np.clip(np.searchsorted(at, first + _SAME * width, side="right") - 1, 0, None)]
