@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 from tendonff.models.errors import LARGEST, ParameterError, require, require_given, require_whole
 from tendonff.models.parameters.drive import Drive, Motor
 from tendonff.models.path import JointMotion, Section, above_static
+from tendonff.models.servo import CommandHold, Servo
+from tendonff.models.tendon.load_dependence import LARGEST_EXPONENT
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,6 +128,11 @@ class Friction:
         The same near rest [-]; default: mu_static mu_dynamic_release/mu_dynamic.
     adhesion_N : float, optional
         Load-independent tension p added to the tension in the friction law [N], >= 0; default 0.
+    load_exponent : float, optional
+        n of mu(T) = mu (T/T_0)^-n [-], 0 to 0.5, for friction that grows less than the tension does, as of polymers;
+        default: 0, Coulomb's law.
+    reference_tension_N : float, optional
+        T_0, the tension at which the coefficients hold [N], > 0; goes with load_exponent.
     pull_spread, release_spread : float, optional
         Of the static law alone: its slip sets in gradually, over dead bands from (1 - spread) to (1 + spread) times
         the middle one [-], 0 to 1; the chain has its bristles for that. Default: none.
@@ -140,6 +147,8 @@ class Friction:
     mu_dynamic_release: float | None = None
     mu_static_release: float | None = None
     adhesion_N: float = 0.0
+    load_exponent: float | None = None
+    reference_tension_N: float | None = None
     pull_spread: float | None = None
     release_spread: float | None = None
 
@@ -165,6 +174,25 @@ class Friction:
                 require(name, spread, least=0, hint="leave it out for a single deadband")
                 if spread > 1:
                     raise ParameterError(f"{name} must be <= 1, got {spread}: a deadband cannot be negative")
+        self._check_load_dependence()
+
+    def _check_load_dependence(self) -> None:
+        exponent, reference = self.load_exponent, self.reference_tension_N
+        require_given("load_exponent", exponent, least=0, hint="leave it out for friction proportional to tension")
+        require_given("reference_tension_N", reference, above=0, hint="the tension at which mu_dynamic was found")
+        if exponent is not None and exponent > LARGEST_EXPONENT:
+            raise ParameterError(
+                f"load_exponent must be <= {LARGEST_EXPONENT}, got {exponent}; polymers have 0.1 to 0.33"
+            )
+        if exponent and reference is None:
+            raise ParameterError("load_exponent needs reference_tension_N: the tension at which mu_dynamic holds")
+        if exponent and (self.pull_spread or self.release_spread):
+            raise ParameterError("load_exponent and pull_spread, release_spread exclude each other; leave one out")
+
+    @property
+    def load_dependence(self) -> tuple[float, float]:
+        """Exponent n [-] and T_0 [N] of mu(T) = mu (T/T_0)^-n, the defaults resolved."""
+        return self.load_exponent or 0.0, self.reference_tension_N or 1.0
 
     @property
     def release_dynamic(self) -> float:
@@ -208,6 +236,18 @@ class Actuator:
         Dry friction of motor and gear, as a force at its end [N], >= 0; default: none.
     motor : Motor, optional
         Motor, gear and drum behind it, which give mass_kg, force_max_N and speed_max_m_per_s.
+    servo_time_s : float, optional
+        Time constant with which the drive follows its command [s], >= 0; default: none.
+    delay_s : float, optional
+        Dead time between a command and the drive's answer [s], >= 0; default: none.
+    command_interval_s : float, optional
+        Time between two commands [s], > 0; default: one a step.
+    command_hold : CommandHold, optional
+        What the drive makes of commands between their samples; default: a straight line.
+    resolution : float, optional
+        Step of the command, in its unit [N] or [m], >= 0; default: none.
+    backlash_m : float, optional
+        Play between a position drive and the tendon's end [m], >= 0; default: none.
     """
 
     mass_kg: float
@@ -222,6 +262,12 @@ class Actuator:
     servo_stiffness_N_per_m: float | None = None
     coulomb_N: float | None = None
     motor: Motor | None = None
+    servo_time_s: float | None = None
+    delay_s: float | None = None
+    command_interval_s: float | None = None
+    command_hold: CommandHold | None = None
+    resolution: float | None = None
+    backlash_m: float | None = None
 
     def __post_init__(self) -> None:
         require("mass_kg", self.mass_kg, above=0, hint="include the rotor's inertia over the drum radius squared")
@@ -248,6 +294,11 @@ class Actuator:
             if self.drive is not Drive.POSITION:
                 raise ParameterError('servo_stiffness_N_per_m is for drive = "position"; add it, or leave this out')
             require("servo_stiffness_N_per_m", self.servo_stiffness_N_per_m, above=0, hint="from its data sheet")
+        for name in ("servo_time_s", "delay_s", "resolution", "backlash_m"):
+            require_given(name, getattr(self, name), least=0, hint="leave it out for none")
+        require_given("command_interval_s", self.command_interval_s, above=0, hint="leave it out for one a step")
+        if self.backlash_m and self.drive is not Drive.POSITION:
+            raise ParameterError('backlash_m is for drive = "position"; a force is passed on across it: leave it out')
         self._check_motor()
 
     def _check_motor(self) -> None:
@@ -258,6 +309,18 @@ class Actuator:
                 raise ParameterError(
                     f"{name} must be {gives:g}, as the actuator's motor gives, got {value}; change the motor instead"
                 )
+
+    @property
+    def servo(self) -> Servo:
+        """The way from a command to the force [N], or to the position x_c1 [m]."""
+        return Servo(
+            servo_time_s=self.servo_time_s or 0.0,
+            delay_s=self.delay_s or 0.0,
+            command_interval_s=self.command_interval_s,
+            command_hold=self.command_hold or CommandHold.LINE,
+            resolution=self.resolution or 0.0,
+            play=self.backlash_m or 0.0,
+        )
 
     @property
     def largest_force_N(self) -> float:
