@@ -170,7 +170,7 @@ class Section:
         return bent
 
     def gained_at(self, places: Mapping[str, Any]) -> Array:
-        """What its length has gained since joint angle zero, for angles by joint [m]."""
+        """Gain of its length since joint angle zero, for angles by joint [m]."""
         gained: Array = self.length_per_rad_m * _place(self.joint, places)
         return gained
 
@@ -249,7 +249,7 @@ class TabulatedSection(Section):
         return bent
 
     def gained_at(self, places: Mapping[str, Any]) -> Array:
-        """What its length has gained since joint angle zero [m]."""
+        """Gain of its length since joint angle zero [m]."""
         if self.length is None:
             return np.array(0.0)
         return self.length.at(places) - (self.length_m or 0.0)

@@ -78,6 +78,19 @@ def import_mjcf(
     ------
     InputError
         If the model has no such tendons, or one that has no meaning here, with the way round.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import numpy as np
+    >>> import tendonff as tf
+    >>> out = tempfile.mkdtemp() + "/finger.toml"
+    >>> chosen = {"tendons": ["deep", "flat", "back"], "joints": ["pip", "dip"]}
+    >>> scenario = tf.import_mjcf("examples/tendon_finger.xml", **chosen, out=out)
+    >>> scenario.mechanism.names
+    ('pip', 'dip')
+    >>> scenario.mechanism.moment_arm_m(np.array([[0.6, 0.3]]))[0].round(4).tolist()
+    [[0.01, 0.0068], [0.0104, 0.0], [-0.0075, -0.0042]]
     """
     return run_import(path, tendons=tendons, joints=joints, near=near, out=out).scenario
 
