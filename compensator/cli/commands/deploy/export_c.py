@@ -73,7 +73,7 @@ def export_c(
             exported.write(folder)
     say(*exported.notes)
     warn(*exported.warnings)
-    say(*score_lines(exported.judged))
+    say(*score_lines(exported.judged), exported.headline)
     say(f"{len(exported.files)} files in {out}; `make test` there compares them with the Python model")
     return None
 
@@ -87,8 +87,8 @@ def _export_joints(
         exported = export_joints(loaded, precision=precision, prefix=prefix, force_export=force_export)
         exported.write(folder)
     warn(*exported.warnings)
-    for each in exported.judged:
-        say(f"{each.name}: RMS error {each.text(each.rms)}, by the ratio alone {each.text(each.plain_rms)}")
+    for each, headline in zip(exported.judged, exported.headlines, strict=True):
+        say(f"{each.name}: {headline}")
     if exported.loss_rad is not None:
         say(f"compiled here, the code departs from the model by {exported.loss_rad:.2g} rad at most")
     say(f"{len(exported.files)} files in {out}; `make test` there compares them with the Python model")
