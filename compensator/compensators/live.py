@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from tendonff.compensator.compensators.base import Problem, with_motion
+from tendonff.compensator.compensators.base import Problem, with_motion, with_travel
 from tendonff.compensator.compensators.closed_form import Frictionless, Inverse
 from tendonff.compensator.compensators.expectation import FRICTIONLESS, Expectation, error_bands, expectation_of
 from tendonff.compensator.compensators.next_step import next_step
@@ -15,10 +15,10 @@ from tendonff.models.parameters.drive import Drive
 def driven(problem: Problem, name: str, profile: Profile) -> Profile:
     """Profile of a module as applied by the actuator, within the limits of its motion, which modules do not include.
 
-    A position drive takes the command unchanged.
+    Lag, delay and hold of the drive remain, as in the exported code; a position drive takes the command unchanged.
     """
     if problem.transmission.actuator.drive is Drive.POSITION:
-        return profile if profile.command_m is not None else with_motion(problem, name, profile)
+        return profile if profile.command_m is not None else with_travel(problem, name, profile)
     return replace(profile, force_N=problem.limited(profile.force_N), travel_m=None)
 
 

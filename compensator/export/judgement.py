@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from tendonff.compensator.compensators.base import CModule, Problem, with_motion
+from tendonff.compensator.compensators.base import CModule, Problem, with_travel
 from tendonff.compensator.compensators.live import driven
 from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.compensators.profile import Profile
@@ -48,7 +48,7 @@ def judge(problem: Problem, profiles: Mapping[str, Profile]) -> tuple[Judged, ..
     """Simulate each module's profile on the plant that a design is verified on; none comes first."""
     plain = compensator(UNCOMPENSATED)
     unit = problem.reference.unit
-    nothing = _score(problem, with_motion(problem, UNCOMPENSATED, plain.profile(problem)))
+    nothing = _score(problem, with_travel(problem, UNCOMPENSATED, plain.profile(problem)))
     if nothing is None:
         raise SolveError(
             "the reference itself as force cannot be simulated on this chain, so no module can be judged; "
