@@ -50,8 +50,9 @@ _CAPTIONS = {
 
 def ways(result: Design) -> str:
     """Ways to the controller, and the error of each."""
-    name, column = result.recommended.name, "command" if result.is_position_drive else "force"
-    unit = "m" if result.is_position_drive else "N"
+    name = result.recommended.name
+    profile, unit = result.profiles[name], "m" if result.is_position_drive else "N"
+    column = "force" if profile.command_m is None and profile.command_N is None else "command"
     return (
         f"Reference known in advance: run {column}_{name}_{unit} of profile.csv, error up to "
         f"{result.expectation.error}. "
