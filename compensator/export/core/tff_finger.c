@@ -224,17 +224,19 @@ static void tff_finger_blank(tff_finger *self)
     tff_finger_forget(self);
 }
 
-/* Whether joints and torques are accepted. */
-static int tff_finger_good(const tff_finger *self, const tff_real *joint_rad, const tff_real *torque_N_m)
+/* What is wrong with joints and torques: 0, or the bit of the status that says so. */
+static uint32_t tff_finger_bad(const tff_finger *self, const tff_real *joint_rad, const tff_real *torque_N_m)
 {
     const tff_finger_record *const r = &tff_finger_records[self->which];
-    int good = 1;
+    uint32_t bad = TFF_OK;
     int b;
     for (b = 0; b < r->wanted; b++) {
-        good &= tff_finger_within(joint_rad[b], r->least_rad[b], r->most_rad[b]);
-        good &= tff_finger_within(torque_N_m[b], -(tff_real)1e6, (tff_real)1e6);
+        if ((tff_finger_within(joint_rad[b], r->least_rad[b], r->most_rad[b]) == 0) || (tff_finger_within(torque_N_m[b], -(tff_real)1e6, (tff_real)1e6) == 0)) {
+            const int finite = tff_finger_within(joint_rad[b], -(tff_real)1e30, (tff_real)1e30) & tff_finger_within(torque_N_m[b], -(tff_real)1e30, (tff_real)1e30);
+            bad |= (finite != 0) ? TFF_RANGE : TFF_INPUT_HELD;
+        }
     }
-    return good;
+    return ((bad & TFF_INPUT_HELD) != 0u) ? TFF_INPUT_HELD : bad;
 }
 
 /* A tendon at rest under a tension, where its path stands. */
@@ -274,7 +276,7 @@ int32_t tff_finger_init_at(tff_finger *self, int which, const tff_real joint_rad
 
     self->which = (good != 0) ? which : 0;
     tff_finger_blank(self);
-    good &= tff_finger_good(self, joint_rad, torque_N_m);
+    good = ((good != 0) && (tff_finger_bad(self, joint_rad, torque_N_m) == TFF_OK)) ? 1 : 0;
     if (good != 0) {
         tff_finger_views(self, &v);
         v.m.still = 1;
@@ -457,7 +459,8 @@ uint32_t tff_finger_step_dt(tff_finger *self, tff_real dt_s, const tff_real join
 {
     const tff_real since = self->waiting_s + dt_s;
     tff_real step_s = (tff_finger_within(since, TFF_STEP_S * (1 - TFF_SAME_STEP), TFF_STEP_S * (1 + TFF_SAME_STEP)) != 0) ? TFF_STEP_S : since;
-    const int good = tff_finger_good(self, joint_rad, torque_N_m);
+    const uint32_t held = tff_finger_bad(self, joint_rad, torque_N_m);
+    const int good = (held == TFF_OK) ? 1 : 0;
     int moved = 0;
     int b;
 
@@ -468,7 +471,7 @@ uint32_t tff_finger_step_dt(tff_finger *self, tff_real dt_s, const tff_real join
     if (self->fresh == 3) {
         self->status = TFF_FAILED; /* init refused */
     } else if ((self->fresh == 2) && (good == 0)) {
-        self->status = TFF_INPUT_HELD;
+        self->status = held;
     } else if ((self->fresh == 2) && (moved == 0)) {
         self->fresh = 1; /* the sample at t = 0: at rest */
     } else if (tff_finger_within(dt_s, 0, (tff_real)1e30) == 0) {
@@ -482,7 +485,7 @@ uint32_t tff_finger_step_dt(tff_finger *self, tff_real dt_s, const tff_real join
             step_s = TFF_STEP_S;
         }
         if (good == 0) {
-            self->status |= TFF_INPUT_HELD;
+            self->status |= held;
             tff_finger_stand(self, step_s);
         } else {
             tff_finger_follow(self, step_s, joint_rad, torque_N_m);

@@ -90,7 +90,7 @@ def _course(task: FingerTask, rows: np.ndarray, precision: Precision) -> FingerC
     sampled, wanted = task.sampled, task.scenario.wanted
     every = rounded(sampled.angle_rad[rows].ravel(), precision).reshape(len(rows), -1)
     effort = rounded(sampled.effort_N_m[rows].ravel(), precision).reshape(len(rows), -1)
-    time = np.arange(len(rows)) * task.step_s
+    time = np.arange(len(rows), dtype=np.float64) * task.step_s
     motion = JointMotion(names=sampled.motion.names, time_s=time, angle_rad=every)
     moved = replace(task, sampled=replace(sampled, time_s=time, angle_rad=every, effort_N_m=effort, motion=motion))
     # Masses are cut for the whole motion, as in the code.

@@ -25,8 +25,8 @@ from tendonff.ocp.step.render import core_text
 
 _TEMPLATES = environment("tendonff.compensator.export", "templates/finger")
 _LIBRARY = environment("tendonff.compensator.export", "templates/library")
-_MARGIN, _LEAST_MARGIN_RAD = 0.25, 0.05
-"""Angles beyond the reference that are accepted: a share of its range, and at least so much."""
+_LEAST_MARGIN_RAD = 0.01
+"""Angles beyond the reference that are accepted at least, whatever its range."""
 _NO_LIMIT = 1e30
 
 
@@ -113,7 +113,10 @@ def _described(task: FingerTask, problem: MechanismProblem) -> dict[str, Any]:
     """Values of a finger for the templates."""
     finger, wanted = task.finger, task.scenario.wanted
     low, high = task.wanted_rad.min(axis=0), task.wanted_rad.max(axis=0)
-    margin = np.maximum(_MARGIN * (high - low), _LEAST_MARGIN_RAD)
+    accepted = [
+        joint.accepted_rad(float(a), float(b)) for joint, a, b in zip(finger.joints[:wanted], low, high, strict=True)
+    ]
+    least, most = (np.array(each) for each in zip(*accepted, strict=True))
     return {
         "symbol": re.sub(r"\W+", "_", task.scenario.source.stem).upper(),
         "name": harmless(task.scenario.name),
@@ -123,8 +126,8 @@ def _described(task: FingerTask, problem: MechanismProblem) -> dict[str, Any]:
         "following": finger.names[wanted:],
         "tendons": [tendon.name for tendon in finger.tendons],
         "motors": [motor.name for motor in finger.motors],
-        "least": low - margin,
-        "most": high + margin,
+        "least": np.minimum(least, low - _LEAST_MARGIN_RAD),
+        "most": np.maximum(most, high + _LEAST_MARGIN_RAD),
         "start": problem.start[:wanted],
         "middle": 0.5 * (low + high),
         "reach": 0.5 * (high - low),
