@@ -79,7 +79,7 @@ def export_c(
             exported.write(folder)
     say(*exported.notes)
     warn(*exported.warnings)
-    say(*score_lines(exported.judged))
+    say(*score_lines(exported.judged), exported.headline)
     say(f"{len(exported.files)} files in {out}; `make test` there compares them with the Python model")
     return None
 
@@ -94,6 +94,8 @@ def _export_joints(
         exported.write(folder)
     _say_joints(exported.judged, "ratio", exported.loss_rad)
     warn(*exported.warnings)
+    for each, headline in zip(exported.judged, exported.headlines, strict=True):
+        say(f"{each.name}: {headline}")
     say(f"{len(exported.files)} files in {out}; `make test` there compares them with the Python model")
 
 
@@ -112,6 +114,7 @@ def _export_fingers(
 
 def _say_joints(judged: tuple["JudgedJoint", ...], plain: str, loss_rad: float | None) -> None:
     for each in judged:
-        say(f"{each.name}: RMS error {each.text(each.rms)}, by the {plain} alone {each.text(each.plain_rms)}")
+        own, other = each.text(each.rms), each.text(each.plain_rms)
+        say(f"{each.name}: RMS error {own} with exactly these parameters, by the {plain} alone {other}")
     if loss_rad is not None:
         say(f"compiled here, the code departs from the model by {loss_rad:.2g} rad at most")
