@@ -1,6 +1,8 @@
 """A compensator in a control loop in Python, step by step: `tf.Runtime`."""
 
 import ctypes
+import hashlib
+import hmac
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -9,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tendonff._version import __version__
 from tendonff.compensator.export.host import compile_on_host
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.finger.runtime import FingerRuntime
@@ -24,6 +27,8 @@ from tendonff.ocp.codegen.compiler import why_no_compiler
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import CodeError
 
+_SEAL_BYTES = 32
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RuntimeState:
@@ -35,7 +40,8 @@ class RuntimeState:
     digest : str
         Of the scenario: a state of another one is refused.
     content : bytes
-        Memory of the compiled code, for this version and this kind of machine.
+        Checksum, and the memory of the compiled code, for this version and this kind of machine. The checksum finds
+        damage, not intent: take states, like programs, only from where you trust.
     """
 
     kind: RuntimeKind
@@ -109,7 +115,7 @@ class Runtime:
             self._finger = finger = FingerRuntime(scenario)
             self.kind, self.step_s, self.joints = RuntimeKind.JOINT, finger.step_s, finger.joints
             self.motors, self.start, self._digest = finger.motors, math.nan, scenario.digest()
-            self.ranges = finger.ranges
+            self.ranges, self._code_digest = finger.ranges, ""
             return
         if isinstance(scenario, JointScenario):
             code = joint_runtime(scenario, wanted)
@@ -121,6 +127,7 @@ class Runtime:
         self.kind, self.step_s, self.joints = code.kind, code.step_s, code.joints
         self.start, self.ranges = code.start if start is None else start, code.ranges
         self._digest, self._driven = code.digest, code.driven
+        self._code_digest = hashlib.sha256(repr((sorted(code.sources.items()), code.driver)).encode()).hexdigest()
         size = host.function("tff_runtime_size", result=ctypes.c_long)()
         self._memory = ctypes.create_string_buffer(size)
         address, real = ctypes.c_void_p, ctypes.c_double
@@ -206,28 +213,39 @@ class Runtime:
 
     def state(self) -> RuntimeState:
         """Everything that is remembered, to go on from by `restore`."""
-        content = self._memory.raw if self._finger is None else self._finger.content()
-        return RuntimeState(kind=self.kind, digest=self._digest, content=content)
+        held = self._memory.raw if self._finger is None else self._finger.content()
+        return RuntimeState(kind=self.kind, digest=self._digest, content=self._seal(held) + held)
 
     def restore(self, state: RuntimeState) -> None:
-        """Go on from a state of the same scenario.
+        """Go on from a state of the same scenario, version and kind of machine.
 
         Raises
         ------
         InputError
-            If the state is of another scenario, kind or version.
+            If the state is of another scenario, kind or version, or not as it was written; nothing is changed then.
         """
-        same = (state.kind, state.digest) == (self.kind, self._digest)
-        if same and self._finger is not None:
-            if not self._finger.restore(state.content):
-                raise InputError("the content of this state is damaged, or of another version or machine; start anew")
-            return
-        if not same or len(state.content) != len(self._memory):
+        if (state.kind, state.digest) != (self.kind, self._digest):
             raise InputError(
                 f'this is a state of kind "{state.kind}" and scenario {state.digest}, not of "{self.kind}" and '
                 f"{self._digest}; start a runtime of that scenario"
             )
-        self._memory.raw = state.content
+        content = bytes(state.content)
+        seal, held = content[:_SEAL_BYTES], content[_SEAL_BYTES:]
+        good = hmac.compare_digest(seal, self._seal(held))
+        if self._finger is not None:
+            good = good and self._finger.restore(held)
+        elif good and len(held) == len(self._memory):
+            self._memory.raw = held
+        else:
+            good = False
+        if not good:
+            raise InputError("the content of this state is damaged, or of another version or machine; start anew")
+
+    def _seal(self, held: bytes) -> bytes:
+        """Checksum of a memory and of the code whose it is."""
+        made = hashlib.sha256(f"{__version__} {self.kind} {self._digest} {self._code_digest}".encode())
+        made.update(held)
+        return made.digest()
 
     def _given(self, joints: Mapping[str, float] | Sequence[float] | None) -> Sequence[float]:
         if not self.joints and not joints:
