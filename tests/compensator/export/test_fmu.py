@@ -176,7 +176,7 @@ def test_a_state_survives_as_bytes_and_says_what_it_accepts(unit, fmi, tmp_path)
     for at in (0, 17, len(kept) // 2, len(kept) - 1):
         damaged = bytearray(kept)
         damaged[at] ^= 4
-        with pytest.raises(Exception, match="(?i)deserialize"):
+        with pytest.raises(Exception, match=r"(?i)deserialize"):
             slave.deserializeFMUState(bytes(damaged))
     slave.terminate()
     slave.freeInstance()
