@@ -37,6 +37,11 @@ class JudgedJoint:
     is_angle: bool
     fault: str
 
+    @property
+    def sentence(self) -> str:
+        """Both errors in words."""
+        return f"{self.name}: RMS error {self.text(self.rms)}, by the ratio alone {self.text(self.plain_rms)}"
+
     def text(self, value: float) -> str:
         """An error in degrees or N m."""
         return f"{math.degrees(value):.2g} deg" if self.is_angle else f"{value:.2g} N m"

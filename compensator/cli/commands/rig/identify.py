@@ -3,7 +3,7 @@
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -13,7 +13,6 @@ from tendonff.compensator.cli.options import (
     ScenarioArgument,
     looked_at,
     named_numbers,
-    of_one_joint,
     option,
 )
 from tendonff.compensator.cli.progress import interruptible, progress, say, warn
@@ -22,16 +21,6 @@ from tendonff.compensator.files.text import InputError, suggestion
 from tendonff.compensator.scenario.measurement import Explain, Measurement
 from tendonff.models.errors import ParameterError
 
-if TYPE_CHECKING:
-    from tendonff.compensator.finger.scenario import FingerScenario
-    from tendonff.compensator.identification.answer.result import Identification
-    from tendonff.compensator.joint.scenario.scenario import JointScenario
-    from tendonff.compensator.scenario.scenario import Scenario
-
-_SEVERAL = (
-    "identify fits one tendon or one joint on a loop; measure the tendons of a finger one by one, each described by a "
-    "scenario of its own"
-)
 _YES = "Fit very long files without asking, and go on where a value looks like another unit."
 SCALED = ("time", "input", "output", "input_position", "output_position", "actuator_force")
 _SCALE = (
@@ -105,10 +94,13 @@ def identify(
     angle, --output-position-column the joint's.
     """
     loaded = looked_at(scenario, follows_reference=False, yes=yes)
-    from tendonff.compensator.scenario.scenario import Scenario
+    from tendonff.compensator import door
+    from tendonff.compensator.files.writing import atomic_directory
 
     if suggest:
-        _suggest(loaded, out, pdf=pdf)
+        with atomic_directory(out) as folder:
+            routine = door.function_of("write_suggestion", loaded)(loaded, folder, pdf=pdf)
+        say(*routine.lines(out))
         return
     if not data:
         raise InputError(
@@ -129,33 +121,11 @@ def identify(
         "gear_ratio": gear_ratio,
         "explain": explain,
     }
-    if not isinstance(loaded, Scenario):
-        refused = {
-            "--tension-column": tension_column,
-            "--actuator-force-column": actuator_force_column,
-            "--static": static_only,
-            "--explain": explain,
-            "--condition": condition,
-            "--tare": tare,
-            "--gear-ratio": gear_ratio,
-            "--drum-radius": drum_radius,
-        }
-        if given := [name for name, value in refused.items() if value]:
-            raise InputError(f"{scenario.name}: {given[0]} is for the tensions of one tendon; leave it out for a joint")
-        try:
-            joint_how = replace(Measurement(), **{k: v for k, v in names.items() if v is not None})  # type: ignore[arg-type]
-            joint_how = _of_columns(joint_how, "--scale", scale or [], SCALED, "input=0.001 turns mN m into N m")
-            joint_how = _of_columns(joint_how, "--offset", offset or [], ("input",), "input=0.004 takes 4 mN m off")
-        except ParameterError as error:
-            raise InputError(str(error)) from None
-        _identify_joint(of_one_joint(loaded, _SEVERAL), out, data, validate or [], joint_how, pdf=pdf)
-        return
+    door.require_options("identify", loaded, {**names, "tension_columns": tension_column, "tare_s": tare})
     labels = _labels(condition or [], [path.name for path in data])
 
     def confirm(question: str) -> bool:
         return yes or (sys.stdin.isatty() and typer.confirm(f"{question}. Go on?", err=True))
-
-    from tendonff.compensator.files.writing import atomic_directory
 
     with atomic_directory(out) as folder:
         try:
@@ -165,65 +135,23 @@ def identify(
             how = _between(_tared(how, tare), tension_column or [])
         except ParameterError as error:
             raise InputError(str(error)) from None
-        from tendonff.compensator.identification.answer.result import summary_lines
-        from tendonff.compensator.identification.run import identify as identify_files
-
-        def work() -> "Identification":
-            return identify_files(
-                replace(loaded, measurement=how),
-                data,
-                validate or [],
-                static_only=static_only,
-                conditions=labels,
-                say=_say_files,
-                confirm=confirm,
+        with progress("identifying"):
+            found = interruptible(
+                lambda: door.identify(
+                    loaded,
+                    data,
+                    validate or [],
+                    how=how,
+                    static_only=static_only,
+                    conditions=labels,
+                    say=_say_files,
+                    confirm=confirm,
+                )
             )
-
-        with progress("identifying"):
-            found = interruptible(work)
         with progress("writing"):
             found.write(folder, pdf=pdf)
     warn(*found.warnings)
-    say(*summary_lines(found, str(out)))
-
-
-def _suggest(loaded: "Scenario | JointScenario | FingerScenario", out: Path, *, pdf: bool) -> None:
-    """Write an excitation that identifies a tendon, or motor angles that identify a joint."""
-    from tendonff.compensator.files.writing import atomic_directory
-    from tendonff.compensator.scenario.scenario import Scenario
-
-    if not isinstance(loaded, Scenario):
-        from tendonff.compensator.identification.joint.output import write_routine
-
-        routine = write_routine(of_one_joint(loaded, _SEVERAL), out, pdf=pdf)
-        reach = f"{routine.motor_rad.min():.3g} to {routine.motor_rad.max():.3g} rad"
-        say(f"{out / 'suggested_motor.csv'}: {routine.time_s[-1]:.4g} s, {reach}", *(f"  {p}" for p in routine.parts))
-        return
-    with atomic_directory(out) as folder:
-        from tendonff.compensator.identification.answer.output import write_suggestion
-
-        excitation = write_suggestion(loaded, folder, pdf=pdf)
-    say(f"{out / 'suggested_force.csv'}: {excitation.time_s[-1]:.4g} s, up to {excitation.force_N.max():.4g} N")
-    say(*(f"  {part}" for part in excitation.parts))
-    if excitation.gain:
-        say(excitation.gain)
-
-
-def _identify_joint(
-    loaded: "JointScenario", out: Path, data: list[Path], validate: list[Path], how: Measurement, *, pdf: bool
-) -> None:
-    """Identify a joint from its motor, and write what was found."""
-    from tendonff.compensator.files.writing import atomic_directory
-    from tendonff.compensator.identification.joint.result import summary_lines
-    from tendonff.compensator.identification.joint.run import identify_joint
-
-    with atomic_directory(out) as folder:
-        with progress("identifying"):
-            found = interruptible(lambda: identify_joint(loaded, data, validate, how=how))
-        with progress("writing"):
-            found.write(folder, pdf=pdf)
-    warn(*found.warnings)
-    say(*summary_lines(found, str(out)))
+    say(*found.lines(str(out)))
 
 
 def _say_files(line: str) -> None:
