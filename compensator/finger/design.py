@@ -69,6 +69,7 @@ def design_finger(scenario: FingerScenario, *, strict: bool = False, progress: P
         joints=joint_sheets(task),
         masses=masses,
         refinement=REFINEMENT,
+        doubt_masses=task.doubt_masses(finger),
         warnings=(*task.notes, *map(str, finger_doubts(scenario)), *tried.warnings),
     )
     return _with_limits(result)

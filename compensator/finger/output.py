@@ -107,7 +107,7 @@ def summary(result: FingerDesign) -> dict[str, object]:
             for name, profile in result.profiles.items()
         },
         "recommended": result.recommended.name,
-        "expectation": expectation_summary(result.expectation, result.masses),
+        "expectation": expectation_summary(result.expectation, result.doubt_masses),
         "inverse": {
             "status": result.inversion.status.value,
             "evaluations_per_step": result.inversion.work / max(len(result.sampled.time_s) - 1, 1),
@@ -199,7 +199,7 @@ def _report(result: FingerDesign, figures: Mapping[str, Figure], view: Interacti
     pictures = pictures_of(figures, _CAPTIONS)
     labels = {c.name: c.label for c in result.compensators}
     doubt = Text(f"For {result.expectation.doubt}.")
-    robustness = (robustness_table(result.expectation, labels, result.masses), doubt, pictures["contributions"])
+    robustness = (robustness_table(result.expectation, labels, result.doubt_masses), doubt, pictures["contributions"])
     return Report(
         title=f"Design: {result.scenario.name}",
         summary=result.headline,

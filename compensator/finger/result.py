@@ -81,6 +81,8 @@ class FingerDesign(Result):
         Data sheet.
     masses, refinement : int
         Of the verifying mechanism: masses a tendon, and its steps in one of the design.
+    doubt_masses : int
+        Masses a tendon of the mechanisms that may be the real one.
     warnings : tuple of str
         What the user should know.
     """
@@ -96,6 +98,7 @@ class FingerDesign(Result):
     joints: tuple[JointSheet, ...]
     masses: int
     refinement: int
+    doubt_masses: int
     warnings: tuple[str, ...]
 
     @property

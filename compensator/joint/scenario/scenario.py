@@ -232,6 +232,10 @@ def sample_joint(scenario: JointScenario) -> SampledJoint:
     if not np.ptp(wanted) > 0:
         raise InputError(f"{file} [reference]: it never changes, so there is nothing to design; let it move")
     kept, warnings = _within_stops(scenario, angle, time)
+    try:
+        scenario.mechanism.joint.accepted_rad(float(kept.min()), float(kept.max()))
+    except ParameterError as error:
+        raise InputError(f"{file} [joints.{joint}]: {error}") from None
     angle, wanted = kept, wanted if torque else kept
     contact = wanted if torque else np.zeros_like(wanted)
     if spec.periodic:
