@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from tendonff.compensator.identification.answer.result import Identification
     from tendonff.compensator.identification.joint.result import JointIdentification
     from tendonff.compensator.identification.joint.routine import MotorRoutine
+    from tendonff.compensator.identification.motors.result import MotorsIdentification
+    from tendonff.compensator.identification.motors.routine import MotorsRoutine
     from tendonff.compensator.identification.suggest import Excitation
     from tendonff.compensator.joint.design.result import JointDesign
     from tendonff.compensator.joint.export.project import ExportedJoints
@@ -85,9 +87,6 @@ _FINGER_ALONE = "tf.Runtime gives their motor angles step by step"
 _LIVE = "the filter of a live reference is that of a tension; the exported inverse of a joint leads to its reference"
 _PROBES = "the optimal profile is that of a tension; joints have the exact inverse"
 _TABLE_AXES = "the table of a joint has its angle and the way it turns as axes"
-_NOT_SUGGESTED = (
-    "an excitation is suggested for one tendon or one joint on a loop; measure the tendons of a finger one by one"
-)
 _ONE_MOTOR = "is for the tensions of one tendon; a joint is known by its motor, leave it out"
 
 WORKS: Mapping[str, Work] = MappingProxyType(
@@ -175,14 +174,11 @@ WORKS: Mapping[str, Work] = MappingProxyType(
         "identify": Work(
             by={
                 Kind.TENSION: "identification.run:identify",
-                Kind.JOINT: "identification.joint.run:identify_joint",
-            },
-            refused={
-                Kind.FINGER: "identify fits one tendon or one joint on a loop; measure the tendons of a finger one by "
-                "one, each described by a scenario of its own"
+                Kind.JOINT: "identification.driven:identify_one",
+                Kind.FINGER: "identification.driven:identify_several",
             },
             options={
-                name: _not((Kind.JOINT,), f"{flag} {_ONE_MOTOR}")
+                name: _not(_MOTORS, f"{flag} {_ONE_MOTOR}")
                 for name, flag in (
                     ("tension_columns", "--tension-column"),
                     ("actuator_force_column", "--actuator-force-column"),
@@ -198,16 +194,16 @@ WORKS: Mapping[str, Work] = MappingProxyType(
         "suggest": Work(
             by={
                 Kind.TENSION: "identification.suggest:suggest",
-                Kind.JOINT: "identification.joint.routine:suggest_routine",
+                Kind.JOINT: "identification.driven:suggest_one",
+                Kind.FINGER: "identification.motors.run:suggest_motor_routine",
             },
-            refused={Kind.FINGER: _NOT_SUGGESTED},
         ),
         "write_suggestion": Work(
             by={
                 Kind.TENSION: "identification.answer.output:write_suggestion",
-                Kind.JOINT: "identification.joint.output:write_routine",
+                Kind.JOINT: "identification.driven:write_one",
+                Kind.FINGER: "identification.driven:write_several",
             },
-            refused={Kind.FINGER: _NOT_SUGGESTED},
         ),
         "watch": Work(
             by={Kind.JOINT: "studies.watch.run:watch"},
@@ -551,13 +547,13 @@ def identify(
 ) -> "Identification": ...
 @overload
 def identify(
-    scenario: "JointScenario",
+    scenario: "JointScenario | FingerScenario",
     data: "Files",
     validate: "Files" = (),
     *,
     how: "Measurement | None" = None,
     say: Callable[[str], None] = ...,
-) -> "JointIdentification": ...
+) -> "JointIdentification | MotorsIdentification": ...
 @overload
 def identify(
     scenario: "AnyScenario",
@@ -569,7 +565,7 @@ def identify(
     conditions: Mapping[str, str] | None = None,
     say: Callable[[str], None] = ...,
     confirm: Callable[[str], bool] | None = None,
-) -> "Identification | JointIdentification": ...
+) -> "Identification | JointIdentification | MotorsIdentification": ...
 @in_turn
 def identify(
     scenario: "AnyScenario",
@@ -581,15 +577,15 @@ def identify(
     conditions: Mapping[str, str] | None = None,
     say: Callable[[str], None] = lambda _: None,
     confirm: Callable[[str], bool] | None = None,
-) -> "Identification | JointIdentification":
+) -> "Identification | JointIdentification | MotorsIdentification":
     """Find the parameters of a rig from files that were measured on it.
 
     Parameters
     ----------
-    scenario : Scenario or JointScenario
+    scenario : Scenario, JointScenario or FingerScenario
         Of the rig: its values are where the fit starts.
     data : sequence of path
-        Files to fit: tensions at both ends of a tendon, or angle and torque of a joint's motor.
+        Files to fit: tensions at both ends of a tendon, or angles and torques of motors.
     validate : sequence of path, optional
         Files that judge the laws.
     how : Measurement, optional
@@ -615,7 +611,7 @@ def identify(
     >>> fit = tf.identify(scenario, ["log.csv"])  # doctest: +SKIP
     """
     asked = {"how": how, "static_only": static_only, "conditions": conditions}
-    found: Identification | JointIdentification = function_of("identify", scenario, asked)(
+    found: Identification | JointIdentification | MotorsIdentification = function_of("identify", scenario, asked)(
         scenario, data, validate, say=say, **({} if confirm is None else {"confirm": confirm})
     )
     return found
@@ -624,12 +620,12 @@ def identify(
 @overload
 def suggest(scenario: "Scenario") -> "Excitation": ...
 @overload
-def suggest(scenario: "JointScenario") -> "MotorRoutine": ...
+def suggest(scenario: "JointScenario | FingerScenario") -> "MotorRoutine | MotorsRoutine": ...
 @overload
-def suggest(scenario: "AnyScenario") -> "Excitation | MotorRoutine": ...
+def suggest(scenario: "AnyScenario") -> "Excitation | MotorRoutine | MotorsRoutine": ...
 @in_turn
-def suggest(scenario: "AnyScenario") -> "Excitation | MotorRoutine":
-    """Suggest what to command for an identification: a force over time, or a joint's motor angle.
+def suggest(scenario: "AnyScenario") -> "Excitation | MotorRoutine | MotorsRoutine":
+    """Suggest what to command for an identification: a force over time, or angles of motors.
 
     Examples
     --------
@@ -638,7 +634,7 @@ def suggest(scenario: "AnyScenario") -> "Excitation | MotorRoutine":
     >>> routine.motor_rad[0]
     np.float64(0.0)
     """
-    found: Excitation | MotorRoutine = function_of("suggest", scenario)(scenario)
+    found: Excitation | MotorRoutine | MotorsRoutine = function_of("suggest", scenario)(scenario)
     return found
 
 
