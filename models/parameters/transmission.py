@@ -6,7 +6,9 @@ from dataclasses import dataclass, replace
 from tendonff.models.errors import LARGEST, ParameterError, require, require_given, require_whole
 from tendonff.models.parameters.drive import Drive, Motor
 from tendonff.models.path import JointMotion, Section, above_static
-from tendonff.models.tendon.load_dependence import LARGEST_EXPONENT
+
+LARGEST_EXPONENT = 0.5
+"""Largest load exponent n [-]: measured ones are at most 1/3."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

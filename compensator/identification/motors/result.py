@@ -34,6 +34,7 @@ class MotorsComparison:
     counted : ndarray of bool, shape (rows,)
         Rows that count: friction has forgotten what was before the file.
     findings : tuple of str
+        Data issues.
     """
 
     name: str

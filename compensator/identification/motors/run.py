@@ -87,7 +87,7 @@ def identify_motors(
     InputError
         If a file cannot be used.
     """
-    finger, sampled = _MECHANISM[scenario.kind](scenario)
+    finger, sampled = mechanism_of(scenario)
     start_rad = sampled.angle_rad[0]
     _require_friction(finger, scenario.source.name)
     files, judging = tuple(map(Path, data)), tuple(map(Path, validate))
@@ -107,7 +107,7 @@ def identify_motors(
 
 def suggest_motor_routine(scenario: FingerScenario | JointScenario) -> MotorsRoutine:
     """Motor angles for a log that identifies a finger or a pair; InputError where no tensions lead the joints so."""
-    return suggest_motors(*_MECHANISM[scenario.kind](scenario), scenario.source.name)
+    return suggest_motors(*mechanism_of(scenario), scenario.source.name)
 
 
 def _of_pair(scenario: JointScenario) -> tuple[Finger, SampledFinger]:
@@ -140,6 +140,11 @@ _MECHANISM: Mapping[Kind, Callable[[Any], tuple[Finger, SampledFinger]]] = {
     Kind.JOINT: _of_pair,
     Kind.FINGER: _of_finger,
 }
+
+
+def mechanism_of(scenario: FingerScenario | JointScenario) -> tuple[Finger, SampledFinger]:
+    """Joints, tendons and motors of a scenario, and its reference."""
+    return _MECHANISM[scenario.kind](scenario)
 
 
 def _require_friction(finger: Finger, file: str) -> None:
@@ -276,24 +281,32 @@ def _fitted_text(scenario: FingerScenario | JointScenario, finger: Finger, estim
         if joint.gravity_N_m:
             raw["joints"][joint.name]["gravity_N_m"] = joint.gravity_N_m
     known = {e.name: e for e in estimates}
-    if isinstance(scenario, FingerScenario):
-        rows = raw.setdefault(
-            "motors", [{"name": m.name, "drums_m": dict(zip(m.winds, m.radii_m, strict=True))} for m in finger.motors]
-        )
-        for row, motor in zip(rows, finger.motors, strict=True):
-            row["coulomb_N_m"] = motor.drive.coulomb_N_m
-            if len(motor.winds) > 1:
-                row["pretension_N"] = motor.drive.pretension_N
-    else:
-        raw["drive"]["coulomb_N_m"] = float(np.mean([m.drive.coulomb_N_m for m in finger.motors]))
-    raw["robust"] = _robust(scenario, finger, known, raw.get("robust", {}))
+    _PUT[scenario.kind](raw, finger)
+    raw["robust"] = _robust(finger, known, raw.get("robust", {}))
     raw["run"]["level"] = "presliding"
     return to_toml(raw)
 
 
-def _robust(
-    scenario: FingerScenario | JointScenario, finger: Finger, known: dict[str, Estimate], stated: dict[str, Any]
-) -> dict[str, Any]:
+def _put_motors(raw: dict[str, Any], finger: Finger) -> None:
+    """Dry friction and pre-tension of every motor into [[motors]]."""
+    rows = raw.setdefault(
+        "motors", [{"name": m.name, "drums_m": dict(zip(m.winds, m.radii_m, strict=True))} for m in finger.motors]
+    )
+    for row, motor in zip(rows, finger.motors, strict=True):
+        row["coulomb_N_m"] = motor.drive.coulomb_N_m
+        if len(motor.winds) > 1:
+            row["pretension_N"] = motor.drive.pretension_N
+
+
+def _put_drive(raw: dict[str, Any], finger: Finger) -> None:
+    """Dry friction of a pair's motors, which state one, into [drive]."""
+    raw["drive"]["coulomb_N_m"] = float(np.mean([m.drive.coulomb_N_m for m in finger.motors]))
+
+
+_PUT: Mapping[Kind, Callable[[dict[str, Any], Finger], None]] = {Kind.JOINT: _put_drive, Kind.FINGER: _put_motors}
+
+
+def _robust(finger: Finger, known: dict[str, Estimate], stated: dict[str, Any]) -> dict[str, Any]:
     """[robust] with the widest interval of friction and of stiffness; what is not identified has the assumed width."""
 
     def widest(suffix: str) -> float:
@@ -304,7 +317,7 @@ def _robust(
         key: value for key, value in stated.get("spread", {}).items() if not key.endswith(("mu_dynamic", "N_per_m"))
     }
     for motor in finger.motors:
-        if len(motor.winds) > 1 and isinstance(scenario, FingerScenario):
+        if len(motor.winds) > 1:
             key = f"motors.{motor.name}.drive.pretension_N"
             spread[key] = _half_width(known[key])
     found = {**{k: v for k, v in stated.items() if k != "spread"}, "mu": widest(".mu_dynamic")}

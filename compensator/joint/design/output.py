@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.compensators.expectation import two_digits
+from tendonff.compensator.feedback.result import feedback_summary
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.writing import atomic_directory, write_csv
 from tendonff.compensator.joint.design.figures import joint_figures, motor_names
@@ -84,6 +85,8 @@ def summary(result: JointDesign) -> dict[str, object]:
         },
         "warnings": list(result.warnings),
     }
+    if result.feedback is not None:
+        found["feedback"] = feedback_summary(result.feedback)
     if result.sheet is not None:
         found["loop"] = asdict(result.sheet)
     return found
@@ -99,5 +102,10 @@ def show(result: JointDesign, folder: Path) -> None:
             (c.name, two_digits(worst[c.name]), two_digits(result.percent(result.profiles[c.name].rms)))
             for c in result.compensators
         ],
-        (result.headline, result.fine_print, f"written to {folder}"),
+        (
+            result.headline,
+            result.fine_print,
+            *(() if result.feedback is None else (result.feedback.sentence,)),
+            f"written to {folder}",
+        ),
     )
