@@ -11,6 +11,7 @@ from tendonff.compensator.export.modules import accepted_steps
 from tendonff.compensator.export.text.c_text import harmless
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.joint.adaptation import TunedJoint
+from tendonff.compensator.joint.export import observed
 from tendonff.compensator.joint.export.adaptive import adaptive_context
 from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint, sample_joint
 from tendonff.models.errors import ParameterError
@@ -130,12 +131,18 @@ def _context(
         "masses": masses,
         "states": layout.size,
         "memory": memory,
-        "state_bytes": 8 * -(-((2 * (2 * layout.size + memory) + 48) * size + 36) // 8),
+        "state_bytes": 8 * -(-((2 * (2 * layout.size + memory) + 55) * size + 36) // 8),
         "others": others,
         "other_parameter": f", const {prefix}_real other_rad[]" if others else "",
         "re_entry": max(1, round(RE_ENTRY_S / step)),
         "steps": accepted_steps(step),
-        "observe_moves": 40,
+        "observe_moves": observed.MOVES,
+        "observe_width_rad": 1e-13 if precision is Precision.DOUBLE else 2e-7,
+        "observe_step_rad": observed.STEP_RAD,
+        "observe_lost_s": max(observed.LOST_S, 10 * step),
+        "observe_speed": f"{observed.SPEED:g}",
+        "observe_speed_of_course": f"{observed.SPEED_OF_COURSE:g}",
+        "halvings": 45 if precision is Precision.DOUBLE else 22,
         "observe_rad": 1e-11 if precision is Precision.DOUBLE else 2e-6,
         "push": _PUSH_N if precision is Precision.DOUBLE else 100 * _PUSH_N,
         "moves": MOVES[precision],
@@ -204,6 +211,7 @@ def _described(
         *(text(drive.pretension_N or 0.0), text(drive.least_tension_N or 0.0), both(compliance), both(scale)),
         *(text(change), text(drive.torque_max_N_m or 1e30), text(drive.servo_time_s / step)),
         *(text(scale[0] / mechanism.arms_at(float(sampled.angle_rad[0]))[0]),),
+        *(text(observed.observed_motor(scenario, sampled.angle_rad)[1]),),
         *(text(drive.play_rad / 2), text(drive.turning_rad)),
     ]
     if others:
