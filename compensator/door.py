@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from tendonff.compensator.export.c_project import Exported
     from tendonff.compensator.export.unit import Fmu
     from tendonff.compensator.files.reading import FloatArray
+    from tendonff.compensator.finger.export.project import ExportedFingers
     from tendonff.compensator.finger.result import FingerDesign
     from tendonff.compensator.finger.scenario import FingerScenario
     from tendonff.compensator.identification.answer.result import Identification
@@ -51,6 +52,8 @@ if TYPE_CHECKING:
     from tendonff.compensator.studies.simulate.result import SimulatedFile
     from tendonff.compensator.studies.tables.joint import JointTable
     from tendonff.compensator.studies.tables.result import Tables
+    from tendonff.ocp.opti.joint import JointFormulation
+    from tendonff.ocp.opti.tendon import Formulation
     from tendonff.ocp.tracking.options import TrackOptions
 
     AnyScenario = Scenario | JointScenario | FingerScenario
@@ -84,6 +87,7 @@ def _not(kinds: Sequence[Kind], why: str) -> Mapping[Kind, str]:
 
 
 _FINGER_ALONE = "tf.Runtime gives their motor angles step by step"
+_APART = "a project holds single joints or fingers, each kind in a folder of its own; give one kind at a time"
 _LIVE = "the filter of a live reference is that of a tension; the exported inverse of a joint leads to its reference"
 _PROBES = "the optimal profile is that of a tension; joints have the exact inverse"
 _TABLE_AXES = "the table of a joint has its angle and the way it turns as axes"
@@ -243,18 +247,32 @@ WORKS: Mapping[str, Work] = MappingProxyType(
                 )
             },
         ),
+        "opti": Work(
+            by={
+                Kind.TENSION: "studies.opti.run:opti_of_tension",
+                Kind.JOINT: "studies.opti.run:opti_of_joint",
+            },
+            refused={
+                Kind.FINGER: "opti takes one tendon or one driven joint, this scenario has several; take "
+                "mechanism_equations for a problem of your own"
+            },
+            options={
+                "options": _not((Kind.JOINT,), "options are weights and bounds of a tension; add yours to the problem"),
+                "payload": _not((Kind.TENSION,), "payload is a torque of a joint; leave it out"),
+            },
+        ),
         "export_c": Work(
             by={
                 Kind.TENSION: "export.c_project:export_project",
                 Kind.JOINT: "joint.export.project:export_joints",
+                Kind.FINGER: "finger.export.project:export_fingers",
             },
-            refused={Kind.FINGER: f"no C is exported for several joints yet; {_FINGER_ALONE}"},
             options={
                 "further": _not(
                     (Kind.TENSION,),
                     "one project has one tension, or several driven joints; give one scenario at a time",
                 ),
-                "profile_N": _not((Kind.JOINT,), "profile_N is a force over time; the inverse of a joint runs live"),
+                "profile_N": _not(_MOTORS, "profile_N is a force over time; the inverse of a joint runs live"),
             },
         ),
         "export_fmu": Work(
@@ -717,16 +735,16 @@ def export_c(
     level: Level | None = None,
     profile_N: "FloatArray | None" = None,
     force_export: bool = False,
-) -> "Exported | ExportedJoints":
+) -> "Exported | ExportedJoints | ExportedFingers":
     """Print a folder of C99 for the controller, with its self test.
 
     Every module is simulated on the scenario's reference first; one that is worse than no compensation is left out.
 
     Parameters
     ----------
-    scenario : Scenario or JointScenario
-    further : sequence of JointScenario, optional
-        Of a joint: others of the same project, which share one copy of the code.
+    scenario : Scenario, JointScenario or FingerScenario
+    further : sequence of JointScenario or FingerScenario, optional
+        Of joints: others of the same project, which share one copy of the code.
     precision : Precision, optional
         Real type of all arithmetic.
     prefix : str, optional
@@ -754,10 +772,98 @@ def export_c(
     >>> exported.write("c")  # doctest: +SKIP
     """
     for each in further:
-        function_of("export_c", each, {"further": (scenario,)})
+        if each.kind is not scenario.kind:
+            raise InputError(f"{each.source.name}: {_APART}")
     asked = {"further": further, "profile_N": profile_N}
-    found: Exported | ExportedJoints = function_of("export_c", scenario, asked)(
+    found: Exported | ExportedJoints | ExportedFingers = function_of("export_c", scenario, asked)(
         scenario, precision=precision, prefix=prefix, level=level, force_export=force_export
+    )
+    return found
+
+
+@overload
+def opti(
+    scenario: "Scenario",
+    *,
+    level: Level | None = None,
+    interval_s: float = 0.005,
+    degree: int = 1,
+    smoothing: float = 3e-4,
+    options: "TrackOptions | None" = None,
+) -> "Formulation": ...
+@overload
+def opti(
+    scenario: "JointScenario",
+    *,
+    level: Level | None = None,
+    interval_s: float = 0.005,
+    degree: int = 1,
+    smoothing: float = 3e-4,
+    payload: bool = False,
+) -> "JointFormulation": ...
+@overload
+def opti(
+    scenario: "AnyScenario",
+    *,
+    level: Level | None = None,
+    interval_s: float = 0.005,
+    degree: int = 1,
+    smoothing: float = 3e-4,
+    options: "TrackOptions | None" = None,
+    payload: bool = False,
+) -> "Formulation | JointFormulation": ...
+@in_turn
+def opti(
+    scenario: "AnyScenario",
+    *,
+    level: Level | None = None,
+    interval_s: float = 0.005,
+    degree: int = 1,
+    smoothing: float = 3e-4,
+    options: "TrackOptions | None" = None,
+    payload: bool = False,
+) -> "Formulation | JointFormulation":
+    """Pose the optimal-control problem of a scenario by direct collocation, to be extended and solved by IPOPT.
+
+    Parameters
+    ----------
+    scenario : Scenario or JointScenario
+        The tension of one tendon, or the angle of one driven joint.
+    level : Level, optional
+        Of the model; default: the scenario's.
+    interval_s : float, optional
+        Length of an interval, over which force and motors are linear [s], > 0. Default 0.005.
+    degree : int, optional
+        Of the states' polynomials, 1 to 9; 1, the default, is implicit Euler.
+    smoothing : float, optional
+        Friction switches over this share of the largest sliding speed of the first guess [-], > 0: abs(v) becomes
+        sqrt(v^2 + w^2). Default 3e-4.
+    options : TrackOptions, optional
+        Weights and bounds of a tendon's problem; default: the scenario's table [optimal].
+    payload : bool, optional
+        Of a joint: the torque on what it touches is a variable that your equations decide.
+
+    Raises
+    ------
+    InputError
+        If the scenario is none that this can pose.
+    SolveError
+        If the first guess cannot be simulated.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> import tendonff as tf
+    >>> scenario = tf.load_scenario("examples/finger_fast.toml")
+    >>> short = replace(scenario.reference, duration_s=0.1)
+    >>> problem = tf.opti(replace(scenario, reference=short))
+    >>> problem.opti.subject_to(problem.tension_N[3, 1:] <= 60.0)  # at the middle of the path
+    >>> answer = problem.solve()
+    >>> answer.value(problem.force_N).shape
+    (21,)
+    """
+    found: Formulation | JointFormulation = function_of("opti", scenario, {"options": options, "payload": payload})(
+        scenario, level=level, interval_s=interval_s, degree=degree, smoothing=smoothing
     )
     return found
 

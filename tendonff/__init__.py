@@ -14,7 +14,17 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.compensator.compensators.plant import Plant, Response
     from tendonff.compensator.compensators.profile import Profile
     from tendonff.compensator.compensators.registry import COMPENSATORS
-    from tendonff.compensator.door import adapt, compare, design, export_c, export_fmu, identify, make_table, suggest
+    from tendonff.compensator.door import (
+        adapt,
+        compare,
+        design,
+        export_c,
+        export_fmu,
+        identify,
+        make_table,
+        opti,
+        suggest,
+    )
     from tendonff.compensator.export.kinds import FmiVersion
     from tendonff.compensator.export.kinds import Kind as FmuKind
     from tendonff.compensator.files.reading import InputError
@@ -48,6 +58,8 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.ocp.errors import CodeError, SolveError
     from tendonff.ocp.integrate.integrate import Integration, integrate
     from tendonff.ocp.integrate.method import Method
+    from tendonff.ocp.opti.joint import JointFormulation
+    from tendonff.ocp.opti.tendon import Formulation, OptiSolution
     from tendonff.ocp.systems import invert, simulate, system_of
     from tendonff.ocp.tendon.batch import SimulationJob, simulate_batch
     from tendonff.ocp.tracking.limits import ForceLimits
@@ -70,10 +82,12 @@ __all__ = [
     "FmiVersion",
     "FmuKind",
     "ForceLimits",
+    "Formulation",
     "Friction",
     "Identification",
     "InputError",
     "Integration",
+    "JointFormulation",
     "Level",
     "Load",
     "Mechanism",
@@ -82,6 +96,7 @@ __all__ = [
     "Observation",
     "Observer",
     "ObserverStatus",
+    "OptiSolution",
     "ParameterError",
     "Path",
     "Plant",
@@ -119,6 +134,7 @@ __all__ = [
     "load_scenario",
     "make_table",
     "mechanism_equations",
+    "opti",
     "read_centreline",
     "sample_reference",
     "simulate",
@@ -130,7 +146,17 @@ __all__ = [
 ]
 
 _HOMES = {
-    "compensator.door": ("adapt", "compare", "design", "export_c", "export_fmu", "identify", "make_table", "suggest"),
+    "compensator.door": (
+        "opti",
+        "adapt",
+        "compare",
+        "design",
+        "export_c",
+        "export_fmu",
+        "identify",
+        "make_table",
+        "suggest",
+    ),
     "compensator.studies.adapt.result": ("AdaptationStudy",),
     "compensator.studies.compare.result": ("Comparison",),
     "compensator.compensators.base": ("Compensator", "Problem"),
@@ -168,6 +194,8 @@ _HOMES = {
     "ocp.errors": ("CodeError", "SolveError"),
     "ocp.integrate.integrate": ("Integration", "integrate"),
     "ocp.integrate.method": ("Method",),
+    "ocp.opti.joint": ("JointFormulation",),
+    "ocp.opti.tendon": ("Formulation", "OptiSolution"),
     "ocp.tracking.limits": ("ForceLimits",),
     "ocp.tracking.options": ("TrackOptions",),
     "ocp.tracking.track": ("track",),

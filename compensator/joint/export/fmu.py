@@ -8,7 +8,7 @@ from tendonff.compensator.export.modules import check_prefix
 from tendonff.compensator.export.text.c_text import harmless
 from tendonff.compensator.export.unit import Fmu, Variable, pack
 from tendonff.compensator.joint.export.golden import followed_course
-from tendonff.compensator.joint.export.judgement import judge_joint
+from tendonff.compensator.joint.export.judgement import judge_joint, judgement_lines
 from tendonff.compensator.joint.export.text import accepted_rad, joint_sources, problem_of
 from tendonff.compensator.joint.scenario.scenario import JointScenario, on_level, sample_joint
 from tendonff.models.fidelity import Level
@@ -130,5 +130,11 @@ def build_joint_fmu(
     sources = joint_sources((scenario,), prefix=prefix)
     warnings = (f"{judged.fault}; made because of --force-export",) if judged.fault else ()
     return pack(
-        sources, context, fmi, model="model_joint", everywhere=everywhere, lines=(judged.sentence,), warnings=warnings
+        sources,
+        context,
+        fmi,
+        model="model_joint",
+        everywhere=everywhere,
+        lines=judgement_lines((judged,), "ratio"),
+        warnings=warnings,
     )

@@ -19,7 +19,7 @@ from tendonff.compensator.joint.export.golden import (
     largest_departure,
     run_courses,
 )
-from tendonff.compensator.joint.export.judgement import JudgedJoint, judge_joint
+from tendonff.compensator.joint.export.judgement import JudgedJoint, judge_joint, judgement_lines
 from tendonff.compensator.joint.export.text import module_text, problem_of, render, transmission_files
 from tendonff.compensator.joint.plant import REFINEMENT, verifying_masses
 from tendonff.compensator.joint.scenario.scenario import JointScenario, on_level, sample_joint
@@ -62,11 +62,7 @@ class ExportedJoints:
     @property
     def lines(self) -> tuple[str, ...]:
         """The judgement in words."""
-        loss = self.loss_rad
-        compiled = (
-            () if loss is None else (f"compiled here, the code departs from the model by {loss:.2g} rad at most",)
-        )
-        return (*(each.sentence for each in self.judged), *compiled)
+        return judgement_lines(self.judged, "ratio", self.loss_rad)
 
     def write(self, folder: str | os.PathLike[str]) -> None:
         """Write every file, all or nothing; makes the folder."""

@@ -36,8 +36,8 @@ def export_c(
 ) -> None:
     """Write C99 for the controller.
 
-    Inverse, capstan law, table, optimal profile, and the chain itself for tests; of driven joints the inverse, one copy
-    of the code for all of them.
+    Inverse, capstan law, table, optimal profile, and the chain itself for tests; of driven joints and
+    fingers the inverse, one copy of the code for all of them.
     """
     with opened(scenarios[0], out, yes=yes) as (loaded, folder):
         from tendonff.compensator import door
