@@ -771,11 +771,11 @@ def export_c(
     >>> exported = tf.export_c(knuckle, precision=tf.Precision.FLOAT)  # doctest: +SKIP
     >>> exported.write("c")  # doctest: +SKIP
     """
+    export = function_of("export_c", scenario, {"further": further, "profile_N": profile_N})
     for each in further:
         if each.kind is not scenario.kind:
             raise InputError(f"{each.source.name}: {_APART}")
-    asked = {"further": further, "profile_N": profile_N}
-    found: Exported | ExportedJoints | ExportedFingers = function_of("export_c", scenario, asked)(
+    found: Exported | ExportedJoints | ExportedFingers = export(
         scenario, precision=precision, prefix=prefix, level=level, force_export=force_export
     )
     return found

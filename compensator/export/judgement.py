@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from tendonff.compensator.compensators.base import CModule, Problem, with_travel
+from tendonff.compensator.compensators.live import driven
 from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.compensators.profile import Profile
 from tendonff.compensator.compensators.registry import compensator
@@ -12,7 +13,6 @@ from tendonff.compensator.compensators.stream import StreamChoice, stream_candid
 from tendonff.compensator.compensators.table import BuiltTable, CompensationTable
 from tendonff.compensator.export.modules import ADAPTIVE, BOUNDS, OBSERVER, PLANT, exportable
 from tendonff.compensator.scenario.unit import Unit
-from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.errors import SolveError
 
 UNCOMPENSATED = "none"
@@ -87,16 +87,6 @@ def profiles_of(
             exported = CompensationTable(built.table) if built and isinstance(each, CompensationTable) else each
             found[module.name] = driven(problem, each.name, exported.profile(following))
     return found
-
-
-def driven(problem: Problem, name: str, profile: Profile) -> Profile:
-    """Profile of a module as applied by the actuator, within the limits of its motion, which modules do not include.
-
-    Lag, delay and hold of the drive remain, as in the exported code; a position drive takes the command unchanged.
-    """
-    if problem.transmission.actuator.drive is Drive.POSITION:
-        return profile if profile.command_m is not None else with_travel(problem, name, profile)
-    return replace(profile, force_N=problem.limited(profile.force_N), travel_m=None)
 
 
 def chosen(

@@ -8,14 +8,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.expectation import Expectation
+from tendonff.compensator.compensators.live import expect_live
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.finger.scenario import FingerScenario
+from tendonff.compensator.finger.task import task_of
 from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.runtime.core import RuntimeCore, of_joint, of_several_joints, of_tension
 from tendonff.compensator.runtime.kinds import RuntimeKind, RuntimeStatus
 from tendonff.compensator.scenario.kind import Kind
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenarios import load_scenario
+from tendonff.models.cached import cached_property
 from tendonff.models.turns import in_turn
 
 
@@ -91,6 +96,7 @@ class Runtime:
     ) -> None:
         if isinstance(scenario, str | os.PathLike):
             scenario = load_scenario(scenario)
+        self._scenario = scenario
         self._core = core = _CORES[scenario.kind](scenario, None if kind is None else _kind(kind), start)
         self.kind, self.step_s, self.start = core.kind, core.step_s, core.start
         self.joints, self.motors, self.ranges = core.joints, core.motors, core.ranges
@@ -136,6 +142,12 @@ class Runtime:
         """Status of the last step; empty where nothing is to be said."""
         return self._core.status
 
+    @cached_property
+    @in_turn
+    def expectation(self) -> Expectation:
+        """Expected error over what is uncertain, as `design` and `export-c` state it; simulated at the first use."""
+        return _EXPECT[self._scenario.kind](self._scenario)
+
     @property
     def factor(self) -> float:
         """Factor on the parameters that [adaptation] of a driven joint tunes, as it is used; 1 for other kinds."""
@@ -167,6 +179,21 @@ _CORES: Mapping[Kind, Callable[[Any, RuntimeKind | None, float | None], RuntimeC
     Kind.TENSION: of_tension,
     Kind.JOINT: of_joint,
     Kind.FINGER: of_several_joints,
+}
+
+
+def _of_motors(scenario: JointScenario | FingerScenario) -> Expectation:
+    return task_of(scenario).expect_live()
+
+
+def _of_tension(scenario: Scenario) -> Expectation:
+    return expect_live(Problem.of(scenario))
+
+
+_EXPECT: Mapping[Kind, Callable[[Any], Expectation]] = {
+    Kind.TENSION: _of_tension,
+    Kind.JOINT: _of_motors,
+    Kind.FINGER: _of_motors,
 }
 
 

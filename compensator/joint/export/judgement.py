@@ -48,7 +48,10 @@ def judgement_lines(judged: Sequence[JudgedJoint], plain: str, loss_rad: float |
     compiled = (
         () if loss_rad is None else (f"compiled here, the code departs from the model by {loss_rad:.2g} rad at most",)
     )
-    rows = [f"{j.name}: RMS error {j.text(j.rms)}, by the {plain} alone {j.text(j.plain_rms)}" for j in judged]
+    rows = [
+        f"{j.name}: RMS error {j.text(j.rms)} with exactly these parameters, by the {plain} alone {j.text(j.plain_rms)}"
+        for j in judged
+    ]
     return (*rows, *compiled)
 
 

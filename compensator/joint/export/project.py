@@ -8,9 +8,12 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 
 from tendonff._version import __version__
+from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.export.modules import check_prefix
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.files.writing import atomic_directory, write_text
+from tendonff.compensator.joint.compensators import JointTask
 from tendonff.compensator.joint.export.golden import (
     JointCourse,
     followed_course,
@@ -45,6 +48,8 @@ class ExportedJoints:
     judged : tuple of JudgedJoint
     loss_rad : float or None
         Largest departure of the compiled code from the model; None without a compiler.
+    headlines : tuple of str
+        Expected error of each joint over what is uncertain, with the next step.
     warnings : tuple of str
         What the user should know, one sentence each.
     """
@@ -52,6 +57,7 @@ class ExportedJoints:
     files: dict[str, str] = field(repr=False)
     judged: tuple[JudgedJoint, ...]
     loss_rad: float | None
+    headlines: tuple[str, ...]
     warnings: tuple[str, ...]
 
     @property
@@ -62,7 +68,11 @@ class ExportedJoints:
     @property
     def lines(self) -> tuple[str, ...]:
         """The judgement in words."""
-        return judgement_lines(self.judged, "ratio", self.loss_rad)
+        rows = zip(self.judged, self.headlines, strict=True)
+        return (
+            *judgement_lines(self.judged, "ratio", self.loss_rad),
+            *(f"{each.name}: {headline}" for each, headline in rows),
+        )
 
     def write(self, folder: str | os.PathLike[str]) -> None:
         """Write every file, all or nothing; makes the folder."""
@@ -122,13 +132,15 @@ def export_joints(
     runs = [followed_course(*each, others, precision) for each in zip(scenarios, sampled, problems, strict=True)]
     joints: list[dict[str, object]] = context["joints"]
     found = run_courses(sources, prefix, precision, [*courses, *runs], list(range(len(scenarios))) * 2)
-    judged = []
+    judged, headlines = list[JudgedJoint](), list[str]()
     for k, (own, each, problem) in enumerate(zip(scenarios, sampled, problems, strict=True)):
         command = runs[k].command_rad
         if found is not None and not own.reference.periodic:
             command = found[len(scenarios) + k].command_rad
         judged.append(judge_joint(own, each, command))
+        headlines.append(_headline(own))
         joints[k] |= {
+            "headline": headlines[k],
             "golden": golden_context(own, problem, courses[k], None if found is None else found[k], precision),
             "plain": judged[k].text(judged[k].plain_rms),
             "score": judged[k].text(judged[k].rms),
@@ -152,8 +164,18 @@ def export_joints(
     kept = [note for each in sampled for note in each.warnings]
     kept += [f"{fault}; exported because of --force-export" for fault in faults]
     return ExportedJoints(
-        files=files, judged=tuple(judged), loss_rad=loss, warnings=(*_warnings(runs, scenarios), *kept)
+        files=files,
+        judged=tuple(judged),
+        loss_rad=loss,
+        headlines=tuple(headlines),
+        warnings=(*_warnings(runs, scenarios), *kept),
     )
+
+
+def _headline(scenario: JointScenario) -> str:
+    found, file = JointTask.of(scenario).expect_live(), as_argument(scenario.source)
+    then = next_step(found, file, "call it once per sample, and watch its status")
+    return found.headline("exact inverse", then)
 
 
 def _check_together(scenarios: Sequence[JointScenario]) -> None:

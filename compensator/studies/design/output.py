@@ -18,7 +18,7 @@ from tendonff.compensator.reporting.terminal import print_scores
 from tendonff.compensator.scenario.sampled.joint_motion import sample_joints
 from tendonff.compensator.studies.design.drive_use import drive_columns, drive_summary
 from tendonff.compensator.studies.design.figures import design_figures
-from tendonff.compensator.studies.design.report import design_report, interactive_panels
+from tendonff.compensator.studies.design.report import design_report, interactive_panels, ways
 from tendonff.compensator.studies.design.result import Design
 from tendonff.models.fidelity import Level
 from tendonff.ocp.tracking.result import Tracking
@@ -77,6 +77,11 @@ def summary(result: Design) -> dict[str, object]:
         "drive": drive_summary(result),
         "ocp": None if result.tracking is None else _tracking_summary(result.tracking),
         "expectation": expectation_summary(result.expectation, FINE_SEGMENTS),
+        "live": {
+            f"rmse_{unit.key}": _finite(result.live.best.worst.rmse),
+            "rmse_percent_of_range": _finite(result.live.best.worst.rmse_percent_of_range),
+            f"peak_{unit.key}": _finite(result.live.best.worst_peak),
+        },
         "foresight": {
             "unstable_share": result.stick_slip.unstable_share,
             # Beside poles of 1e5/s, what is below a millionth is rounding.
@@ -87,6 +92,10 @@ def summary(result: Design) -> dict[str, object]:
         **({} if result.ignored is None else {"ignored_motion": result.ignored.named(unit)}),
         "warnings": list(result.warnings),
     }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _tracking_summary(tracking: Tracking) -> dict[str, object]:
@@ -121,6 +130,7 @@ def show(result: Design, folder: Path) -> None:
             f"worst case: over {result.expectation.doubt}, on {finest}; {span}",
             "* design level, used for the worst case and the last column too",
             result.headline,
+            ways(result),
             *(() if result.tracking is None else (f"optimal control: {result.tracking.message}",)),
             f"written to {folder}",
         ),
