@@ -279,9 +279,9 @@ WORKS: Mapping[str, Work] = MappingProxyType(
             by={
                 Kind.TENSION: "export.fmu:build_fmu",
                 Kind.JOINT: "joint.export.fmu:build_joint_fmu",
+                Kind.FINGER: "finger.export.fmu:build_finger_fmu",
             },
-            refused={Kind.FINGER: f"no unit is exported for several joints yet; {_FINGER_ALONE}"},
-            options={"kind": _not((Kind.JOINT,), "a driven joint has the kind inverse only; leave --kind out")},
+            options={"kind": _not(_MOTORS, "driven joints have the kind inverse only; leave --kind out")},
         ),
     }
 )

@@ -21,7 +21,7 @@ RIGS = {
 }
 """What there is, and the kind of scenario that it is to the program."""
 
-MOST_REFUSED_WORKS, MOST_REFUSED_OPTIONS = 12, 41
+MOST_REFUSED_WORKS, MOST_REFUSED_OPTIONS = 11, 42
 """Refusals of a whole work and of an option, counted by kind of scenario: they may only become fewer."""
 
 COMMANDS = {
@@ -30,7 +30,6 @@ COMMANDS = {
     "watch": ["watch", "--data", "log.csv"],
     "adapt": ["adapt"],
     "table": ["table"],
-    "export_fmu": ["export-fmu"],
     "online": ["design", "--online"],
     "check": ["design", "--check", "idas"],
 }

@@ -116,6 +116,7 @@ def build_joint_fmu(
                 for other in others
             ),
         ],
+        "module": "joint",
         "radians": True,
         "joint_at": -1,
         "motors": motors,
@@ -133,7 +134,7 @@ def build_joint_fmu(
         sources,
         context,
         fmi,
-        model="model_joint",
+        model="model_motors",
         everywhere=everywhere,
         lines=judgement_lines((judged,), "ratio"),
         warnings=warnings,

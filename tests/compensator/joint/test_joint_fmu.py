@@ -60,4 +60,4 @@ def test_the_command_writes_a_unit_and_refuses_what_a_joint_has_not(examples, tm
     assert [file.name for file in (tmp_path / "fmu").iterdir()] == ["tff_joint_fmi2.fmu"]
     assert "knuckle: RMS error" in "".join(capsys.readouterr())
     assert run(["export-fmu", path, "--kind", "plant", "--out", str(tmp_path / "no")]) == 2
-    assert "has the kind inverse only" in "".join(capsys.readouterr())
+    assert "have the kind inverse only" in "".join(capsys.readouterr())

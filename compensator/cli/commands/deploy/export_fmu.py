@@ -34,7 +34,7 @@ def export_fmu(
 ) -> None:
     """Write FMUs for Simulink, dSPACE or Modelica.
 
-    Co-simulation units of the exported C, with their sources; of a driven joint its inverse.
+    Co-simulation units of the exported C, with their sources; of a driven joint or a finger its inverse.
     """
     versions = tuple(FmiVersion) if fmi is None else (fmi,)
     with opened(scenario, out, yes=yes) as (loaded, folder):
