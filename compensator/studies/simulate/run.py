@@ -14,29 +14,27 @@ from tendonff.compensator.files.quantities import FORCE_UNITS, LENGTH_UNITS, Qua
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.files.tables import table_dialect
 from tendonff.compensator.files.writing import open_csv
-from tendonff.compensator.scenario.doubts import UnitDoubt, force_doubts, force_notes, scenario_doubts, scenario_notes
-from tendonff.compensator.scenario.sampled.joint_motion import moved
+from tendonff.compensator.scenario.doubts import (
+    UnitDoubt,
+    force_doubts,
+    force_notes,
+    scenario_doubts,
+    scenario_notes,
+    settle,
+)
+from tendonff.compensator.scenario.sampled.joint_motion import moved, moved_by_file
 from tendonff.compensator.scenario.sampled.sampling import initial_tension
 from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.studies.simulate.result import SimulatedFile
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs
+from tendonff.models.parameters import Actuator
 from tendonff.models.parameters.drive import Drive
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.integrate.method import Method
 from tendonff.ocp.tendon.crosscheck import StepHalving
 from tendonff.ocp.tendon.simulate import Simulator, describe_failure, tensions_of
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SimulatedForce:
-    """A force file that was simulated; its rows are in the file that was named."""
-
-    rows: int  # rows written
-    warnings: tuple[str, ...]  # what the user should know
-    # estimate of the discretisation error, and whether the run is reproducible, in words, on request
-    check: str | None
-
 
 _CHUNK_VALUES = 200_000  # numbers in memory at a time
 
@@ -61,15 +59,21 @@ class ForceProfile:
         return np.interp(time_s, self.time_s, self.force_N)
 
 
-def read_force(path: Path, column: str | None = None, drive: Drive = Drive.FORCE) -> ForceProfile:
+def read_force(path: Path, column: str | None = None, actuator: Actuator | None = None) -> ForceProfile:
     """Read what drives the actuator: columns time_s and force_N, or command_m for a position drive, first row at 0.
+
+    The file of a force drive with a lag or the like has its commands: force_N, or command_NAME_N in a profile.csv.
 
     In a `profile.csv` the optimal one is taken, unless a column is named. InputError where the file is refused, or its
     columns do not tell which is the force.
     """
+    drive = Drive.FORCE if actuator is None else actuator.drive
     word, unit, units = ("force", "N", FORCE_UNITS) if drive is Drive.FORCE else ("command", "m", LENGTH_UNITS)
     plain, usual = f"{word}_{unit}", f"{word}_optimal_{unit}"
     names = table_dialect(path, ("time_s", plain, *([column] if column else []))).names
+    if drive is Drive.FORCE and actuator is not None and not actuator.servo.is_ideal:
+        word = "command" if any(re.fullmatch(r"command_\w+_N", name) for name in names) else word
+        usual = f"{word}_optimal_{unit}"
     profiles = [name for name in names if re.fullmatch(rf"{word}_\w+_{unit}", name)]
     note: tuple[str, ...] = ()
     if column is None and plain not in names and usual in profiles:
@@ -112,6 +116,26 @@ def notes_of(scenario: Scenario, profile: ForceProfile) -> tuple[str, ...]:
     return (*scenario_notes(rig), *force_notes(rig, profile.force_N, start, file=profile.name))
 
 
+def simulate_force_file(
+    scenario: Scenario,
+    level: Level,
+    commands: Path,
+    out: Path,
+    *,
+    column: str | None = None,
+    joints: Path | None = None,
+    check: bool = False,
+    method: Method = Method.BDF2,
+    accept: bool = False,
+    progress: Progress = silent,
+) -> SimulatedFile:
+    """Simulate the chain under a force file; see `tendonff.compensator.door.simulate_file`."""
+    scenario = scenario if joints is None else moved_by_file(scenario, joints)
+    profile = read_force(commands, column, scenario.transmission.actuator)
+    settle(doubts_of(scenario, profile), file=scenario.source.name, accept=accept)
+    return simulate_force(scenario, level, profile, out, check=check, method=method, progress=progress)
+
+
 def simulate_force(
     scenario: Scenario,
     level: Level,
@@ -121,7 +145,7 @@ def simulate_force(
     check: bool = False,
     method: Method = Method.BDF2,
     progress: Progress = silent,
-) -> SimulatedForce:
+) -> SimulatedFile:
     """Simulate the chain under a force file, from rest at the scenario's initial tension, and write the rows.
 
     The file has the columns `time_s,force_N,tension_1_N,...,actuator_position_m,load_position_m`. A check runs with a
@@ -139,6 +163,10 @@ def simulate_force(
     start_tension, given = initial_tension(scenario), profile
     chain = Chain.of(moved(scenario, float(profile.time_s[-1])), level)
     actuator = scenario.transmission.actuator
+    if not actuator.servo.is_ideal:
+        grid: FloatArray = np.arange(total, dtype=np.float64) * step
+        reached = actuator.servo.follow(profile.at(grid), step)
+        profile = replace(profile, time_s=grid, force_N=reached)
     if profile.is_command:
         chain, drive = behind_servo(chain, actuator, start_tension, profile.force_N)
         profile = replace(profile, force_N=drive)
@@ -170,7 +198,7 @@ def simulate_force(
             "the rows some link carries no tension: raise the force there"
         )
     found = run.halving.result().text if run.halving is not None else None
-    return SimulatedForce(rows=total, warnings=tuple(warnings), check=found)
+    return SimulatedFile(rows=total, notes=given.notes, warnings=tuple(warnings), check=found)
 
 
 class _Run:
