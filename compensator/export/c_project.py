@@ -10,6 +10,8 @@ import numpy as np
 
 from tendonff._version import __version__
 from tendonff.compensator.compensators.base import CModule, Problem, with_motion
+from tendonff.compensator.compensators.expectation import Expectation
+from tendonff.compensator.compensators.live import driven, expect_live, live_headline
 from tendonff.compensator.compensators.profile import FloatArray, Profile
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.score import scale_of
@@ -18,7 +20,7 @@ from tendonff.compensator.compensators.table import BuiltTable, table_of
 from tendonff.compensator.export.adaptive import NUDGES, AdaptiveGolden, adaptive_golden, adaptive_test
 from tendonff.compensator.export.golden import Golden, golden_vectors
 from tendonff.compensator.export.host import run_on_host
-from tendonff.compensator.export.judgement import Judged, chosen, driven, judge, judge_stream, profiles_of
+from tendonff.compensator.export.judgement import Judged, chosen, judge, judge_stream, profiles_of
 from tendonff.compensator.export.modules import ADAPTIVE, BOUNDS, OBSERVER, c_modules, check_prefix
 from tendonff.compensator.export.observer import ObserverDesign, ObserverGolden, observer_golden
 from tendonff.compensator.export.repeat import FLOAT_SHARE, InFloat, compared
@@ -57,6 +59,10 @@ class Exported:
         Error of each module on the scenario's reference, no compensation first.
     warnings : tuple of str
         What the user should know.
+    expectation : Expectation
+        Of the exact inverse with a reference that arrives live, over what is uncertain.
+    headline : str
+        The same in a sentence.
     notes : tuple of str
         What the tuner can identify along the reference, and what it cannot; empty without one.
     """
@@ -66,6 +72,8 @@ class Exported:
     profile_N: FloatArray = field(repr=False)
     judged: tuple[Judged, ...]
     warnings: tuple[str, ...]
+    expectation: Expectation = field(repr=False)
+    headline: str
     notes: tuple[str, ...] = ()
 
     def write(self, folder: str | os.PathLike[str]) -> None:
@@ -157,8 +165,10 @@ def export_project(
     judged = judge(problem, profiles)
     judged = (*judged, judge_stream(judged, choice, problem))
     modules, faults = chosen(judged, c_modules(scenario, stream is not None), force_export=force_export)
+    expectation = expect_live(problem)
     further: dict[str, object] = {
         **numbers,
+        "headline": live_headline(expectation, scenario),
         **self_test_context(problem, table, profile_N, golden, precision, found),
         **_observer_test(seen, FLOAT_SHARE * scale_of(tension), precision, found),
         "measured": measured(precision),
@@ -172,8 +182,9 @@ def export_project(
         answers = [answer for run in found for answer in run.tuner]
         if ADAPTIVE in modules:  # not where the inverse that it tunes is left out
             further["adaptive"] = adaptive_test(problem, settings, golden.course, precision, tuned, answers)
-    texts = c_sources(scenario, problem, modules, precision, prefix, further)
-    texts |= folder_files(scenario, problem, modules, precision, prefix, further)
+    texts = c_sources(scenario, problem, modules, precision, prefix, further) | folder_files(
+        scenario, problem, modules, precision, prefix, further
+    )
     texts["design.json"] = _design_json(
         scenario,
         problem,
@@ -186,8 +197,26 @@ def export_project(
         choice=choice,
         modules=modules,
     )
-    warnings = (*warnings, *faults, *loss_warnings(losses))
-    return Exported(files=texts, built=built, profile_N=profile_N, judged=judged, warnings=warnings, notes=notes)
+    warnings = (*warnings, *faults, *loss_warnings(losses), *_late(problem))
+    return Exported(
+        files=texts,
+        built=built,
+        profile_N=profile_N,
+        judged=judged,
+        warnings=warnings,
+        expectation=expectation,
+        headline=live_headline(expectation, scenario),
+        notes=notes,
+    )
+
+
+def _late(problem: Problem) -> tuple[str, ...]:
+    """The time by which the output stays late, since exported modules but the profile do not know the drive."""
+    late = problem.transmission.actuator.servo.lag_s(problem.reference.step_s)
+    if late == 0:
+        return ()
+    text = f"the drive is late by {1e3 * late:.3g} ms (lag, delay and hold), and the output of modules that read a "
+    return (text + "reference live with it; the module profile runs ahead of it",)
 
 
 def _observer_test(

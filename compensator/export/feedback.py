@@ -20,7 +20,7 @@ _TOLERANCE = {Precision.DOUBLE: 1e-12, Precision.FLOAT: 2e-3}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FeedbackModule:
-    """What a feedback needs to be exported.
+    """Law and signals of an exported feedback.
 
     Attributes
     ----------

@@ -122,7 +122,8 @@ class FingerDesign(Result):
         return (
             f"With exactly the design's parameters the RMS error over all joints is {best:.2g} deg "
             f"({self.recommended.label}, {self.masses} masses a tendon, step/{self.refinement}), {plain:.2g} deg with "
-            "the lengths of the tendons alone."
+            "the lengths of the tendons alone. Known in advance: profile.csv to the motors; known only at run "
+            "time: tf.Runtime."
         )
 
     def write(self, folder: str | os.PathLike[str]) -> None:

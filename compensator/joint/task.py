@@ -149,6 +149,19 @@ class MotorTask(ABC):
         bands = self.bands(commands)
         return expectation_of(self.doubt, self.level, bands, share_of=self.share_of, unit=self.unit)
 
+    @property
+    def live_command_rad(self) -> FloatArray:
+        """Commands of the exact inverse where the reference arrives live, shape (rows, motors)."""
+        return self.compensator("inverse").command_rad(self)
+
+    def expect_live(self) -> Expectation:
+        """Errors of the exact inverse over all mechanisms that may be the real one, the reference being known live."""
+        plain = self.compensator("linear").command_rad(self)
+        bands = self.bands({"inverse": self.live_command_rad, "linear": plain})
+        return expectation_of(
+            self.doubt, self.level, bands, share_of=self.share_of, unit=self.unit, recommended="inverse"
+        )
+
     def bands(self, commands: Mapping[K, FloatArray]) -> dict[K, ErrorBand]:
         """Errors of commands on all mechanisms that may be the real one."""
 

@@ -9,15 +9,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.expectation import Expectation
+from tendonff.compensator.compensators.live import expect_live
 from tendonff.compensator.export.host import compile_on_host
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.finger.runtime import FingerRuntime
 from tendonff.compensator.finger.scenario import FingerScenario
+from tendonff.compensator.finger.task import task_of
 from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.runtime.code import joint_runtime, tendon_runtime
 from tendonff.compensator.runtime.kinds import RuntimeKind, RuntimeStatus, statuses
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenarios import load_scenario
+from tendonff.models.cached import cached_property
 from tendonff.models.errors import ParameterError
 from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.compiler import why_no_compiler
@@ -98,6 +103,7 @@ class Runtime:
         if isinstance(scenario, str | os.PathLike):
             scenario = load_scenario(scenario)
         wanted = None if kind is None else _kind(kind)
+        self._scenario = scenario
         self._finger: FingerRuntime | None = None
         self.motors: tuple[str, ...] = ()
         if isinstance(scenario, FingerScenario):
@@ -198,6 +204,14 @@ class Runtime:
         if self._finger is not None:
             return self._finger.status
         return statuses(self._status, driven=self._driven)
+
+    @cached_property
+    @in_turn
+    def expectation(self) -> Expectation:
+        """Expected error over what is uncertain, as `design` and `export-c` state it; simulated at the first use."""
+        if isinstance(self._scenario, JointScenario | FingerScenario):
+            return task_of(self._scenario).expect_live()
+        return expect_live(Problem.of(self._scenario))
 
     @property
     def factor(self) -> float:

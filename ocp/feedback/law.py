@@ -257,6 +257,10 @@ def _within(value: ca.SX, most: ca.SX) -> ca.SX:
     return -at_least(-at_least(value, -most), -most)
 
 
+def _view(values: Any) -> memoryview:
+    return memoryview(values)
+
+
 class _Step:
     """The law as a function of one array of its inputs, evaluated in place."""
 
@@ -265,10 +269,10 @@ class _Step:
         whole = ca.vertcat(*law.inputs)
         self._function = ca.Function("feedback", [whole], [ca.vertcat(*law.outputs.values())])
         self._buffer, self.evaluate = self._function.buffer()
-        self.given: Any = np.zeros(len(law.inputs))
-        self.found: Any = np.zeros(len(law.outputs))
-        self._buffer.set_arg(0, memoryview(self.given))
-        self._buffer.set_res(0, memoryview(self.found))
+        self.given = np.zeros(len(law.inputs))
+        self.found = np.zeros(len(law.outputs))
+        self._buffer.set_arg(0, _view(self.given))
+        self._buffer.set_res(0, _view(self.found))
 
 
 class FeedbackController:

@@ -166,7 +166,8 @@ class JointDesign(Result):
         return (
             f"With exactly the design's parameters the RMS error is {self.text(best.rms)} ({self.recommended.label}, "
             f"{self.masses} masses a tendon, step/{self.refinement}), {self.text(self.profiles['linear'].rms)} with "
-            f"the ratio alone; the range is {whole}."
+            f"the ratio alone; the range is {whole}. Known in advance: profile.csv to the motors; known only at "
+            "run time: tendonff export-c, or tf.Runtime."
         )
 
     def write(self, folder: str | os.PathLike[str]) -> None:

@@ -112,6 +112,7 @@ def build_joint_fmu(
                 for other in others
             ),
         ],
+        "module": "joint",
         "radians": True,
         "joint_at": -1,
         "motors": motors,
@@ -125,4 +126,4 @@ def build_joint_fmu(
     }
     sources = joint_sources((scenario,), prefix=prefix)
     warnings = (f"{judged.fault}; made because of --force-export",) if judged.fault else ()
-    return pack(sources, context, fmi, model="model_joint", everywhere=everywhere, warnings=warnings), judged
+    return pack(sources, context, fmi, model="model_motors", everywhere=everywhere, warnings=warnings), judged

@@ -8,10 +8,12 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 
 from tendonff._version import __version__
+from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.export.feedback import feedback_files
 from tendonff.compensator.export.modules import check_prefix
 from tendonff.compensator.feedback.code import feedback_module
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.files.writing import atomic_directory, write_text
 from tendonff.compensator.joint.compensators import JointTask
 from tendonff.compensator.joint.export.golden import (
@@ -48,6 +50,8 @@ class ExportedJoints:
     judged : tuple of JudgedJoint
     loss_rad : float or None
         Largest departure of the compiled code from the model; None without a compiler.
+    headlines : tuple of str
+        Expected error of each joint over what is uncertain, with the next step.
     warnings : tuple of str
         What the user should know, one sentence each.
     """
@@ -55,6 +59,7 @@ class ExportedJoints:
     files: dict[str, str] = field(repr=False)
     judged: tuple[JudgedJoint, ...]
     loss_rad: float | None
+    headlines: tuple[str, ...]
     warnings: tuple[str, ...]
 
     def write(self, folder: str | os.PathLike[str]) -> None:
@@ -109,13 +114,15 @@ def export_joints(
     runs = [followed_course(*each, others, precision) for each in zip(scenarios, sampled, problems, strict=True)]
     joints: list[dict[str, object]] = context["joints"]
     found = run_courses(sources, prefix, precision, [*courses, *runs], list(range(len(scenarios))) * 2)
-    judged = []
+    judged, headlines = list[JudgedJoint](), list[str]()
     for k, (scenario, each, problem) in enumerate(zip(scenarios, sampled, problems, strict=True)):
         command = runs[k].command_rad
         if found is not None and not scenario.reference.periodic:
             command = found[len(scenarios) + k].command_rad
         judged.append(judge_joint(scenario, each, command))
+        headlines.append(_headline(scenario))
         joints[k] |= {
+            "headline": headlines[k],
             "golden": golden_context(scenario, problem, courses[k], None if found is None else found[k], precision),
             "plain": judged[k].text(judged[k].plain_rms),
             "score": judged[k].text(judged[k].rms),
@@ -135,6 +142,9 @@ def export_joints(
     }
     fed, unfed = _feedback(scenarios, precision, prefix, context["provenance"])
     context["feedback"] = bool(fed)
+    if fed:
+        context["modules"] = [*context["modules"], "feedback"]
+        context["headers"] = [*context["headers"], f"{prefix}_feedback.h"]
     files = sources | fed | {name: render(f"{name}.j2", context) for name in _FILES}
     files |= transmission_files(context, others)
     files["design.json"] = _design_json(scenarios, problems, judged, precision, prefix, loss)
@@ -142,7 +152,11 @@ def export_joints(
     kept += unfed
     kept += [f"{fault}; exported because of --force-export" for fault in faults]
     return ExportedJoints(
-        files=files, judged=tuple(judged), loss_rad=loss, warnings=(*_warnings(runs, scenarios), *kept)
+        files=files,
+        judged=tuple(judged),
+        loss_rad=loss,
+        headlines=tuple(headlines),
+        warnings=(*_warnings(runs, scenarios), *kept),
     )
 
 
@@ -158,6 +172,12 @@ def _feedback(
     module = feedback_module(JointFeedbackTask.of(JointTask.of(scenarios[0]), settings[0]))
     include = f"{prefix}_joint.h"
     return feedback_files(module, prefix=prefix, precision=precision, include=include, provenance=provenance), []
+
+
+def _headline(scenario: JointScenario) -> str:
+    found, file = JointTask.of(scenario).expect_live(), as_argument(scenario.source)
+    then = next_step(found, file, "call it once per sample, and watch its status")
+    return found.headline("exact inverse", then)
 
 
 def _check_together(scenarios: Sequence[JointScenario]) -> None:

@@ -21,7 +21,7 @@ from tendonff.compensator.reporting.page import summary_head, write_pages
 from tendonff.compensator.scenario.sampled.joint_motion import sample_joints
 from tendonff.compensator.studies.design.drive_use import drive_columns, drive_summary
 from tendonff.compensator.studies.design.figures import design_figures
-from tendonff.compensator.studies.design.report import design_report, interactive_panels
+from tendonff.compensator.studies.design.report import design_report, interactive_panels, ways
 from tendonff.compensator.studies.design.result import Design
 from tendonff.models.fidelity import Level
 from tendonff.ocp.tracking.result import Tracking
@@ -82,6 +82,11 @@ def summary(result: Design) -> dict[str, object]:
         "drive": drive_summary(result),
         "ocp": None if result.tracking is None else _tracking_summary(result.tracking),
         "expectation": expectation_summary(result.expectation, FINE_SEGMENTS),
+        "live": {
+            f"rmse_{unit.key}": _finite(result.live.best.worst.rmse),
+            "rmse_percent_of_range": _finite(result.live.best.worst.rmse_percent_of_range),
+            f"peak_{unit.key}": _finite(result.live.best.worst_peak),
+        },
         "foresight": {
             "unstable_share": result.stick_slip.unstable_share,
             # Beside poles of 1e5/s, what is below a millionth is rounding.
@@ -92,6 +97,10 @@ def summary(result: Design) -> dict[str, object]:
         **({} if result.ignored is None else {"ignored_motion": result.ignored.named(unit)}),
         "warnings": list(result.warnings),
     }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _tracking_summary(tracking: Tracking) -> dict[str, object]:
@@ -132,6 +141,7 @@ def print_scores(result: Design, folder: Path) -> None:
     console.print(over, soft_wrap=True, markup=False, highlight=False)
     console.print("* design level, used for the worst case and the last column too")
     console.print(typeset(result.headline), soft_wrap=True, markup=False, highlight=False)
+    console.print(typeset(ways(result)), soft_wrap=True, markup=False, highlight=False)
     if result.tracking is not None:
         console.print(typeset(f"optimal control: {result.tracking.message}"), soft_wrap=True)
     console.print(f"written to {folder}", soft_wrap=True)

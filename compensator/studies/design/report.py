@@ -48,6 +48,18 @@ _CAPTIONS = {
 }
 
 
+def ways(result: Design) -> str:
+    """Ways to the controller, and the error of each."""
+    name = result.recommended.name
+    profile, unit = result.profiles[name], "m" if result.is_position_drive else "N"
+    column = "force" if profile.command_m is None and profile.command_N is None else "command"
+    return (
+        f"Reference known in advance: run {column}_{name}_{unit} of profile.csv, error up to "
+        f"{result.expectation.error}. "
+        f"Known only at run time: tendonff export-c, the exact inverse, error up to {result.live.error}."
+    )
+
+
 def fine_print(result: Design) -> str:
     """Numerical and model-internal results."""
     best = result.recommended
@@ -120,7 +132,7 @@ def design_report(result: Design, figures: dict[str, Figure], view: Interactive 
     return Report(
         title=f"Design: {result.scenario.name}",
         summary=result.headline,
-        fine_print=fine_print(result),
+        fine_print=f"{ways(result)} {fine_print(result)}",
         warnings=result.warnings,
         sections=(
             Section(

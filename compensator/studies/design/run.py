@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from tendonff.compensator.compensators.base import SLOW_PARTS, Compensator, Problem, answers_of
 from tendonff.compensator.compensators.expectation import expect
+from tendonff.compensator.compensators.live import expect_live
 from tendonff.compensator.compensators.plant import FINE_REFINEMENT, FINE_SEGMENTS, Plant
 from tendonff.compensator.compensators.profile import FloatArray, ProfileStatus
 from tendonff.compensator.compensators.registry import COMPENSATORS
@@ -95,8 +96,7 @@ def design(
     plants = [*((Plant(transmission, each), verified) for each in Level), (Plant.fine(transmission, level), proof)]
     first: dict[bytes, str] = {}  # of equal profiles: they are tried once
     for name, profile in profiles.items():
-        commanded = profile.force_N if profile.command_m is None else profile.command_m
-        equal = first.setdefault(commanded.tobytes(), name)
+        equal = first.setdefault(profile.given.tobytes(), name)
         for plant, found in plants:
             tried = next((v for v in found if v.compensator == equal and v.plant is plant), None)
             found.append(verify(plant, name, profile, reference) if tried is None else replace(tried, compensator=name))
@@ -116,6 +116,7 @@ def design(
         proof=tuple(proof),
         stick_slip=stick_slip,
         expectation=expectation,
+        live=expect_live(problem),
         ignored=ignored_motion(problem),
         warnings=tuple(warnings),
     )

@@ -211,6 +211,6 @@ def test_the_command_exports_several_files(tmp_path: Path, several, capsys: pyte
     first, second = (str(scenario.source) for scenario in several[:2])
     assert run(["export-c", first, second, "--out", str(tmp_path / "out"), "--prefix", "hand"]) == 0
     said = "".join(capsys.readouterr())
-    assert "knuckle: RMS error" in said
-    assert "wrist: RMS error" in said
+    assert "knuckle: Tracking error" in said
+    assert "wrist: Tracking error" in said
     assert (tmp_path / "out" / "hand_joint.h").is_file()

@@ -13,7 +13,6 @@ from tendonff.compensator.cli.options import (
     PrefixOption,
     ScenarioArgument,
     YesOption,
-    of_one_joint,
     opened,
     option,
 )
@@ -23,9 +22,8 @@ from tendonff.compensator.files.text import InputError
 
 if TYPE_CHECKING:
     from tendonff.compensator.export.unit import Fmu
+    from tendonff.compensator.finger.scenario import FingerScenario
     from tendonff.compensator.joint.scenario.scenario import JointScenario
-
-_SEVERAL = "no unit is exported for several joints yet; tf.Runtime gives their motor angles step by step"
 
 
 def export_fmu(
@@ -43,7 +41,7 @@ def export_fmu(
 ) -> None:
     """Write FMUs for Simulink, dSPACE or Modelica.
 
-    Co-simulation units of the exported C, with their sources; of a driven joint its inverse.
+    Co-simulation units of the exported C, with their sources; of a driven joint or a finger its inverse.
     """
     versions = tuple(FmiVersion) if fmi is None else (fmi,)
     with opened(scenario, out, yes=yes) as (loaded, folder):
@@ -58,8 +56,7 @@ def export_fmu(
                 raise InputError(
                     f"{scenario.name}: a driven joint has the kind inverse only, got {kind}; leave --kind out"
                 )
-            joint = of_one_joint(loaded, _SEVERAL)
-            return _joint(joint, folder, out, versions, prefix, everywhere=everywhere, force_export=force_export)
+            return _joint(loaded, folder, out, versions, prefix, everywhere=everywhere, force_export=force_export)
         from tendonff.compensator.export.fmu import build_fmu
         from tendonff.compensator.export.judgement import score_lines
 
@@ -80,7 +77,7 @@ def export_fmu(
 
 
 def _joint(
-    loaded: "JointScenario",
+    loaded: "JointScenario | FingerScenario",
     folder: Path,
     out: Path,
     versions: tuple[FmiVersion, ...],
@@ -89,18 +86,24 @@ def _joint(
     everywhere: bool,
     force_export: bool,
 ) -> None:
+    from tendonff.compensator.finger.export.fmu import build_finger_fmu
+    from tendonff.compensator.finger.scenario import FingerScenario
     from tendonff.compensator.joint.export.fmu import build_joint_fmu
 
+    options = {"prefix": prefix, "everywhere": everywhere, "force_export": force_export}
     with progress("exporting"):
         made = [
-            build_joint_fmu(loaded, each, prefix=prefix, everywhere=everywhere, force_export=force_export)
+            build_finger_fmu(loaded, each, **options)  # type: ignore[arg-type]
+            if isinstance(loaded, FingerScenario)
+            else build_joint_fmu(loaded, each, **options)  # type: ignore[arg-type]
             for each in versions
         ]
         for unit, _ in made:
             unit.write(folder)
     units, (judged, *_) = zip(*made, strict=True)
     warn(*units[0].warnings)
-    say(f"{judged.name}: RMS error {judged.text(judged.rms)}, by the ratio alone {judged.text(judged.plain_rms)}")
+    plain = "lengths" if isinstance(loaded, FingerScenario) else "ratio"
+    say(f"{judged.name}: RMS error {judged.text(judged.rms)}, by the {plain} alone {judged.text(judged.plain_rms)}")
     _close(units, out, everywhere=everywhere)
 
 
