@@ -19,7 +19,8 @@ from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
 from tendonff.compensator.compensators.score import Score
 from tendonff.compensator.compensators.uncertain import Sample
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
-from tendonff.compensator.scenario.scenario import load_scenario, scenario_to_toml
+from tendonff.compensator.scenario.scenario import scenario_to_toml
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.compare.levels import level_traits, parameters_of
 from tendonff.compensator.studies.compare.matrix import Entry, lag, recommend
 from tendonff.compensator.studies.compare.result import CAPSTAN_PLANT, PLANTS
