@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.adapt.setup import BOUND_SPREAD, certified
 from tendonff.models.parameters import Transmission
 from tendonff.models.tendon.chain import Chain

@@ -20,7 +20,7 @@ from tendonff.compensator.compensators.table import BuiltTable, table_of
 from tendonff.compensator.export.adaptive import NUDGES, AdaptiveGolden, adaptive_golden, adaptive_test
 from tendonff.compensator.export.golden import Golden, golden_vectors
 from tendonff.compensator.export.host import run_on_host
-from tendonff.compensator.export.judgement import Judged, chosen, judge, judge_stream, profiles_of
+from tendonff.compensator.export.judgement import Judged, chosen, judge, judge_stream, profiles_of, score_lines
 from tendonff.compensator.export.modules import ADAPTIVE, BOUNDS, OBSERVER, c_modules, check_prefix
 from tendonff.compensator.export.observer import ObserverDesign, ObserverGolden, observer_golden
 from tendonff.compensator.export.repeat import FLOAT_SHARE, InFloat, compared
@@ -75,6 +75,11 @@ class Exported:
     expectation: Expectation = field(repr=False)
     headline: str
     notes: tuple[str, ...] = ()
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The judgement as a table for the terminal, and what to expect on a rig."""
+        return (*score_lines(self.judged), self.headline)
 
     def write(self, folder: str | os.PathLike[str]) -> None:
         """Write every file, all or nothing; makes the folder."""

@@ -3,7 +3,7 @@
 from tendonff._version import __version__
 from tendonff.compensator.compensators.base import CModule, Problem
 from tendonff.compensator.compensators.table import BuiltTable, accepted_range, table_of
-from tendonff.compensator.export.judgement import Judged, chosen, judge, profiles_of
+from tendonff.compensator.export.judgement import Judged, chosen, judge, profiles_of, score_lines
 from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.export.modules import ADAPTIVE, OBSERVER, PLANT, c_modules, check_prefix
 from tendonff.compensator.export.observer import ObserverDesign
@@ -73,7 +73,7 @@ def build_fmu(
     further = {} if built is None else table_context(built, Precision.DOUBLE)
     sources = c_sources(scenario, problem, (module,), Precision.DOUBLE, prefix, further)
     context = _context(scenario, problem, kind, prefix, identifier, compiled)
-    return pack(sources, context, fmi, everywhere=everywhere, judged=judged, warnings=warnings)
+    return pack(sources, context, fmi, everywhere=everywhere, lines=score_lines(judged), warnings=warnings)
 
 
 def _judged(

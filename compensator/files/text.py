@@ -154,6 +154,7 @@ def user_text(path: Path, encoding: str = "") -> Iterator[IO[str]]:
 
 
 def read_text(path: Path) -> str:
-    """Whole text of a user's UTF-8 file."""
-    with user_text(path, "utf-8-sig") as stream:
+    """Whole text of a user's file in UTF-8, or in UTF-16 with its mark."""
+    marked = path.is_file() and encoding_of(path) == "utf-16"
+    with user_text(path, "utf-16" if marked else "utf-8-sig") as stream:
         return stream.read()

@@ -10,11 +10,13 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import ClassVar
 
 from tendonff.compensator.files.reading import InputError, read_text, suggestion
 from tendonff.compensator.scenario.experiment import Experiment
 from tendonff.compensator.scenario.joints import KINDS as JOINT_KINDS
 from tendonff.compensator.scenario.joints import Joint, read_joints
+from tendonff.compensator.scenario.kind import Kind
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenario.reference import CsvReference, ReferenceSpec, SineReference, WaypointReference
 from tendonff.compensator.scenario.settings import REMOVED_OPTIMAL, Adaptation, Compare, Run, Stream
@@ -98,6 +100,7 @@ class Scenario:
         Limits of a live reference.
     """
 
+    kind: ClassVar[Kind] = Kind.TENSION
     name: str
     transmission: Transmission
     reference: ReferenceSpec
@@ -142,31 +145,12 @@ class Scenario:
         return None
 
 
-def load_scenario(path: str | os.PathLike[str]) -> Scenario:
-    """Read a scenario file; InputError is one message with file, table, key, value and the way out.
-
-    Examples
-    --------
-    >>> import tendonff as tf
-    >>> scenario = tf.load_scenario("examples/finger.toml")
-    >>> scenario.transmission.friction.mu_dynamic
-    0.2
-    """
-    path = Path(path)
-    return parse_scenario(read_text(path), path)
-
-
 def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") -> Scenario:
     """Read a scenario from its text; messages name the source, and a CSV reference is relative to its folder."""
     source = Path(source)
     file = source.name
     raw: Mapping[str, object] = toml_of(text, file)
     _check_schema(raw, file)
-    if {"tendons", "drive"} & raw.keys():
-        raise InputError(
-            f"{file} describes a driven joint between tendons, this command works on the tension of one; "
-            '"tendonff design", simulate, compare, sweep, table, explore, identify, watch and export-c take it'
-        )
     _check_names(raw, file)
     _check_removed(raw.get("optimal"), file)
     name = raw.get("name", source.stem)

@@ -8,7 +8,7 @@ from types import MappingProxyType
 from tendonff.models.errors import ParameterError, require, require_given, require_whole
 from tendonff.models.fidelity import Level
 from tendonff.ocp.adaptation.tuning import MAX_DELAY, Sensor, Tunable, check_parameters
-from tendonff.ocp.feedback.tune import Requirement
+from tendonff.ocp.feedback.requirement import Requirement
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,7 +8,7 @@ import pytest
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.export.modules import ADAPTIVE
 from tendonff.compensator.export.text.c_text import c_sources
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.adapt.setup import tuned_chain, tuning_of
 from tendonff.ocp.adaptation.tuner import SelfTuner, SimulatedRig
 from tendonff.ocp.adaptation.tuning import Sensor, Tunable

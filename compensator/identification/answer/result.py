@@ -285,6 +285,10 @@ class Identification(Result):
             "warnings": list(self.warnings),
         }
 
+    def lines(self, folder: str = "") -> Sequence[str]:
+        """The answer in a few lines of text, its files being in `folder`."""
+        return summary_lines(self, folder)
+
     def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
         """Write `fitted.toml`, `fit.json`, figures, the suggested excitation and `report.html`, all or nothing; makes
         the folder.

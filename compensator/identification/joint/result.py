@@ -200,6 +200,10 @@ class JointIdentification(Result):
         """The scenario with what was identified put in."""
         return parse_joint_scenario(self.text, self.asked.source)
 
+    def lines(self, folder: str = "") -> Sequence[str]:
+        """The answer in a few lines of text, its files being in `folder`."""
+        return summary_lines(self, folder)
+
     def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
         """Write `fitted.toml`, `fit.json`, figures, the suggested routine and `report.html`, all or nothing; makes the
         folder.

@@ -104,8 +104,8 @@ def identify_joint(
     Examples
     --------
     >>> import tendonff as tf
-    >>> scenario = tf.load_joint_scenario("examples/hand_joint.toml")
-    >>> fit = tf.identify_joint(scenario, ["log.csv"])  # doctest: +SKIP
+    >>> scenario = tf.load_scenario("examples/hand_joint.toml")
+    >>> fit = tf.identify(scenario, ["log.csv"])  # doctest: +SKIP
     >>> print(fit.headline)  # doctest: +SKIP
     """
     try:

@@ -73,6 +73,8 @@ class JointDesign(Result):
         In the order in which they are shown.
     profiles : dict of str to JointProfile
         By name of the compensator.
+    failed : dict of str to str
+        Why a compensator has no profile, by its name.
     inversion : JointInversion
         The exact inverse before the drive.
     homing_rad : ndarray, shape (rows, motors)
@@ -97,6 +99,7 @@ class JointDesign(Result):
     sampled: SampledJoint
     compensators: tuple[JointCompensator, ...]
     profiles: dict[str, JointProfile]
+    failed: dict[str, str]
     inversion: JointInversion
     homing_rad: FloatArray
     sheet: DataSheet | None
@@ -170,6 +173,14 @@ class JointDesign(Result):
             "run time: tendonff export-c, or tf.Runtime."
         )
 
-    def write(self, folder: str | os.PathLike[str]) -> None:
-        """Write `profile.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
-        views_of(JointDesign).write(self, folder)
+    @property
+    def is_usable(self) -> bool:
+        """No compensator failed, and no tendon of a pair would have to push."""
+        return not self.failed and self.inversion.status is not JointStatus.WOULD_PUSH
+
+    def write(self, folder: str | os.PathLike[str], *, interactive: bool = False, pdf: bool = False) -> None:
+        """Write `profile.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder.
+
+        An interactive report has a view with zoom, hover and a legend that hides curves, and needs Bokeh.
+        """
+        views_of(JointDesign).write(self, folder, interactive=interactive, pdf=pdf)

@@ -146,6 +146,11 @@ class JointAdaptationStudy(Result):
     headline: str
     warnings: tuple[str, ...]
 
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The finding in words."""
+        return (self.headline,)
+
     def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
         """Write `estimate.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
         figures = _figures(self)
@@ -202,7 +207,7 @@ def adapt_joint(scenario: JointScenario, *, progress: Progress = silent) -> Join
     Examples
     --------
     >>> import tendonff as tf
-    >>> study = tf.adapt_joint(tf.load_joint_scenario("examples/hand_joint_adaptive.toml"))  # doctest: +SKIP
+    >>> study = tf.adapt(tf.load_scenario("examples/hand_joint_adaptive.toml"))  # doctest: +SKIP
     >>> print(study.headline)  # doctest: +SKIP
     """
     sampled = sample_joint(scenario)

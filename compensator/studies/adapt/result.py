@@ -243,6 +243,12 @@ class AdaptationStudy(Result):
     headline: str
     warnings: tuple[str, ...]
 
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The finding in words."""
+        certificate = () if self.certificate is None else (self.certificate.sentence(),)
+        return (*certificate, self.headline)
+
     def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
         """Write `estimate.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
         views_of(AdaptationStudy).write(self, folder, pdf=pdf)

@@ -111,8 +111,8 @@ def compare_joint(scenario: JointScenario | FingerScenario, *, progress: Progres
     Examples
     --------
     >>> import tendonff as tf
-    >>> scenario = tf.load_joint_scenario("examples/hand_joint.toml")
-    >>> comparison = tf.compare_joint(scenario)  # doctest: +SKIP
+    >>> scenario = tf.load_scenario("examples/hand_joint.toml")
+    >>> comparison = tf.compare(scenario)  # doctest: +SKIP
     >>> print(comparison.headline)  # doctest: +SKIP
     """
     tasks = {level: task_of(scenario, level) for level in Level}

@@ -20,7 +20,8 @@ from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.reference import Shape, WaypointReference
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
-from tendonff.compensator.scenario.scenario import load_scenario, scenario_to_toml
+from tendonff.compensator.scenario.scenario import scenario_to_toml
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.codegen.compiler import has_cross_compiler
 from tendonff.ocp.codegen.precision import Precision

@@ -13,7 +13,7 @@ from tendonff.compensator.files.text import InputError
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenario.measurement import Measurement
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.ocp.fits.static import StaticParameter, output_from_input
 
 NAMES = ("time_s", "input_tension_N", "output_tension_N", "input_position_m")

@@ -28,7 +28,7 @@ RANGE = tf.RuntimeStatus.RANGE
 @pytest.fixture(scope="module", params=["hand_joint", "instrument_pair"])
 def joint(request, examples):
     """A joint, its samples, and what the model commands the motors at each, shape (rows, motors)."""
-    scenario = tf.load_joint_scenario(examples / f"{request.param}.toml")
+    scenario = tf.load_scenario(examples / f"{request.param}.toml")
     sampled = sample_joint(scenario)
     found, _ = inverse_of(scenario, sampled, problem_of(scenario, sampled))
     motor_rad = commanded(scenario.mechanism.drive, found.motor_rad, scenario.run.step_s, live=True)

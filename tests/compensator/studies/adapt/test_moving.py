@@ -9,8 +9,8 @@ import pytest
 
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.export.c_project import export_project
-from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.compensator.scenario.settings import Adaptation
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.adapt.result import Scheme
 from tendonff.compensator.studies.adapt.run import adapt
 from tendonff.compensator.studies.adapt.setup import tuned_chain, tuning_of

@@ -13,7 +13,7 @@ from tendonff.compensator.export.fmu import build_fmu
 from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.export.text.c_text import c_sources
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.codegen.compiler import load_library
 from tendonff.ocp.codegen.precision import Precision

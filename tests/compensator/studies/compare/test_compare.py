@@ -21,8 +21,9 @@ from tendonff.compensator.compensators.uncertain import Sample
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
-from tendonff.compensator.scenario.scenario import load_scenario, parse_scenario, scenario_to_toml
+from tendonff.compensator.scenario.scenario import parse_scenario, scenario_to_toml
 from tendonff.compensator.scenario.settings import Compare
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.compare.levels import level_traits, parameters_of
 from tendonff.compensator.studies.compare.matrix import Entry, lag, recommend
 from tendonff.compensator.studies.compare.result import CAPSTAN_PLANT, PLANTS
