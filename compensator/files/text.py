@@ -51,10 +51,13 @@ def is_moderate(size: int) -> bool:
     return size <= MOST_BYTES
 
 
-def require_moderate(path: Path, size: int) -> None:
-    """Refuse a packed file that unpacks to more bytes than can be meant, before it is unpacked."""
-    if not is_moderate(size):
-        most = f"{MOST_BYTES / 1e6:.0f} MB"
+def require_moderate(path: Path, size: int, part: int = 1) -> None:
+    """Refuse a packed file that unpacks to more bytes than can be meant, before it is unpacked.
+
+    A format that is read slowly may have a `part`-th of the others' bytes.
+    """
+    if not is_moderate(part * size):
+        most = f"{MOST_BYTES / part / 1e6:.0f} MB"
         raise InputError(f"{path.name} unpacks to more than {most}; give the part that is needed, or unpack it first")
 
 

@@ -1,6 +1,7 @@
 """Cores of a runtime: what one step does, for the exported C of one actuator and for the motors of several joints."""
 
 import ctypes
+import hashlib
 import math
 from collections.abc import Mapping, Sequence
 from typing import Protocol, TypeAlias
@@ -29,6 +30,7 @@ class RuntimeCore(Protocol):
 
     kind: RuntimeKind
     digest: str
+    code_digest: str
     step_s: float
     start: float
     joints: tuple[str, ...]
@@ -72,6 +74,7 @@ class CompiledCore:
         self.kind, self.step_s, self.joints = code.kind, code.step_s, code.joints
         self.start, self.ranges = code.start if start is None else start, code.ranges
         self.digest, self._driven = code.digest, code.driven
+        self.code_digest = hashlib.sha256(repr((sorted(code.sources.items()), code.driver)).encode()).hexdigest()
         self.motors: tuple[str, ...] = ()
         size = host.function("tff_runtime_size", result=ctypes.c_long)()
         self._memory = ctypes.create_string_buffer(size)
@@ -148,7 +151,7 @@ class SeveralJoints:
     scenario : FingerScenario
     """
 
-    kind, start, factor = RuntimeKind.JOINT, math.nan, 1.0
+    kind, start, factor, code_digest = RuntimeKind.JOINT, math.nan, 1.0, ""
 
     def __init__(self, scenario: FingerScenario) -> None:
         self._inverse = inverse = FingerRuntime(scenario)

@@ -1,5 +1,7 @@
 """A compensator in a control loop in Python, step by step: `tf.Runtime`."""
 
+import hashlib
+import hmac
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -8,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tendonff._version import __version__
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.expectation import Expectation
 from tendonff.compensator.compensators.live import expect_live
@@ -23,6 +26,8 @@ from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.cached import cached_property
 from tendonff.models.turns import in_turn
 
+_SEAL_BYTES = 32
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RuntimeState:
@@ -34,7 +39,8 @@ class RuntimeState:
     digest : str
         Of the scenario: a state of another one is refused.
     content : bytes
-        Memory of the compiled code, for this version and this kind of machine.
+        Checksum, and the memory of the compiled code, for this version and this kind of machine. The checksum finds
+        damage, not intent: take states, like programs, only from where you trust.
     """
 
     kind: RuntimeKind
@@ -157,15 +163,16 @@ class Runtime:
 
     def state(self) -> RuntimeState:
         """Everything that is remembered, to go on from by `restore`."""
-        return RuntimeState(kind=self.kind, digest=self._core.digest, content=self._core.content())
+        held = self._core.content()
+        return RuntimeState(kind=self.kind, digest=self._core.digest, content=self._seal(held) + held)
 
     def restore(self, state: RuntimeState) -> None:
-        """Go on from a state of the same scenario.
+        """Go on from a state of the same scenario, version and kind of machine.
 
         Raises
         ------
         InputError
-            If the state is of another scenario, kind or version.
+            If the state is of another scenario, kind or version, or not as it was written; nothing is changed then.
         """
         mine = f'"{self.kind}" and {self._core.digest}'
         if f'"{state.kind}" and {state.digest}' != mine:
@@ -173,8 +180,17 @@ class Runtime:
                 f'this is a state of kind "{state.kind}" and scenario {state.digest}, not of {mine}; start a runtime '
                 "of that scenario"
             )
-        if not self._core.restore(state.content):
+        content = bytes(state.content)
+        seal, held = content[:_SEAL_BYTES], content[_SEAL_BYTES:]
+        if not (hmac.compare_digest(seal, self._seal(held)) and self._core.restore(held)):
             raise InputError("the content of this state is damaged, or of another version or machine; start anew")
+
+    def _seal(self, held: bytes) -> bytes:
+        """Checksum of a memory and of the code whose it is."""
+        core = self._core
+        made = hashlib.sha256(f"{__version__} {core.kind} {core.digest} {core.code_digest}".encode())
+        made.update(held)
+        return made.digest()
 
 
 _CORES: Mapping[Kind, Callable[[Any, RuntimeKind | None, float | None], RuntimeCore]] = {
