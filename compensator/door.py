@@ -25,6 +25,7 @@ from tendonff.ocp.integrate.method import Method
 
 if TYPE_CHECKING:
     from tendonff.compensator.compensators.base import Compensator
+    from tendonff.compensator.compensators.method_check import MethodCheck
     from tendonff.compensator.export.c_project import Exported
     from tendonff.compensator.export.unit import Fmu
     from tendonff.compensator.files.reading import FloatArray
@@ -46,7 +47,6 @@ if TYPE_CHECKING:
     from tendonff.compensator.studies.adapt.result import AdaptationStudy
     from tendonff.compensator.studies.compare.joint import JointComparison
     from tendonff.compensator.studies.compare.result import Comparison
-    from tendonff.compensator.studies.design.check import MethodCheck
     from tendonff.compensator.studies.design.result import Design
     from tendonff.compensator.studies.explore.subject import Subject
     from tendonff.compensator.studies.simulate.result import SimulatedFile

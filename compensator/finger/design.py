@@ -6,7 +6,6 @@ import numpy as np
 
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.files.results import Views, register_views
 from tendonff.compensator.finger.compensators import REFINEMENT, FingerTask
 from tendonff.compensator.finger.doubts import finger_doubts
 from tendonff.compensator.finger.output import finger_figures, motor_torque_N_m, profile_columns, write_files
@@ -14,6 +13,7 @@ from tendonff.compensator.finger.result import FingerDesign, FingerProfile
 from tendonff.compensator.finger.scenario import FingerScenario
 from tendonff.compensator.finger.sheet import joint_sheets, tendon_sheets
 from tendonff.compensator.joint.plant import verifying_masses
+from tendonff.compensator.reporting.results import Views, register_views
 from tendonff.models.turns import in_turn
 
 register_views(FingerDesign, Views(write=write_files, columns=profile_columns, figures=finger_figures))

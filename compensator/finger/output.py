@@ -10,11 +10,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.expectation import two_digits
+from tendonff.compensator.compensators.expected import contributions_figure, expectation_summary, robustness_table
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.writing import atomic_directory, write_csv
 from tendonff.compensator.finger.result import FingerDesign
 from tendonff.compensator.reporting.colours import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, Style
-from tendonff.compensator.reporting.expected import contributions_figure, expectation_summary, robustness_table
 from tendonff.compensator.reporting.interactive import Curves, zoomed
 from tendonff.compensator.reporting.page import (
     FileNote,

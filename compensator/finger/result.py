@@ -9,11 +9,11 @@ import numpy as np
 from tendonff.compensator.compensators.expectation import Expectation
 from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.files.reading import FloatArray
-from tendonff.compensator.files.results import Result, views_of
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.finger.compensators import FingerCompensator
 from tendonff.compensator.finger.scenario import FingerScenario, SampledFinger
 from tendonff.compensator.finger.sheet import JointSheet, TendonSheet
+from tendonff.compensator.reporting.results import Result, views_of
 from tendonff.ocp.mechanism.response import MechanismRun
 
 

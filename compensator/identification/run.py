@@ -11,7 +11,6 @@ from threadpoolctl import threadpool_limits
 
 from tendonff.compensator.files.progress import DOUBT
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.files.results import Views, register_views
 from tendonff.compensator.identification.answer import messages
 from tendonff.compensator.identification.answer.figures import identification_figures
 from tendonff.compensator.identification.answer.output import write_files
@@ -43,6 +42,7 @@ from tendonff.compensator.identification.pace import Pace
 from tendonff.compensator.identification.parameters import Parameter
 from tendonff.compensator.identification.spread import with_spread
 from tendonff.compensator.identification.study import Stage, Study, attempted
+from tendonff.compensator.reporting.results import Views, register_views
 from tendonff.compensator.scenario.measurement import Explain, Measurement
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import exponent_lines

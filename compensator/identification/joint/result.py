@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from tendonff.compensator.files.results import Result, views_of
 from tendonff.compensator.identification.answer.result import Estimate
 from tendonff.compensator.identification.joint.first_look import FirstLook
 from tendonff.compensator.identification.joint.parameters import ANGLE_OR_PUSH, JointNumber
@@ -17,6 +16,7 @@ from tendonff.compensator.identification.joint.torque import TorqueFit
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.reading import Finding
 from tendonff.compensator.joint.scenario.scenario import JointScenario, parse_joint_scenario
+from tendonff.compensator.reporting.results import Result, views_of
 
 DESCRIBED_PERCENT = 10.0
 """A law with a larger RMS error of the torque, in % of its range, does not describe the device."""

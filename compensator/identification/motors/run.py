@@ -12,7 +12,6 @@ from scipy.stats import t as student
 from threadpoolctl import threadpool_limits
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.files.results import Views, register_views
 from tendonff.compensator.finger.scenario import FingerScenario, SampledFinger, sample_finger
 from tendonff.compensator.identification.answer.result import Estimate, estimate_columns, is_known
 from tendonff.compensator.identification.joint.fitted import to_toml
@@ -30,6 +29,7 @@ from tendonff.compensator.identification.motors.routine import MotorsRoutine, su
 from tendonff.compensator.joint.scenario.base import with_base
 from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
 from tendonff.compensator.joint.task import ASSUMED_SPREAD
+from tendonff.compensator.reporting.results import Views, register_views
 from tendonff.compensator.scenario.kind import Kind
 from tendonff.models.joint.parameters import DriveKind
 from tendonff.models.joint.parameters.finger import Finger, Motor

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.compensators.expectation import two_digits
+from tendonff.compensator.compensators.expected import expectation_summary
 from tendonff.compensator.feedback.result import feedback_summary
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.writing import atomic_directory, write_csv
 from tendonff.compensator.joint.design.figures import joint_figures, motor_names
 from tendonff.compensator.joint.design.report import interactive_panels, joint_report
 from tendonff.compensator.joint.design.result import JointDesign
-from tendonff.compensator.reporting.expected import expectation_summary
 from tendonff.compensator.reporting.page import summary_head, write_pages
 from tendonff.compensator.reporting.terminal import print_scores
 

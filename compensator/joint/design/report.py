@@ -5,11 +5,11 @@ from collections.abc import Mapping
 
 from matplotlib.figure import Figure
 
+from tendonff.compensator.compensators.expected import robustness_table
 from tendonff.compensator.feedback.report import CAPTIONS as FEEDBACK_CAPTIONS
 from tendonff.compensator.feedback.report import feedback_section
 from tendonff.compensator.joint.design.result import JointDesign
 from tendonff.compensator.reporting.colours import INK, Style
-from tendonff.compensator.reporting.expected import robustness_table
 from tendonff.compensator.reporting.interactive import zoomed
 from tendonff.compensator.reporting.page import (
     Block,

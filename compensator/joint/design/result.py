@@ -10,11 +10,11 @@ from tendonff.compensator.compensators.expectation import Expectation
 from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.feedback.result import FeedbackResult
 from tendonff.compensator.files.reading import FloatArray
-from tendonff.compensator.files.results import Result, views_of
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.joint.compensators import JointCompensator
 from tendonff.compensator.joint.scenario.reference import JointQuantity
 from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint
+from tendonff.compensator.reporting.results import Result, views_of
 from tendonff.models.joint.closed_form import DataSheet
 from tendonff.models.joint.parameters import DriveKind, Mechanism
 from tendonff.ocp.joint.invert import JointInversion, JointStatus

@@ -9,7 +9,6 @@ from tendonff.compensator.feedback.run import design_feedback
 from tendonff.compensator.files.notices import Danger, by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.files.results import Views, register_views
 from tendonff.compensator.joint.compensators import JointTask, compensators_of
 from tendonff.compensator.joint.design.figures import joint_figures
 from tendonff.compensator.joint.design.output import profile_columns, write_files
@@ -18,6 +17,7 @@ from tendonff.compensator.joint.feedback import JointFeedbackTask
 from tendonff.compensator.joint.plant import REFINEMENT, joint_load, verifying_masses
 from tendonff.compensator.joint.scenario.doubts import joint_doubts
 from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint
+from tendonff.compensator.reporting.results import Views, register_views
 from tendonff.models.joint.closed_form import DataSheet, GrossSliding, data_sheet, sweep_pretension
 from tendonff.models.joint.parameters import DriveKind, JointDrive, Mechanism
 from tendonff.models.turns import in_turn

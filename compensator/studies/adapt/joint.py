@@ -8,7 +8,6 @@ from matplotlib.figure import Figure
 
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import FloatArray
-from tendonff.compensator.files.results import Result, Views, register_views
 from tendonff.compensator.files.writing import atomic_directory, write_csv
 from tendonff.compensator.joint.adaptation import TunedJoint, with_factor
 from tendonff.compensator.joint.plant import verifying_masses
@@ -27,6 +26,7 @@ from tendonff.compensator.reporting.page import (
     write_pages,
 )
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure, thinned
+from tendonff.compensator.reporting.results import Result, Views, register_views
 from tendonff.compensator.runtime.kinds import RuntimeKind, RuntimeStatus
 from tendonff.compensator.runtime.runtime import Runtime
 from tendonff.compensator.studies.adapt.result import moving_rms

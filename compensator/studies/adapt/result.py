@@ -6,11 +6,11 @@ from enum import StrEnum
 
 import numpy as np
 
+from tendonff.compensator.compensators.certificate import FeedbackCertificate
 from tendonff.compensator.compensators.profile import FloatArray
-from tendonff.compensator.files.results import Result, views_of
+from tendonff.compensator.reporting.results import Result, views_of
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
-from tendonff.compensator.studies.adapt.feedback import FeedbackCertificate
 from tendonff.ocp.adaptation.bounds import CertifiedInterval
 from tendonff.ocp.adaptation.information import Information
 from tendonff.ocp.adaptation.tuning import Sensor, Tuning

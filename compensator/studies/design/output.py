@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.compensators.expectation import two_digits
+from tendonff.compensator.compensators.expected import expectation_summary
 from tendonff.compensator.compensators.plant import FINE_REFINEMENT, FINE_SEGMENTS
 from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.compensators.score import Verified
 from tendonff.compensator.files.writing import atomic_directory, write_csv
-from tendonff.compensator.reporting.expected import expectation_summary
 from tendonff.compensator.reporting.page import summary_head, write_pages
 from tendonff.compensator.reporting.terminal import print_scores
 from tendonff.compensator.scenario.sampled.joint_motion import sample_joints

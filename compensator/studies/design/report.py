@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.expectation import two_digits
+from tendonff.compensator.compensators.expected import robustness_table
 from tendonff.compensator.compensators.plant import FINE_REFINEMENT, FINE_SEGMENTS
 from tendonff.compensator.reporting.colours import INK, Style
-from tendonff.compensator.reporting.expected import robustness_table
 from tendonff.compensator.reporting.interactive import zoomed
 from tendonff.compensator.reporting.page import (
     Block,

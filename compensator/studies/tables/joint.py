@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.expectation import Expectation
+from tendonff.compensator.compensators.expected import expectation_summary, robustness_table
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.files.writing import atomic_directory, csv_text, write_text
 from tendonff.compensator.joint.compensators import JointCompensator, JointTask, joint_compensator
@@ -15,7 +16,6 @@ from tendonff.compensator.joint.plant import verifying_masses
 from tendonff.compensator.joint.scenario.reference import JointQuantity
 from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.reporting.colours import GREEN, INK, VERMILION, Style
-from tendonff.compensator.reporting.expected import expectation_summary, robustness_table
 from tendonff.compensator.reporting.page import (
     FileNote,
     Report,

@@ -7,8 +7,8 @@ from tendonff.compensator.compensators.expectation import Expectation
 from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.compensators.score import Score
 from tendonff.compensator.compensators.table import BuiltTable
-from tendonff.compensator.files.results import Result, views_of
 from tendonff.compensator.files.text import as_argument
+from tendonff.compensator.reporting.results import Result, views_of
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
