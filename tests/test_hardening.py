@@ -19,7 +19,8 @@ from random_examples import tried_on
 from tendonff.compensator.cli import run
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.scenario.measurement import Measurement
-from tendonff.compensator.scenario.scenario import load_scenario, parse_scenario, scenario_to_toml
+from tendonff.compensator.scenario.scenario import parse_scenario, scenario_to_toml
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.compare.run import compare
 from tendonff.compensator.studies.design.output import summary
 from tendonff.compensator.studies.design.run import design

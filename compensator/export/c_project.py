@@ -17,10 +17,11 @@ from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.score import scale_of
 from tendonff.compensator.compensators.stream import StreamChoice, choose_stream
 from tendonff.compensator.compensators.table import BuiltTable, table_of
+from tendonff.compensator.compensators.tuning import certified, check_tuning, learnt, tuning_of
 from tendonff.compensator.export.adaptive import NUDGES, AdaptiveGolden, adaptive_golden, adaptive_test
 from tendonff.compensator.export.golden import Golden, golden_vectors
 from tendonff.compensator.export.host import run_on_host
-from tendonff.compensator.export.judgement import Judged, chosen, judge, judge_stream, profiles_of
+from tendonff.compensator.export.judgement import Judged, chosen, judge, judge_stream, profiles_of, score_lines
 from tendonff.compensator.export.modules import ADAPTIVE, BOUNDS, OBSERVER, c_modules, check_prefix
 from tendonff.compensator.export.observer import ObserverDesign, ObserverGolden, observer_golden
 from tendonff.compensator.export.repeat import FLOAT_SHARE, InFloat, compared
@@ -35,7 +36,6 @@ from tendonff.compensator.export.text.c_text import (
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.files.writing import atomic_directory, write_text
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
-from tendonff.compensator.studies.adapt.setup import certified, check_tuning, learnt, tuning_of
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
@@ -75,6 +75,11 @@ class Exported:
     expectation: Expectation = field(repr=False)
     headline: str
     notes: tuple[str, ...] = ()
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The judgement as a table for the terminal, and what to expect on a rig."""
+        return (*score_lines(self.judged), self.headline)
 
     def write(self, folder: str | os.PathLike[str]) -> None:
         """Write every file, all or nothing; makes the folder."""

@@ -126,15 +126,17 @@ def judge_stream(judged: Sequence[Judged], choice: StreamChoice | None, problem:
     return Judged(module="stream", score=own, fault=fault, unit=unit)
 
 
-def score_lines(judged: Sequence[Judged]) -> list[str]:
+def score_lines(judged: Sequence[Judged]) -> tuple[str, ...]:
     """The judgement as a table for the terminal."""
+    if not judged:
+        return ()
     unit = judged[0].unit
     lines = [f"{'module':<10} {'RMS error, % of range':>22} {f'largest error [{unit.shown}]':>18}"]
     for each in judged:
         score = each.score
         figures = ("-", "-") if score is None else (score.percent, f"{unit.factor * score.peak_error:.3g}")
         lines.append(f"{each.module:<10} {figures[0]:>22} {figures[1]:>18}{'  unfit' if each.fault else ''}")
-    return lines
+    return tuple(lines)
 
 
 def _score(problem: Problem, profile: Profile) -> Score | None:

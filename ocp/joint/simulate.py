@@ -131,10 +131,10 @@ def simulate_joint(
     >>> import numpy as np
     >>> import tendonff as tf
     >>> from tendonff.models.path import JointMotion
-    >>> mechanism = tf.load_joint_scenario("examples/hand_joint.toml").mechanism
+    >>> mechanism = tf.load_scenario("examples/hand_joint.toml").mechanism
     >>> still = JointMotion(names=("knuckle",), time_s=np.zeros(1), angle_rad=np.zeros((1, 1)))
-    >>> problem = tf.joint_problem(mechanism, tf.Level.PRESLIDING, still)
-    >>> run = tf.simulate_joint(problem, np.zeros(100), 1e-3)
+    >>> problem = tf.system_of(mechanism, tf.Level.PRESLIDING, still)
+    >>> run = tf.simulate(problem, np.zeros(100), 1e-3)
     >>> bool(abs(run.angle_rad).max() < 1e-3)
     True
     """

@@ -10,7 +10,8 @@ from tendonff.compensator.finger.export.golden import followed_course
 from tendonff.compensator.finger.export.judgement import judge_finger
 from tendonff.compensator.finger.export.text import finger_module
 from tendonff.compensator.finger.scenario import FingerScenario
-from tendonff.compensator.joint.export.judgement import JudgedJoint
+from tendonff.compensator.joint.export.judgement import judgement_lines
+from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import SolveError
@@ -22,10 +23,11 @@ def build_finger_fmu(
     fmi: FmiVersion = FmiVersion.V2,
     *,
     prefix: str = "tff",
+    level: Level | None = None,
     everywhere: bool = False,
     force_export: bool = False,
-) -> tuple[Fmu, JudgedJoint]:
-    """Wrap the exported C of a finger; also the error of its commands along the scenario's reference.
+) -> Fmu:
+    """Wrap the exported C of a finger.
 
     Parameters
     ----------
@@ -33,6 +35,8 @@ def build_finger_fmu(
     fmi : FmiVersion, optional
     prefix : str, optional
         Prefix of the C names.
+    level : Level, optional
+        Default: the scenario's own.
     everywhere : bool, optional
         Binaries for Windows and macOS too, built here by ziglang; what is run here are those of this machine alone.
     force_export : bool, optional
@@ -48,7 +52,7 @@ def build_finger_fmu(
         If a compiler refuses the sources.
     """
     check_prefix(prefix)
-    task = FingerTask.of(scenario)
+    task = FingerTask.of(scenario, level)
     task.check_reach()
     module = finger_module([task], [task.problem(task.finger)], Precision.DOUBLE, prefix)
     [described] = module.context["fingers"]
@@ -109,4 +113,12 @@ def build_finger_fmu(
         "provenance": f' * Scenario "{name}", hash {scenario.digest()}, level {task.level}; tendonff {__version__}.',
     }
     warnings = (f"{judged.fault}; made because of --force-export",) if judged.fault else ()
-    return pack(module.files, context, fmi, model="model_motors", everywhere=everywhere, warnings=warnings), judged
+    return pack(
+        module.files,
+        context,
+        fmi,
+        model="model_motors",
+        everywhere=everywhere,
+        lines=judgement_lines((judged,), "lengths"),
+        warnings=warnings,
+    )

@@ -24,8 +24,9 @@ from tendonff.compensator.finger.export.golden import (
 from tendonff.compensator.finger.export.judgement import judge_finger
 from tendonff.compensator.finger.export.text import finger_module, render
 from tendonff.compensator.finger.scenario import FingerScenario
-from tendonff.compensator.joint.export.judgement import JudgedJoint
+from tendonff.compensator.joint.export.judgement import JudgedJoint, judgement_lines
 from tendonff.compensator.joint.plant import verifying_masses
+from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import SolveError
@@ -55,6 +56,16 @@ class ExportedFingers:
     loss_rad: float | None
     warnings: tuple[str, ...]
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """None so far."""
+        return ()
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The judgement in words."""
+        return judgement_lines(self.judged, "lengths", self.loss_rad)
+
     def write(self, folder: str | os.PathLike[str]) -> None:
         """Write every file, all or nothing; makes the folder."""
         with atomic_directory(folder) as partial:
@@ -64,21 +75,26 @@ class ExportedFingers:
 
 @in_turn
 def export_fingers(
-    scenarios: Sequence[FingerScenario],
+    scenario: FingerScenario,
     *,
+    further: Sequence[FingerScenario] = (),
     precision: Precision = Precision.DOUBLE,
     prefix: str = "tff",
+    level: Level | None = None,
     force_export: bool = False,
 ) -> ExportedFingers:
     """Print the whole folder.
 
     Parameters
     ----------
-    scenarios : sequence of FingerScenario
-        One for each finger, with the same step.
+    scenario : FingerScenario
+    further : sequence of FingerScenario, optional
+        Other fingers of the project, with the same step.
     precision : Precision, optional
     prefix : str, optional
         Prefix of every C name and file.
+    level : Level, optional
+        Default: the scenarios' own.
     force_export : bool, optional
         Export fingers all the same whose commands are worse than the lengths of the tendons alone.
 
@@ -90,8 +106,9 @@ def export_fingers(
         If a finger's inverse fails, or is worse than the lengths alone.
     """
     check_prefix(prefix)
-    _check_together(scenarios)
-    tasks = [FingerTask.of(scenario) for scenario in scenarios]
+    every = (scenario, *further)
+    _check_together(every)
+    tasks = [FingerTask.of(each, level) for each in every]
     for task in tasks:
         task.check_reach()
     module = finger_module(tasks, [task.problem(task.finger) for task in tasks], precision, prefix)

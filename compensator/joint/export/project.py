@@ -22,10 +22,11 @@ from tendonff.compensator.joint.export.golden import (
     largest_departure,
     run_courses,
 )
-from tendonff.compensator.joint.export.judgement import JudgedJoint, judge_joint
+from tendonff.compensator.joint.export.judgement import JudgedJoint, judge_joint, judgement_lines
 from tendonff.compensator.joint.export.text import module_text, problem_of, render, transmission_files
 from tendonff.compensator.joint.plant import REFINEMENT, verifying_masses
-from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
+from tendonff.compensator.joint.scenario.scenario import JointScenario, on_level, sample_joint
+from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import SolveError
@@ -59,6 +60,20 @@ class ExportedJoints:
     headlines: tuple[str, ...]
     warnings: tuple[str, ...]
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """None so far."""
+        return ()
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The judgement in words."""
+        rows = zip(self.judged, self.headlines, strict=True)
+        return (
+            *judgement_lines(self.judged, "ratio", self.loss_rad),
+            *(f"{each.name}: {headline}" for each, headline in rows),
+        )
+
     def write(self, folder: str | os.PathLike[str]) -> None:
         """Write every file, all or nothing; makes the folder."""
         with atomic_directory(folder) as partial:
@@ -69,21 +84,26 @@ class ExportedJoints:
 
 @in_turn
 def export_joints(
-    scenarios: Sequence[JointScenario],
+    scenario: JointScenario,
     *,
+    further: Sequence[JointScenario] = (),
     precision: Precision = Precision.DOUBLE,
     prefix: str = "tff",
+    level: Level | None = None,
     force_export: bool = False,
 ) -> ExportedJoints:
     """Print the whole folder.
 
     Parameters
     ----------
-    scenarios : sequence of JointScenario
-        One for each joint, with the same step.
+    scenario : JointScenario
+    further : sequence of JointScenario, optional
+        Other joints of the project, with the same step.
     precision : Precision, optional
     prefix : str, optional
         Prefix of every C name and file.
+    level : Level, optional
+        Default: the scenarios' own.
     force_export : bool, optional
         Export joints all the same whose commands are worse than the ratio alone.
 
@@ -97,11 +117,12 @@ def export_joints(
     Examples
     --------
     >>> import tendonff as tf
-    >>> knuckle = tf.load_joint_scenario("examples/hand_joint.toml")
-    >>> exported = tf.export_joint_c([knuckle], precision=tf.Precision.FLOAT)  # doctest: +SKIP
+    >>> knuckle = tf.load_scenario("examples/hand_joint.toml")
+    >>> exported = tf.export_c(knuckle, precision=tf.Precision.FLOAT)  # doctest: +SKIP
     >>> exported.write("c")  # doctest: +SKIP
     """
     check_prefix(prefix)
+    scenarios = [on_level(one, level) for one in (scenario, *further)]
     _check_together(scenarios)
     sampled = [sample_joint(scenario) for scenario in scenarios]
     problems = [problem_of(scenario, each) for scenario, each in zip(scenarios, sampled, strict=True)]
@@ -112,15 +133,15 @@ def export_joints(
     joints: list[dict[str, object]] = context["joints"]
     found = run_courses(sources, prefix, precision, [*courses, *runs], list(range(len(scenarios))) * 2)
     judged, headlines = list[JudgedJoint](), list[str]()
-    for k, (scenario, each, problem) in enumerate(zip(scenarios, sampled, problems, strict=True)):
+    for k, (own, each, problem) in enumerate(zip(scenarios, sampled, problems, strict=True)):
         command = runs[k].command_rad
-        if found is not None and not scenario.reference.periodic:
+        if found is not None and not own.reference.periodic:
             command = found[len(scenarios) + k].command_rad
-        judged.append(judge_joint(scenario, each, command))
-        headlines.append(_headline(scenario))
+        judged.append(judge_joint(own, each, command))
+        headlines.append(_headline(own))
         joints[k] |= {
             "headline": headlines[k],
-            "golden": golden_context(scenario, problem, courses[k], None if found is None else found[k], precision),
+            "golden": golden_context(own, problem, courses[k], None if found is None else found[k], precision),
             "plain": judged[k].text(judged[k].plain_rms),
             "score": judged[k].text(judged[k].rms),
             "fault": judged[k].fault,

@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.expectation import two_digits
+from tendonff.compensator.compensators.expected import robustness_table
 from tendonff.compensator.compensators.plant import FINE_REFINEMENT, FINE_SEGMENTS
 from tendonff.compensator.reporting.colours import INK, Style
-from tendonff.compensator.reporting.expected import robustness_table
-from tendonff.compensator.reporting.interactive import interactive_view
+from tendonff.compensator.reporting.interactive import zoomed
 from tendonff.compensator.reporting.page import (
     Block,
     Cell,
@@ -86,11 +86,7 @@ def interactive_panels(result: Design) -> Interactive:
         force[c.label] = (result.profiles[c.name].force_N, c.style)
         error[c.label] = (factor * (delivered - reference.wanted), c.style)
     panels = {f"{reference.output} [{shown}]": output, "actuator force [N]": force, f"error [{shown}]": error}
-    return Interactive(
-        html=interactive_view(reference.time_s, panels),
-        caption="Drag a box to zoom, hover for values, click a name in a legend to hide its curve. "
-        f"{FINE_SEGMENTS} masses, the design's own parameters.",
-    )
+    return zoomed(reference.time_s, panels, f"{FINE_SEGMENTS} masses, the design's own parameters.")
 
 
 def design_report(result: Design, figures: dict[str, Figure], view: Interactive | None = None) -> Report:

@@ -9,8 +9,8 @@ from tendonff.compensator.compensators.expectation import Expectation
 from tendonff.compensator.compensators.next_step import limited_by, next_step, within_reach
 from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
 from tendonff.compensator.compensators.score import IgnoredMotion, Score, Verified
-from tendonff.compensator.files.results import Result, views_of
 from tendonff.compensator.files.text import as_argument
+from tendonff.compensator.reporting.results import Result, views_of
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level

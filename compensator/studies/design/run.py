@@ -19,7 +19,7 @@ from tendonff.compensator.compensators.score import (
 )
 from tendonff.compensator.files.notices import Remark, by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
-from tendonff.compensator.files.results import Views, register_views
+from tendonff.compensator.reporting.results import Views, register_views
 from tendonff.compensator.scenario.reference import CsvReference, Hold
 from tendonff.compensator.scenario.sampled.from_file import noise_advice, ripple_advice
 from tendonff.compensator.scenario.sampled.sampling import sample_reference

@@ -10,7 +10,6 @@ from shlex import quote
 import numpy as np
 from matplotlib.figure import Figure
 
-from tendonff.compensator.files.results import Result, Views, register_views
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.files.writing import atomic_directory, write_csv
 from tendonff.compensator.joint.scenario.scenario import JointScenario
@@ -26,6 +25,7 @@ from tendonff.compensator.reporting.page import (
     write_pages,
 )
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure
+from tendonff.compensator.reporting.results import Result, Views, register_views
 from tendonff.compensator.studies.watch.chart import LONGEST_S, Alarm, Course, clock
 from tendonff.compensator.studies.watch.windows import WATCHED, Window
 

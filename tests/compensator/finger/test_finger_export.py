@@ -110,7 +110,7 @@ def springed() -> FingerScenario:
 @pytest.mark.parametrize("precision", list(Precision))
 def test_fingers_of_all_kinds_in_one_folder_pass_their_self_test_without_a_warning(precision, tmp_path):
     """N + 1 tendons, three loops, and one tendon on two springed joints: all of their numbers differ."""
-    exported = export_fingers([finger(), loops(), springed()], precision=precision, prefix="hand")
+    exported = export_fingers(finger(), further=(loops(), springed()), precision=precision, prefix="hand")
     assert exported.loss_rad < (1e-9 if precision is Precision.DOUBLE else 2e-3)
     exported.write(tmp_path / "c")
     optimised = "-O1" if precision is Precision.FLOAT else "-O0"
@@ -159,15 +159,15 @@ def test_the_command_writes_the_folder_and_states_the_errors(tmp_path, capsys):
 )
 def test_fingers_that_do_not_go_together_are_refused(changes, message):
     with pytest.raises(InputError, match=message):
-        export_fingers([finger(), finger("other" if changes else "three", *changes)])
+        export_fingers(finger(), further=(finger("other" if changes else "three", *changes),))
 
 
 def test_commands_that_are_worse_than_the_lengths_are_not_exported(monkeypatch):
     judge = project.judge_finger
     monkeypatch.setattr(project, "judge_finger", lambda task, name, command_rad: judge(task, name, 0 * command_rad))
     with pytest.raises(SolveError, match="not better than the lengths alone"):
-        export_fingers([finger()])
-    assert "exported because of --force-export" in export_fingers([finger()], force_export=True).warnings[0]
+        export_fingers(finger())
+    assert "exported because of --force-export" in export_fingers(finger(), force_export=True).warnings[0]
 
 
 @pytest.mark.parametrize("fmi", list(FmiVersion))
@@ -177,8 +177,8 @@ def test_a_unit_of_a_finger_is_valid_and_equals_the_runtime(fmi, tmp_path):
     from fmpy.validation import validate_fmu
 
     scenario = finger()
-    unit, judged = build_finger_fmu(scenario, fmi)
-    assert judged.rms < 0.1 * judged.plain_rms
+    unit = build_finger_fmu(scenario, fmi)
+    assert "by the lengths alone" in unit.lines[0]
     unit.write(tmp_path)
     path = str(tmp_path / unit.name)
     assert validate_fmu(path) == []

@@ -1,8 +1,7 @@
 """`tendonff export-fmu`: co-simulation units."""
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -18,12 +17,6 @@ from tendonff.compensator.cli.options import (
 )
 from tendonff.compensator.cli.progress import progress, say, warn
 from tendonff.compensator.export.kinds import FmiVersion, Kind
-from tendonff.compensator.files.text import InputError
-
-if TYPE_CHECKING:
-    from tendonff.compensator.export.unit import Fmu
-    from tendonff.compensator.finger.scenario import FingerScenario
-    from tendonff.compensator.joint.scenario.scenario import JointScenario
 
 
 def export_fmu(
@@ -45,24 +38,11 @@ def export_fmu(
     """
     versions = tuple(FmiVersion) if fmi is None else (fmi,)
     with opened(scenario, out, yes=yes) as (loaded, folder):
-        from tendonff.compensator.scenario.scenario import Scenario
-
-        if not isinstance(loaded, Scenario):
-            if level is not None:
-                raise InputError(
-                    f"{scenario.name}: --level is for the tension of one tendon; set [run] level in the file"
-                )
-            if kind is not Kind.INVERSE:
-                raise InputError(
-                    f"{scenario.name}: a driven joint has the kind inverse only, got {kind}; leave --kind out"
-                )
-            return _joint(loaded, folder, out, versions, prefix, everywhere=everywhere, force_export=force_export)
-        from tendonff.compensator.export.fmu import build_fmu
-        from tendonff.compensator.export.judgement import score_lines
+        from tendonff.compensator import door
 
         with progress("exporting"):
             units = [
-                build_fmu(
+                door.export_fmu(
                     loaded, kind, each, prefix=prefix, level=level, everywhere=everywhere, force_export=force_export
                 )
                 for each in versions
@@ -70,44 +50,7 @@ def export_fmu(
             for unit in units:
                 unit.write(folder)
     warn(*units[0].warnings)
-    if units[0].judged:
-        say(*score_lines(units[0].judged))
-    _close(units, out, everywhere=everywhere)
-    return None
-
-
-def _joint(
-    loaded: "JointScenario | FingerScenario",
-    folder: Path,
-    out: Path,
-    versions: tuple[FmiVersion, ...],
-    prefix: str,
-    *,
-    everywhere: bool,
-    force_export: bool,
-) -> None:
-    from tendonff.compensator.finger.export.fmu import build_finger_fmu
-    from tendonff.compensator.finger.scenario import FingerScenario
-    from tendonff.compensator.joint.export.fmu import build_joint_fmu
-
-    options = {"prefix": prefix, "everywhere": everywhere, "force_export": force_export}
-    with progress("exporting"):
-        made = [
-            build_finger_fmu(loaded, each, **options)  # type: ignore[arg-type]
-            if isinstance(loaded, FingerScenario)
-            else build_joint_fmu(loaded, each, **options)  # type: ignore[arg-type]
-            for each in versions
-        ]
-        for unit, _ in made:
-            unit.write(folder)
-    units, (judged, *_) = zip(*made, strict=True)
-    warn(*units[0].warnings)
-    plain = "lengths" if isinstance(loaded, FingerScenario) else "ratio"
-    say(f"{judged.name}: RMS error {judged.text(judged.rms)}, by the {plain} alone {judged.text(judged.plain_rms)}")
-    _close(units, out, everywhere=everywhere)
-
-
-def _close(units: Sequence["Fmu"], out: Path, *, everywhere: bool) -> None:
+    say(*units[0].lines)
     if not all(unit.has_binary for unit in units):
         warn("no binary was made here (a C compiler on Linux makes one); the unit holds its sources")
     if everywhere:
