@@ -94,7 +94,8 @@ def _load_N_m(task: FingerTask, rows: int) -> FloatArray:
     sizes = _LOAD * problem.tension_N.max() * problem.scale_m()[:joints]
     signs = np.where(np.arange(joints) % 2 == 0, 1.0, -1.0)
     sizes[task.scenario.wanted :] = 0.0
-    return np.sin(np.pi * place)[:, None] ** 2 * sizes * signs
+    load: FloatArray = np.sin(np.pi * place)[:, None] ** 2 * sizes * signs
+    return load
 
 
 def followed_course(task: FingerTask, precision: Precision) -> FingerCourse:
