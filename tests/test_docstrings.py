@@ -13,7 +13,7 @@ import pytest
 import tendonff as tf
 
 ROOT = Path(__file__).resolve().parents[1]
-COMPILED = {"invert_joint", "suggest_routine"}  # the inverse of a joint runs in compiled C only
+COMPILED = {"suggest_routine"}  # minutes without a compiler
 FUNCTIONS = [
     pytest.param(name, marks=pytest.mark.compiler if name in COMPILED else ())
     for name in tf.__all__
