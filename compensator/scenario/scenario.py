@@ -19,7 +19,7 @@ from tendonff.compensator.scenario.joints import Joint, read_joints
 from tendonff.compensator.scenario.kind import Kind
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenario.reference import CsvReference, ReferenceSpec, SineReference, WaypointReference
-from tendonff.compensator.scenario.settings import REMOVED_OPTIMAL, Adaptation, Run, Stream
+from tendonff.compensator.scenario.settings import REMOVED_OPTIMAL, Adaptation, Compare, Run, Stream
 from tendonff.compensator.scenario.tables import (
     ROPE_KEYS,
     check_names,
@@ -58,7 +58,7 @@ _OPTIONAL: dict[str, type] = {
     "measurement": Measurement,
     "stream": Stream,
 }
-_ON_REQUEST: dict[str, type] = {"adaptation": Adaptation}  # tables whose absence means that there is none of it
+_ON_REQUEST: dict[str, type] = {"adaptation": Adaptation, "compare": Compare}  # absent: there is none of it
 
 _HELD_BY_JOINT = {"mass_kg": 1e-3, "stiffness_N_per_m": 1e3, "damping_N_s_per_m": 0.0}
 """Numbers of a load without effect where a joint moves it."""
@@ -78,6 +78,8 @@ class Scenario:
         The desired tension at the far end.
     adaptation : Adaptation or None
         Self-tuning on the controller; None for none.
+    compare : Compare or None
+        A force of the user's own for `compare`; None for none.
     joints : dict of str to Joint
         What the joints of a moving path do, by name.
     source : Path
@@ -109,13 +111,14 @@ class Scenario:
     measurement: Measurement = field(default_factory=Measurement)
     stream: Stream = field(default_factory=Stream)
     adaptation: Adaptation | None = None
+    compare: Compare | None = None
     joints: dict[str, Joint] = field(default_factory=dict)
     source: Path = Path("scenario.toml")
 
     @property
     def inputs(self) -> tuple[Path, ...]:
-        """None: reports name the reference's file apart."""
-        return ()
+        """The user's own force, if there is one; reports name the reference's file apart."""
+        return () if self.compare is None else (self.source.parent / self.compare.force,)
 
     @property
     def is_complete(self) -> bool:
@@ -354,6 +357,9 @@ def scenario_to_toml(scenario: Scenario, *, folder: str | os.PathLike[str] | Non
     """
     reference = scenario.reference
     kind = next(kind for kind, cls in _KINDS.items() if isinstance(reference, cls))
+    if scenario.compare is not None and folder is not None:
+        force = relative_to_folder(scenario.source.parent / scenario.compare.force, folder)
+        scenario = replace(scenario, compare=replace(scenario.compare, force=force))
     if isinstance(reference, CsvReference) and folder is not None:
         reference = replace(reference, file=relative_to_folder(scenario.source.parent / reference.file, folder))
     transmission = scenario.transmission
@@ -413,4 +419,6 @@ def scenario_hash(scenario: Scenario) -> str:
     digest = hashlib.sha256(scenario_to_toml(scenario).encode())
     if (file := scenario.reference_file()) is not None:
         digest.update(read_text(file).encode())
+    for path in scenario.inputs:
+        digest.update(read_text(path).encode())
     return digest.hexdigest()[:16]

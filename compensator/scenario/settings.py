@@ -72,6 +72,26 @@ class Stream:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Compare:
+    """A force of the user's own, compared with the compensators.
+
+    Parameters
+    ----------
+    force : str
+        CSV file with the columns time_s and force_N over the whole reference, relative to the scenario.
+    column : str, optional
+        Column of the force, where the file has several.
+    """
+
+    force: str
+    column: str | None = None
+
+    def __post_init__(self) -> None:
+        if not self.force.strip() or "\0" in self.force:
+            raise ParameterError(f"force must name a CSV file, got {self.force!r}; it is relative to the scenario file")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Adaptation:
     """Self-tuning on the controller.
 
@@ -176,6 +196,7 @@ class Feedback:
     limit: float | None = None
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "sensor", FeedbackSensor(self.sensor))
         require("delay_s", self.delay_s, least=0, hint="the age of a measurement when it arrives, 0.01 for 10 ms")
         require_given("sample_s", self.sample_s, above=0, hint="the time between two calls, 0.005 for 200 Hz")
         require("resolution", self.resolution, least=0, hint="leave it out for none")

@@ -28,7 +28,7 @@ def test_design_compare_export_and_runtime_expect_the_same_of_a_tension(examples
 def test_export_and_runtime_expect_the_same_of_a_joint(examples):
     scenario = tf.load_scenario(examples / "hand_joint.toml")
     live = tf.Runtime(scenario).expectation
-    exported = tf.export_joint_c([scenario])
+    exported = tf.export_c(scenario)
     assert f"error up to {live.error}, with the exact inverse" in exported.headlines[0]
     assert exported.headlines[0] in exported.files["README.md"]
     designed = tf.design(scenario).expectation
