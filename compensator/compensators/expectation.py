@@ -20,6 +20,7 @@ from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.unit import NEWTON, Unit
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
+from tendonff.models.parameters.numbers import FACTORS
 
 K = TypeVar("K", bound=Hashable)
 P = TypeVar("P")
@@ -146,6 +147,14 @@ class Expectation:
         ]
         return tuple(sorted(found, key=lambda each: -each.rmse))
 
+    @property
+    def error(self) -> str:
+        """Worst RMS error, its share of the range, and the peak."""
+        worst = self.best.worst
+        rmse, peak = (two_digits(self.unit.factor * value) for value in (worst.rmse, self.best.worst_peak))
+        percent = two_digits(worst.rmse_percent_of_range)
+        return f"{rmse} {self.unit.shown} RMS ({percent} % of {self.share_of}), peak {peak} {self.unit.shown}"
+
     def headline(self, label: str, next_command: str) -> str:
         """Expected error of the profile of that label, and the next command."""
         worst = self.best.worst
@@ -157,13 +166,10 @@ class Expectation:
             compared = "; friction compensation does not reduce it"
         elif without is not None:
             compared = f"; {two_digits(without)} % without friction compensation"
-        percent = two_digits(worst.rmse_percent_of_range)
         unfit = unfit_for(self.unit, worst.rmse_percent_of_range)
-        rmse, peak = (two_digits(self.unit.factor * value) for value in (worst.rmse, self.best.worst_peak))
         return (
-            f"{f'{unfit}: tracking' if unfit else 'Tracking'} error up to {rmse} {self.unit.shown} RMS "
-            f"({percent} % of {self.share_of}), peak {peak} {self.unit.shown}, with the {label}, for {self.doubt} "
-            f"on the {self.level} level{compared}. Largest contribution: {self.contributions[0].key}. "
+            f"{f'{unfit}: tracking' if unfit else 'Tracking'} error up to {self.error}, with the {label}, "
+            f"for {self.doubt} on the {self.level} level{compared}. Largest contribution: {self.contributions[0].key}. "
             f"Next: {next_command}"
         )
 
@@ -179,12 +185,19 @@ class Expectation:
             return []
         swings = ", ".join(f"{name} {two_digits(100 * band.amplification)}" for name, band in over.items())
         largest = max(over.values(), key=lambda band: band.amplification).amplified_sample
-        where = ", ".join(f"{key} = {value:.3g}" for key, value in largest.numbers.items()) or "the nominal values"
+        where = sample_words(largest.numbers) or "the nominal values"
         text = Danger(
             f"over-compensation, in % of the swing, largest over the samples ({where}): {swings}; inside a feedback "
             "loop over-compensation injects energy: choose mu too low rather than too high"
         )
         return [text]
+
+
+def sample_words(numbers: Mapping[str, float]) -> str:
+    """Numbers of a sample: "0.75 mu" of a factor, "friction.adhesion_N = 3" of a value."""
+    return ", ".join(
+        f"{value:.3g} {key}" if key in FACTORS else f"{key} = {value:.3g}" for key, value in numbers.items()
+    )
 
 
 def unfit_for(unit: Unit, percent: float) -> str:

@@ -8,40 +8,19 @@ from dataclasses import dataclass, replace
 import control
 import numpy as np
 
-from tendonff.models.errors import ParameterError, require
 from tendonff.ocp.feedback.law import FeedbackLaw
 from tendonff.ocp.feedback.linear import Branch, Complex
+from tendonff.ocp.feedback.requirement import Requirement
 from tendonff.ocp.mechanism.problem import Array
 
-_RATIOS = (0.1, 0.4, 1.5)
-"""Ki/Kp to try, over the inverse of all delays and lags, the filter's included [-]."""
+_RATES, _FASTEST = 5, 6.0
+"""Number of Ki/Kp to try, from one turn of phase in the whole motion up to so many times the inverse of all delays and
+lags, the filter's included."""
 _FILTERS = (0.0, 0.5, 2.5)
 """Time constants of the filter to try, over all other delays and lags [-]."""
 _WORTH_A_FILTER = 0.95  # of the error without one, below which a filter helps
 _ROUNDING = 1.001  # of the gain
 _ROUNDS = 8  # of the gain's reduction where loops disturb each other
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Requirement:
-    """Margins that every branch must have.
-
-    Parameters
-    ----------
-    gain_margin : float
-        Factor on the gain up to instability [-], > 1.
-    phase_margin_deg : float
-        Lag up to instability where the loop's gain is 1 [deg], > 0 and < 90.
-    """
-
-    gain_margin: float = 2.0
-    phase_margin_deg: float = 45.0
-
-    def __post_init__(self) -> None:
-        require("gain_margin", self.gain_margin, above=1, hint="2 is usual")
-        require("phase_margin_deg", self.phase_margin_deg, above=0, hint="45 is usual")
-        if not self.phase_margin_deg < 90:
-            raise ParameterError(f"phase_margin_deg must be < 90, got {self.phase_margin_deg}; 45 is usual")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -167,6 +146,7 @@ def tune(
     laws: Sequence[FeedbackLaw],
     requirement: Requirement,
     lag_s: float,
+    duration_s: float,
     cost: Callable[[tuple[FeedbackLaw, ...]], float],
 ) -> tuple[float, tuple[FeedbackLaw, ...]] | None:
     """Gains and filter of all loops with the least cost, and that, within the margins; None where no gain keeps them.
@@ -180,12 +160,15 @@ def tune(
     requirement : Requirement
     lag_s : float
         All delays and lags of the loop [s], which set what to try.
+    duration_s : float
+        Of the motion [s].
     cost : callable
         Of laws to compare.
     """
     best: tuple[float, tuple[FeedbackLaw, ...]] | None = None
     for filter_s in (share * lag_s for share in _FILTERS):
-        for rate in (ratio / (lag_s + filter_s) for ratio in _RATIOS):
+        fastest = _FASTEST / (lag_s + filter_s)
+        for rate in np.geomspace(min(math.tau / duration_s, fastest), fastest, _RATES).tolist():
             shapes = [replace(law, proportional=1.0, integral_per_s=rate, filter_s=filter_s) for law in laws]
             if (found := as_high_as_allowed(plants, shapes, requirement)) is None:
                 continue

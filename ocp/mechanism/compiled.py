@@ -1,22 +1,27 @@
 """Bodies and tendons in compiled C."""
 
 import ctypes
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tendonff.models.joint.balance import Followed
 from tendonff.models.layout import fields_of
 from tendonff.models.mechanism import Arm, Tendon
+from tendonff.models.path import TabulatedSection
+from tendonff.models.path_table import MOST_AXES, PathTable
 from tendonff.models.tendon.chain import Chain
 from tendonff.models.turns import out_of_turn
 from tendonff.ocp.joint.laws import JOINT_NUMBERS, joint_torque, link_back, path_mass_back, representative
-from tendonff.ocp.mechanism.problem import Array, MechanismMemory, MechanismProblem
+from tendonff.ocp.mechanism.problem import Array, MechanismMemory, MechanismProblem, rest
+from tendonff.ocp.step.blocks import in_blocks
 from tendonff.ocp.step.c_engine import CORE, ReportStruct, chain_struct, host_source, library_of, pointer
 from tendonff.ocp.step.laws import ElementLaws
 
-_MS = 1e-3
+MS = 1e-3
 """Time that `Sharing.change_weight` is for [s]."""
 
 
@@ -24,8 +29,17 @@ class _Effect(ctypes.Structure):
     _fields_ = (
         ("near_m", ctypes.c_double),
         *((name, ctypes.c_void_p) for name in ("per", "knots", "cubics")),
-        ("pieces", ctypes.c_int),
-        ("far_only", ctypes.c_int),
+        *((name, ctypes.c_int) for name in ("pieces", "mass", "masses", "link", "links")),
+    )
+
+
+class _Table(ctypes.Structure):
+    _fields_ = (
+        *((name, ctypes.c_void_p) for name in ("values", "share")),
+        *((name, ctypes.c_double * MOST_AXES) for name in ("low", "step")),
+        ("per_m", ctypes.c_double),
+        *((name, ctypes.c_int * MOST_AXES) for name in ("body", "nodes")),
+        *((name, ctypes.c_int) for name in ("axes", "first", "count")),
     )
 
 
@@ -33,7 +47,8 @@ class _Tendon(ctypes.Structure):
     _fields_ = (
         *((name, ctypes.c_void_p) for name in ("chain", "home", "effects")),
         ("start_m", ctypes.c_double),
-        *((name, ctypes.c_void_p) for name in ("x", "x_old", "memory")),
+        *((name, ctypes.c_void_p) for name in ("x", "x_old", "memory", "tables")),
+        ("tabled", ctypes.c_int),
     )
 
 
@@ -142,34 +157,38 @@ class CompiledMechanism:
         self._kept: list[Any] = []
         pairs = list(zip(problem.mechanism.tendons, chains, strict=True))
         self._effects = [self._effects_of(tendon, chain) for tendon, chain in pairs]
-        self._homes = [_home(chain) for chain in chains]
+        self._tables = [self._tables_of(chain) for chain in chains]
+        self._homes = [home_of(chain) for chain in chains]
         bodies = ctypes.c_int(problem.bodies)
         self._work = [np.empty(self._library.tff_strand_reals(ctypes.c_int(n), bodies)) for n in self._counts]
 
     def _effects_of(self, tendon: Tendon, chain: Chain) -> Any:
         records = (_Effect * self._problem.bodies)()
-        near, far = ({arm.body: arm for arm in end.arms} for end in (tendon.near, tendon.far))
+        near = {arm.body: arm for arm in tendon.near.arms}
         for b, name in enumerate(self._problem.names):
-            followed, arm = Followed.of(chain, name), far.get(name)
-            per = np.concatenate(
-                [
-                    *(followed.angle_per_rad, followed.length_per_rad, followed.gained_per_rad_m),
-                    [arm.metres_per_unit if isinstance(arm, Arm) else 0.0],
-                ]
-            )
-            drum = near.get(name)
-            table = None if arm is None or isinstance(arm, Arm) else arm
-            knots = None if table is None else table.knots
-            cubics = None if table is None else np.ascontiguousarray(table.cubics)
-            touched = arm is not None or followed.any
-            self._kept += [per, knots, cubics]
+            part, drum = effect_parts(tendon, chain, name), near.get(name)
+            self._kept.append(part)
             records[b] = _Effect(
                 drum.metres_per_unit if isinstance(drum, Arm) else 0.0,
-                *(pointer(each).value for each in (per if touched else None, knots, cubics)),
-                0 if table is None else len(table.cubics),
-                not followed.any,
+                *(pointer(each).value for each in (part.per, part.knots, part.cubics if part.pieces else None)),
+                *(part.pieces, *part.masses, *part.links),
             )
         return records
+
+    def _tables_of(self, chain: Chain) -> Any:
+        """Records of the tables of a path."""
+        parts = table_parts(chain, self._problem.names)
+        self._kept += parts
+        reals, whole = ctypes.c_double * MOST_AXES, ctypes.c_int * MOST_AXES
+        return (_Table * len(parts))(
+            *(
+                _Table(
+                    *(part.values.ctypes.data, part.share.ctypes.data, reals(*part.low), reals(*part.step), part.per_m),
+                    *(whole(*part.bodies), whole(*part.nodes), len(part.nodes), part.first, len(part.share)),
+                )
+                for part in parts
+            )
+        )
 
     def _tendons(self, memory: MechanismMemory) -> Any:
         """Records of the tendons."""
@@ -182,10 +201,28 @@ class CompiledMechanism:
                     ctypes.addressof(self._effects[k]),
                     float(memory.start_m[k]),
                     *(each.ctypes.data for each in (memory.x[k], memory.x_old[k], work[k])),
+                    *(ctypes.addressof(self._tables[k]), len(self._tables[k])),
                 )
                 for k in range(len(work))
             )
         )
+
+    def path_at(self, position: Array) -> list[Array]:
+        """Rows of each tendon's path where bodies stand, shape (rows, 3 N + 3).
+
+        Wrap angles of the masses (N), whole length over that of each link (N + 1), gained lengths (N + 1), far end.
+
+        Parameters
+        ----------
+        position : ndarray, shape (rows, bodies)
+        """
+        given = np.ascontiguousarray(position, dtype=np.float64)
+        records, rows = self._tendons(rest(self._problem)), ctypes.c_long(len(given))
+        found = [np.empty((len(given), 3 * n + 3)) for n in self._counts]
+        for record, out in zip(records, found, strict=True):
+            bodies = ctypes.c_int(self._problem.bodies)
+            self._library.tff_bodies_place(ctypes.byref(record), bodies, rows, pointer(given), pointer(out))
+        return found
 
     def invert(self, memory: MechanismMemory, position: Array, effort: Array) -> InverseRows:
         """Motors for positions of the bodies at the present instant and the ends of the steps that follow.
@@ -235,7 +272,7 @@ class CompiledMechanism:
         call.tension_N[:1] = memory.tension_N
         sharing, closure = problem.sharing, np.zeros(count)
         how = _Sharing(
-            *(sharing.least_tension_N, sharing.smooth_N, sharing.change_weight * _MS / self._step_s),
+            *(sharing.least_tension_N, sharing.smooth_N, sharing.change_weight * MS / self._step_s),
             *(each.ctypes.data for each in (self._winding, self._partner, self._alone, closure)),
             *(None, None),  # at rest only
         )
@@ -256,6 +293,24 @@ class CompiledMechanism:
 
         `led`, shape (bodies,): which are led; default: those that a drive leads.
         """
+
+        def advance(block: slice) -> RunRows:
+            part = slice(block.start, block.stop + 1)
+            return self._run(memory, position[part], effort[part], led)
+
+        found = in_blocks(len(position) - 1, advance, lambda each: len(each.lowest_N), lambda each: each.iterations)
+        rows: dict[str, Any] = {
+            name: np.concatenate([getattr(each, name) for each in found])
+            for name in ("position", "torque", "tension_N", "drum_N", "lowest_N")
+        }
+        return RunRows(
+            **rows,
+            iterations=sum(each.iterations for each in found),
+            splits=sum(each.splits for each in found),
+            residual_N=found[-1].residual_N,
+        )
+
+    def _run(self, memory: MechanismMemory, position: Array, effort: Array, led: Array | None) -> RunRows:
         problem = self._problem
         rows, count, bodies = len(position) - 1, len(self._counts), problem.bodies
         given, efforts = (np.ascontiguousarray(each, dtype=np.float64) for each in (position, effort))
@@ -289,7 +344,96 @@ class CompiledMechanism:
             memory.tension_N = tension[done - 1].copy()
 
 
-def _home(chain: Chain) -> Array:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EffectParts:
+    """Effect of a body on a tendon's path, as the core takes it."""
+
+    per: Array | None  # shape (3 N + 3,): change of a row of the path per unit; None for none
+    # knots, cubics: of the far end's travel by a table, shape (pieces + 1,) and (pieces, 4)
+    knots: Array | None
+    cubics: Array
+    pieces: int
+    # masses, links: first and number of those whose angles and lengths it changes
+    masses: tuple[int, int]
+    links: tuple[int, int]
+
+
+def effect_parts(tendon: Tendon, chain: Chain, body: str) -> EffectParts:
+    """Effect of a body on a tendon's sections and far end."""
+    followed, arm = Followed.of(chain, body), {each.body: each for each in tendon.far.arms}.get(body)
+    straight = arm.metres_per_unit if isinstance(arm, Arm) else 0.0
+    table = None if arm is None or isinstance(arm, Arm) else arm
+    per = np.concatenate([followed.angle_per_rad, followed.length_per_rad, followed.gained_per_rad_m, [straight]])
+    tabled = _tabled_links(chain, body)
+    return EffectParts(
+        per=per if arm is not None or followed.any or tabled.any() else None,
+        knots=None if table is None else table.knots,
+        cubics=np.empty(0) if table is None else np.ascontiguousarray(table.cubics).ravel(),
+        pieces=0 if table is None else len(table.cubics),
+        masses=_range(followed.angle_per_rad != 0),
+        links=_range((followed.length_per_rad != 0) | (followed.gained_per_rad_m != 0) | tabled),
+    )
+
+
+def _tabled_links(chain: Chain, body: str) -> NDArray[np.bool_]:
+    """Links whose lengths a table over a body changes, shape (N + 1,)."""
+    path = chain.elements.path
+    tables = [section.length if isinstance(section, TabulatedSection) else None for section in path.sections]
+    follows = np.array([table is not None and body in table.joints for table in tables], dtype=bool)
+    found: NDArray[np.bool_] = (path.parts[:, follows] != 0).any(axis=1)
+    return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TableParts:
+    """A table of a path, as the core takes it."""
+
+    values: Array  # coefficients
+    share: Array  # of its value, for each mass or link that it changes
+    low: tuple[float, ...]
+    step: tuple[float, ...]
+    per_m: float  # of a length: 1 over the length of the whole tendon; 0: a wrap angle
+    bodies: tuple[int, ...]
+    nodes: tuple[int, ...]
+    first: int  # mass or link that it changes
+
+
+def table_parts(chain: Chain, bodies: Sequence[str]) -> list[TableParts]:
+    """Tables of a tendon's path, less what `home_of` has; bodies by their names in order."""
+    path, found = chain.elements.path, list[TableParts]()
+
+    def add(table: PathTable, less: float, rows: NDArray[np.int_], share: Array, per_m: float) -> None:
+        found.append(
+            TableParts(
+                values=np.ascontiguousarray(table.coefficients - less),
+                share=np.array(share, dtype=np.float64),
+                low=tuple(table.low_rad.tolist()),
+                step=tuple(table.step_rad.tolist()),
+                per_m=per_m,
+                bodies=tuple(bodies.index(joint) for joint in table.joints),
+                nodes=table.nodes,
+                first=int(rows[0]),
+            )
+        )
+
+    for k, section in enumerate(path.sections):
+        if isinstance(section, TabulatedSection):
+            masses, links = np.flatnonzero(path.section_of == k), np.flatnonzero(path.parts[:, k])
+            if section.angle is not None and len(masses):  # of a section that is never touched, nothing bends
+                add(section.angle, float(section.angle_at({})), masses, 1 / path.pieces[masses], 0.0)
+            if section.length is not None:
+                per_m = 1 / (path.length_m or 1.0)
+                add(section.length, float(section.length.at({})), links, path.parts[links, k], per_m)
+    return found
+
+
+def _range(touched: NDArray[np.bool_]) -> tuple[int, int]:
+    """First and number of what is touched, with what lies between."""
+    places = np.flatnonzero(touched)
+    return (int(places[0]), int(np.ptp(places)) + 1) if len(places) else (0, 0)
+
+
+def home_of(chain: Chain) -> Array:
     """The path with all bodies at zero, shape (3 N + 3,): angles, shares of the links, gained lengths, far end."""
     rows = chain.elements.path.at({})
     return np.concatenate([rows.angle_rad[0], 1 / rows.ratio[0], rows.gained_m[0], np.zeros(1)])

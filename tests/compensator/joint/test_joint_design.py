@@ -5,15 +5,19 @@ import csv
 import json
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.joint import compensators
 from tendonff.compensator.joint.design.run import design_joint
 from tendonff.compensator.joint.drive import commanded, driven
-from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
+from tendonff.compensator.scenarios import load_scenario
+from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters import DriveKind, JointDrive
 from tendonff.ocp.joint.simulate import simulate_joint
 from tendonff.ocp.joint.start import joint_problem
@@ -134,7 +138,7 @@ def test_a_wanted_torque_is_given_while_something_else_moves_the_joint(tmp_path:
     text = (examples / "instrument_pair.toml").read_text("utf-8")
     head, _, tail = text.partition("[reference]")
     (tmp_path / "s.toml").write_text(head + reference + tail.partition("[run]")[2], "utf-8")
-    result = design_joint(load_joint_scenario(tmp_path / "s.toml"))
+    result = design_joint(load_scenario(tmp_path / "s.toml"))
     assert result.percent(result.profiles["inverse"].rms) < 1.0
     assert result.percent(result.profiles["linear"].rms) > 5.0
     assert "N m" in result.headline
@@ -147,7 +151,7 @@ def test_a_cycle_is_designed_in_its_steady_state(tmp_path: Path, examples: Path)
         'periodic = true\n[run]\nstep_s = 0.002\nlevel = "presliding"\n'
     )
     (tmp_path / "s.toml").write_text(text, "utf-8")
-    result = design_joint(load_joint_scenario(tmp_path / "s.toml"))
+    result = design_joint(load_scenario(tmp_path / "s.toml"))
     assert math.degrees(result.profiles["inverse"].rms) < 0.1
     ends = result.profiles["inverse"].motor_rad[[0, -1]]
     assert np.abs(ends[0] - ends[1]).max() < 1e-6
@@ -161,7 +165,7 @@ def test_limits_of_the_motor_are_reported(tmp_path: Path, examples: Path) -> Non
         ("torque_max_N_m = 1.0", "torque_max_N_m = 0.05"),
         COARSE,
     )
-    result = design_joint(load_joint_scenario(path))
+    result = design_joint(load_scenario(path))
     text = " ".join(result.warnings)
     assert "speed_max_rad_per_s is 2" in text
     assert "torque_max_N_m is 0.05" in text
@@ -170,9 +174,9 @@ def test_limits_of_the_motor_are_reported(tmp_path: Path, examples: Path) -> Non
 
 
 def test_commands_that_shake_a_joint_without_damping_are_reported(tmp_path: Path, examples: Path) -> None:
-    calm = design_joint(load_joint_scenario(variant(examples, tmp_path, COARSE)))
+    calm = design_joint(load_scenario(variant(examples, tmp_path, COARSE)))
     light = ("damping_N_m_s_per_rad = 2.0e-3", "damping_N_m_s_per_rad = 2.0e-4")
-    shaken = design_joint(load_joint_scenario(variant(examples, tmp_path, COARSE, light)))
+    shaken = design_joint(load_scenario(variant(examples, tmp_path, COARSE, light)))
     assert not any("rings at" in text for text in calm.warnings)
     assert any("the joint rings at 40.3 Hz with 1 %" in text for text in shaken.warnings)
     assert shaken.profiles["inverse"].rms > 3 * calm.profiles["inverse"].rms
@@ -226,7 +230,7 @@ def test_a_homing_stroke_wipes_out_what_was_stored(tmp_path: Path, examples: Pat
     ideal = [("resolution_rad = 0.00153 ", "homing_rad = 0.2 "), ("command_interval_s = 0.01 ", "gear_ratio = 1.0 ")]
     ideal += [("gear_ratio = 1.0                      # turns", "# turns")]
     path = variant(examples, tmp_path, *ideal, COARSE)
-    scenario = load_joint_scenario(path)
+    scenario = load_scenario(path)
     result = design_joint(scenario)
     result.write(tmp_path / "out")
     home, profile = columns(tmp_path / "out" / "homing.csv"), columns(tmp_path / "out" / "profile.csv")
@@ -245,3 +249,26 @@ def test_a_homing_stroke_wipes_out_what_was_stored(tmp_path: Path, examples: Pat
         errors.append(np.rad2deg(np.abs(run.angle_rad[-len(wanted) :] - wanted).max()))
     assert errors[0] < 0.05
     assert errors[1] > 10 * errors[0]
+
+
+def test_a_compensator_that_fails_does_not_end_the_design(examples, tmp_path, monkeypatch):
+    def fails(_task):
+        raise FloatingPointError("divide by zero")
+
+    broken = [
+        replace(each, motor_rad=fails) if each.name == "static" else each for each in compensators.JOINT_COMPENSATORS
+    ]
+    monkeypatch.setattr(compensators, "JOINT_COMPENSATORS", tuple(broken))
+    result = design_joint(load_scenario(variant(examples, tmp_path, COARSE)))
+    assert set(result.profiles) == {"linear", "inverse"}
+    assert not result.is_usable
+    assert any("static: failed: FloatingPointError: divide by zero" in each for each in result.warnings)
+
+
+def test_notes_asked_first_raise_the_error_that_names_the_file(examples, tmp_path, monkeypatch):
+    def fails(*_):
+        raise ParameterError("moment arms change their sign")
+
+    monkeypatch.setattr(compensators, "inverse_of", fails)
+    with pytest.raises(InputError, match=r"s.toml: moment arms change their sign"):
+        _ = compensators.JointTask.of(load_scenario(variant(examples, tmp_path, COARSE))).notes

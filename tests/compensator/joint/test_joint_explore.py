@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from tendonff.compensator.joint.compensators import JointTask, joint_compensator
-from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.explore.joint import JointExplorer
 from tendonff.models.errors import TendonffError
 
@@ -14,7 +14,7 @@ pytestmark = pytest.mark.compiler
 
 @pytest.fixture(scope="module", params=["hand_joint", "instrument_pair"])
 def explorer(request: pytest.FixtureRequest, examples: Path) -> JointExplorer:
-    return JointExplorer(load_joint_scenario(examples / f"{request.param}.toml"))
+    return JointExplorer(load_scenario(examples / f"{request.param}.toml"))
 
 
 def test_where_the_knobs_start_the_curves_are_those_of_the_scenario(explorer: JointExplorer) -> None:
@@ -42,3 +42,9 @@ def test_what_is_out_of_bounds_is_refused(explorer: JointExplorer) -> None:
     values = {knob.key: knob.value for knob in explorer.knobs} | {"stiffness": -1.0}
     with pytest.raises(TendonffError):
         explorer.explore(values, design_knows=True, curves=explorer.fast)
+
+
+def test_what_is_saved_reads_back_as_what_was_explored(explorer: JointExplorer, tmp_path: Path) -> None:
+    values = {knob.key: knob.value for knob in explorer.knobs} | {"mu": 1.5, "stiffness": 0.7}
+    (tmp_path / "explored.toml").write_text(explorer.toml(values), encoding="utf-8")
+    assert load_scenario(tmp_path / "explored.toml").mechanism == explorer._changed(values).mechanism
