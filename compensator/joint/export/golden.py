@@ -198,6 +198,7 @@ def golden_context(
         "motor_torque_N_m": asked,
         "tolerance_N_m": f"{newton_metre:.3g}",
         "torque_max_N_m": f"{drive.torque_max_N_m or 1e30:.9g}",
+        "drift_rad": f"{STEP_RAD + 0.8 * observed_motor(scenario, course.angle_rad)[1] * step:.6g}",
         "observed_rad": f"{_observed_rad(scenario, course, rad):.3g}",
         "tolerance_rad": f"{rad:.3g}",
         "tolerance_command": f"{command:.3g}",
