@@ -37,3 +37,9 @@ def require_whole(name: str, value: int, *, least: int, most: int, hint: str) ->
     """Refuse `value` unless it is a whole number from `least` to `most`."""
     if not (isinstance(value, int) and least <= value <= most):
         raise ParameterError(f"{name} must be a whole number from {least} to {most}, got {value}; {hint}")
+
+
+def require_range(name: str, given: tuple[float, ...] | None) -> None:
+    """Refuse a range that is not two finite numbers, the lower one first; None is none."""
+    if given is not None and not (len(given) == 2 and math.isfinite(given[0] - given[1]) and given[0] < given[1]):
+        raise ParameterError(f"{name} must be two numbers, the lower one first, got {list(given)}; try [0.0, 1.5]")

@@ -22,6 +22,9 @@ from tendonff.models.cached import cached_property
 from tendonff.models.errors import ParameterError
 from tendonff.models.layout import Array
 
+FURTHEST_RAD = 7.0
+"""No joint turns further, by a good turn."""
+
 MOST_TURNS = 100.0
 
 ANGLE_FLOOR_RAD = 1e-12
@@ -172,12 +175,15 @@ class JointMotion:
         Shape (rows, joints).
     period_s : float or None
         They repeat after so long; default: they are held.
+    range_rad : tuple
+        By joint the angles that are accepted live, (low, high) [rad], or None for what the path admits; default: all.
     """
 
     names: tuple[str, ...]
     time_s: Array
     angle_rad: Array
     period_s: float | None = None
+    range_rad: tuple[tuple[float, ...] | None, ...] = ()
 
     def at(self, time_s: Array) -> Array:
         """Joint angles at instants, shape (len(time_s), joints) [rad]."""
@@ -186,7 +192,8 @@ class JointMotion:
 
     def held(self, angle_rad: Array) -> "JointMotion":
         """Joints at constant angles, shape (joints,)."""
-        return JointMotion(names=self.names, time_s=np.zeros(1), angle_rad=np.asarray(angle_rad, float)[None, :])
+        angles = np.asarray(angle_rad, float)[None, :]
+        return JointMotion(names=self.names, time_s=np.zeros(1), angle_rad=angles, range_rad=self.range_rad)
 
     @property
     def moves(self) -> bool:

@@ -56,7 +56,10 @@ def respond(
         wanted = given[row] + slopes[row] * (now - times[row])
         pull = servo * (wanted + tension_N / servo - (q[0] - q0[0])) if position else wanted
         w, dry = v[1:-1], x[2]
-        limit = np.maximum(f_link[:-1] + f_link[1:] + 2 * f.adhesion_N, 1e-6) * np.where(w > 0, mu_pull, mu_back)
+        normal = np.maximum(f_link[:-1] + f_link[1:] + 2 * f.adhesion_N, 1e-6)
+        limit = normal * np.where(w > 0, mu_pull, mu_back)
+        if f.load_exponent:
+            limit = limit * (normal / (2 * f.reference_tension_N)) ** -f.load_exponent
         found = np.empty(len(x))
         found[0::4], found[3::4], dv = v, (e - z) / t.relaxation_time_s, found[1::4]
         dv[0] = (pull - f_link[0] - a.damping_N_s_per_m * v[0] - dry) / a.mass_kg

@@ -14,8 +14,8 @@ import pytest
 
 import tendonff as tf
 from tendonff.models.cached import cached_property
+from tendonff.models.mechanism.chain import chain_equations
 from tendonff.models.parameters import Transmission
-from tendonff.models.tendon.chain import chain_equations
 from tendonff.models.turns import TURN, in_turn, out_of_turn
 from tendonff.ocp.codegen.engine import Engine
 
@@ -98,7 +98,7 @@ _STRESS = """
 import sys, threading, time
 import numpy as np
 import tendonff as tf
-from tendonff.models.tendon.chain import chain_equations
+from tendonff.models.mechanism.chain import chain_equations
 from tendonff.models.turns import TURN
 from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.step import c_engine

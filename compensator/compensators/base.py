@@ -15,7 +15,7 @@ from tendonff.compensator.compensators.profile import FloatArray, Profile
 from tendonff.compensator.compensators.uncertain import Doubt
 from tendonff.compensator.files.notices import Remark
 from tendonff.compensator.files.progress import Parts, Progress, silent
-from tendonff.compensator.reporting.colours import Style
+from tendonff.compensator.reporting.colours import SKY, Style
 from tendonff.compensator.scenario.reference import Hold
 from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
@@ -183,6 +183,8 @@ class Compensator(ABC):
     ----------
     name, label : str
         Key in files and on the command line, and name for people.
+    style : Style, optional
+        How figures draw it.
     knows_the_level : bool
         The profile depends on the fidelity level of the design model.
     is_fast : bool
@@ -191,7 +193,7 @@ class Compensator(ABC):
 
     name: str
     label: str
-    style: Style
+    style: Style = Style(color=SKY, linestyle="--")
     knows_the_level: bool = True
     is_fast: bool = True
     c_module: CModule | None = None

@@ -276,9 +276,11 @@ class StreamChoice:
 def followed_range(problem: Problem) -> tuple[float, float]:
     """References that a live module follows by default: those of the scenario and a margin [N].
 
-    A sensor or a bus that reads full scale must not be followed where the scenario never goes.
+    A sensor or a bus that reads full scale must not be followed where the scenario never goes, unless it states so.
     """
     low, high = accepted_range(problem)
+    if problem.reference.live_N is not None:
+        return low, high
     tension = problem.reference.tension_N
     least, most = float(np.min(tension)), float(np.max(tension))
     margin = _MARGIN * max(most - least, _MARGIN * most)

@@ -112,7 +112,10 @@ def table_range(problem: Problem) -> tuple[float, float]:
 
 
 def accepted_range(problem: Problem) -> tuple[float, float]:
-    """References that the exported modules accept [N]."""
+    """References that the exported modules accept, as stated or up to what the actuator reaches [N]."""
+    if problem.reference.live_N is not None:
+        low, high = problem.reference.live_N
+        return low, high
     tension = problem.reference.tension_N
     low, _ = table_range(problem)
     high = max(largest_tension(problem.transmission), float(np.max(tension)))

@@ -4,7 +4,7 @@ import json
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 
@@ -61,9 +61,9 @@ class Exported:
         What the tuner can identify along the reference, and what it cannot; empty without one.
     """
 
-    files: dict[str, str]
-    built: BuiltTable | None
-    profile_N: FloatArray
+    files: dict[str, str] = field(repr=False)
+    built: BuiltTable | None = field(repr=False)
+    profile_N: FloatArray = field(repr=False)
     judged: tuple[Judged, ...]
     warnings: tuple[str, ...]
     notes: tuple[str, ...] = ()

@@ -47,7 +47,9 @@ def check_prefix(prefix: str) -> None:
 def c_modules(scenario: Scenario, with_stream: bool = False) -> tuple[CModule, ...]:
     """Modules of the compensators that can be exported, then those for live references, plant, observer, tuner."""
     stream = (STREAM,) if with_stream else ()
-    tuned = (ADAPTIVE,) if scenario.joints else ADAPTIVE_MODULES  # no total angle to certify where joints move
+    # The interval's ratios are constants: there is none where joints move the path or friction falls with the load.
+    varies = scenario.joints or scenario.transmission.friction.load_exponent
+    tuned = (ADAPTIVE,) if varies else ADAPTIVE_MODULES
     more = () if scenario.adaptation is None else tuned
     own = tuple(module for _, module in exportable(scenario.transmission, moving=bool(scenario.joints)))
     return (*own, *stream, PLANT, OBSERVER, *more)

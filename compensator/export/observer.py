@@ -101,6 +101,18 @@ class ObserverDesign:
         return CapstanLaw.of(self.problem.transmission)
 
     @cached_property
+    def load_factors(self) -> tuple[float, float]:
+        """Least and largest coefficient over that at the reference tension, for tensions of the problem [-]."""
+        law, (least, most) = self.law, accepted_range(self.problem)
+        if law.load_exponent == 0:
+            return 1.0, 1.0
+        tensions = law.lowered_N(law.lifted_N(most) * math.exp(law.pull_exponent)), least
+        low, high = (
+            float((tension + law.adhesion_N) / law.reference_tension_N) ** -law.load_exponent for tension in tensions
+        )
+        return low, high
+
+    @cached_property
     def chain(self) -> Chain:
         """The chain behind the force cell."""
         return self.problem.chain.led_by_tension()
@@ -120,7 +132,8 @@ class ObserverDesign:
                 CapstanLaw.of(transmission, dict(zip(motion.names, row.tolist(), strict=True)))
                 for row in motion.angle_rad[:: max(1, len(motion.angle_rad) // 100)]
             ]
-        return max(_most_pull(law) for law in laws), max(_most_release(law) for law in laws)
+        factor = self.load_factors[1]
+        return factor * max(_most_pull(law) for law in laws), factor * max(_most_release(law) for law in laws)
 
     @cached_property
     def input_max_N(self) -> float:
@@ -158,6 +171,8 @@ class ObserverDesign:
         """
         moving = self.problem.chain.motion is not None
         least_pull, least_release = (0.0, 0.0) if moving else (_least_pull(self.law), _least_release(self.law))
+        factor = self.load_factors[0]
+        least_pull, least_release = factor * least_pull, factor * least_release
         wide, narrow = 1 + self.spread, 1 - self.spread
         bare = Enclosure(
             low_pull=wide * self.largest[0],

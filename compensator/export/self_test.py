@@ -267,6 +267,8 @@ def _start_force_N(problem: Problem, start_N: float) -> tuple[float, float] | No
         return None
     law = CapstanLaw.of(problem.transmission)
     force = start_N + 0.5 * (start_N + law.adhesion_N) * math.expm1(law.pull_exponent)
+    if law.load_exponent:
+        force = 0.5 * (start_N + float(law.input_for_N(start_N, Branch.PULL)))
     inside = all(actuator.force_min_N < at < actuator.force_max_N for at in (start_N, force))
     return (start_N, force) if inside else None
 

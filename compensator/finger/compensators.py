@@ -27,6 +27,8 @@ from tendonff.ocp.mechanism.start import held_at, mechanism_problem, unreachable
 
 REFINEMENT = 4
 """The verifying mechanism has smaller steps than the design, so many in one."""
+DOUBT_MASSES = 20
+"""Masses of each tendon of mechanisms that may be the real one: what they differ by is ten times what masses leave."""
 _SLOW = 1e-3  # of its mass and damping, a tendon has in the quasi-static law
 
 
@@ -238,6 +240,10 @@ class FingerTask(MotorTask):
             for each in FINGER_COMPENSATORS
             if not (each.needs_doubt and self.middle is None) and not (each.needs_references and follows)
         )
+
+    def doubt_masses(self, system: Finger) -> int:
+        """Masses of each tendon of a mechanism that may be the real one."""
+        return max(DOUBT_MASSES, *(tendon.path.segments for tendon in system.tendons))
 
     def reached(
         self,

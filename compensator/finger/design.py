@@ -6,10 +6,10 @@ import numpy as np
 
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.files.results import register_writer
+from tendonff.compensator.files.results import Views, register_views
 from tendonff.compensator.finger.compensators import REFINEMENT, FingerTask
 from tendonff.compensator.finger.doubts import finger_doubts
-from tendonff.compensator.finger.output import motor_torque_N_m, write_files
+from tendonff.compensator.finger.output import finger_figures, motor_torque_N_m, profile_columns, write_files
 from tendonff.compensator.finger.result import FingerDesign, FingerProfile
 from tendonff.compensator.finger.scenario import FingerScenario
 from tendonff.compensator.finger.sheet import joint_sheets, tendon_sheets
@@ -20,7 +20,7 @@ from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.models.errors import TendonffError
 from tendonff.models.turns import in_turn
 
-register_writer(FingerDesign, write_files)
+register_views(FingerDesign, Views(write=write_files, columns=profile_columns, figures=finger_figures))
 
 
 @in_turn
@@ -81,6 +81,7 @@ def design_finger(scenario: FingerScenario, *, strict: bool = False, progress: P
         joints=joint_sheets(task),
         masses=masses,
         refinement=REFINEMENT,
+        doubt_masses=task.doubt_masses(finger),
         warnings=(*task.notes, *map(str, finger_doubts(scenario)), *failed),
     )
     return _with_limits(result)

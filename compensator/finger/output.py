@@ -36,16 +36,21 @@ _CAPTIONS = {
 
 def write_files(result: FingerDesign, folder: str | os.PathLike[str]) -> None:
     """Write the files of `FingerDesign.write`."""
+    figures = finger_figures(result)
+    with atomic_directory(folder) as partial:
+        write_csv(partial / "profile.csv", profile_columns(result))
+        write_pages(partial, summary(result), figures, _report(result, figures))
+
+
+def finger_figures(result: FingerDesign) -> dict[str, Figure]:
+    """All figures of a finger's design by file name."""
     with figure_style():
-        figures = {
+        return {
             "joints": _joints_figure(result),
             "tension": _tension_figure(result),
             "motor": _motor_figure(result),
             "contributions": contributions_figure(result.expectation, result.recommended.style),
         }
-    with atomic_directory(folder) as partial:
-        write_csv(partial / "profile.csv", profile_columns(result))
-        write_pages(partial, summary(result), figures, _report(result, figures))
 
 
 def profile_columns(result: FingerDesign) -> dict[str, FloatArray]:
@@ -94,7 +99,7 @@ def summary(result: FingerDesign) -> dict[str, object]:
             for name, profile in result.profiles.items()
         },
         "recommended": result.recommended.name,
-        "expectation": expectation_summary(result.expectation, result.masses),
+        "expectation": expectation_summary(result.expectation, result.doubt_masses),
         "inverse": {
             "status": result.inversion.status.value,
             "evaluations_per_step": result.inversion.work / max(len(result.sampled.time_s) - 1, 1),
@@ -166,7 +171,7 @@ def _report(result: FingerDesign, figures: Mapping[str, Figure]) -> Report:
     pictures = pictures_of(figures, _CAPTIONS)
     labels = {c.name: c.label for c in result.compensators}
     doubt = Text(f"For {result.expectation.doubt}.")
-    robustness = (robustness_table(result.expectation, labels, result.masses), doubt, pictures["contributions"])
+    robustness = (robustness_table(result.expectation, labels, result.doubt_masses), doubt, pictures["contributions"])
     return Report(
         title=f"Design: {result.scenario.name}",
         summary=result.headline,

@@ -9,7 +9,7 @@ import numpy as np
 from tendonff.compensator.compensators.expectation import Expectation
 from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.files.reading import FloatArray
-from tendonff.compensator.files.results import writer_of
+from tendonff.compensator.files.results import Result, views_of
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.finger.compensators import FingerCompensator
 from tendonff.compensator.finger.scenario import FingerScenario, SampledFinger
@@ -58,8 +58,8 @@ class FingerProfile:
         return float(np.abs(self.error_rad).max())
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FingerDesign:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class FingerDesign(Result):
     """Motor angles for several joints, and what each compensator delivers.
 
     Attributes
@@ -79,6 +79,8 @@ class FingerDesign:
         Data sheet.
     masses, refinement : int
         Of the verifying mechanism: masses a tendon, and its steps in one of the design.
+    doubt_masses : int
+        Masses a tendon of the mechanisms that may be the real one.
     warnings : tuple of str
         What the user should know.
     """
@@ -93,6 +95,7 @@ class FingerDesign:
     joints: tuple[JointSheet, ...]
     masses: int
     refinement: int
+    doubt_masses: int
     warnings: tuple[str, ...]
 
     @property
@@ -124,4 +127,4 @@ class FingerDesign:
 
     def write(self, folder: str | os.PathLike[str]) -> None:
         """Write `profile.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
-        writer_of(FingerDesign)(self, folder)
+        views_of(FingerDesign).write(self, folder)

@@ -30,6 +30,8 @@ class FingerRuntime:
         Time of a step [s].
     joints, motors : tuple of str
         In the order of what a step takes and gives.
+    ranges : dict of str to (float, float)
+        Angles of each joint that are accepted [rad].
     status : tuple of RuntimeStatus
         Of the last step; empty where nothing is to be said.
 
@@ -58,6 +60,7 @@ class FingerRuntime:
         self._before = [each.copy() for each in self._state]
         self.step_s, self.joints = task.step_s, task.finger.names[: scenario.wanted]
         self.motors = tuple(motor.name for motor in task.finger.motors)
+        self.ranges = _ranges(task, self.joints)
         self.status: tuple[RuntimeStatus, ...] = ()
 
     def step(
@@ -84,6 +87,8 @@ class FingerRuntime:
         effort = [0.0] * len(self.joints) if torque_N_m is None else self._by_joint("torque_N_m", torque_N_m)
         if wanted is None or not all(map(math.isfinite, (*wanted, *effort))):
             self.status = (RuntimeStatus.INPUT_HELD,)
+        elif any(not low <= q <= high for q, (low, high) in zip(wanted, self.ranges.values(), strict=True)):
+            self.status = (RuntimeStatus.RANGE,)
         else:
             self._advance(wanted, effort)
         return self._answer.command.copy()
@@ -133,7 +138,15 @@ class FingerRuntime:
             given = [given[joint] for joint in self.joints]
         if isinstance(given, str | float | int) or len(given) != len(self.joints):
             raise ParameterError(f"{name} must hold {len(self.joints)} numbers ({', '.join(self.joints)})")
+        if text := [value for value in given if isinstance(value, str)]:
+            raise ParameterError(f"{name} must hold numbers, got {text[0]!r}; convert text by float() where it arrives")
         return [math.nan if value is None else float(value) for value in given]
+
+
+def _ranges(task: FingerTask, joints: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Angles that are accepted, by joint."""
+    wanted = zip(joints, task.finger.joints, task.wanted_rad.T, strict=False)
+    return {name: joint.accepted_rad(float(angle.min()), float(angle.max())) for name, joint, angle in wanted}
 
 
 class _DriveAnswer:

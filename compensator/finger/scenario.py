@@ -79,7 +79,7 @@ class FingerScenario:
     run: Run
     robust: Uncertainty
     source: Path
-    text: str
+    text: str = field(repr=False)
     inputs: tuple[Path, ...] = field(default=())
 
     @property
@@ -211,6 +211,11 @@ def sample_finger(scenario: FingerScenario) -> SampledFinger:
             f"{file} [reference]: periodic = true, but a joint ends {off:.3g} rad from where it starts; give whole "
             "periods and fade_in_s = 0"
         )
+    for joint, column in zip(scenario.mechanism.joints[: scenario.wanted], angle.T, strict=False):
+        try:
+            joint.accepted_rad(float(column.min()), float(column.max()))
+        except ParameterError as error:
+            raise InputError(f"{file} [joints.{joint.name}]: {error}") from None
     others = [joint_angles(other, name, time, folder, length) for name, other in scenario.others.items()]
     motion = JointMotion(names=(*names, *scenario.others), time_s=time, angle_rad=np.column_stack([angle, *others]))
     effort = np.zeros_like(angle)

@@ -3,11 +3,12 @@
 from dataclasses import dataclass, replace
 
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.compensators.stream import choose_stream
+from tendonff.compensator.compensators.stream import choose_stream, followed_range
+from tendonff.compensator.compensators.table import accepted_range
 from tendonff.compensator.export.modules import ADAPTIVE, STREAM, c_modules
 from tendonff.compensator.export.text.c_text import c_sources
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.joint.export.text import joint_sources, problem_of
+from tendonff.compensator.joint.export.text import accepted_rad, joint_sources, problem_of
 from tendonff.compensator.joint.scenario.reference import JointQuantity
 from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
 from tendonff.compensator.runtime.kinds import RuntimeKind
@@ -17,6 +18,9 @@ from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.joint.target import other_joints
 from tendonff.ocp.step.joints import Joints
+
+REFERENCE = "reference"
+"""Name of what a step follows, in the ranges of a runtime."""
 
 _TENDON = """#include "tff_{module}.h"
 long tff_runtime_size(void) {{ return (long)sizeof(tff_{module}); }}
@@ -96,6 +100,8 @@ class RuntimeCode:
         Where they stand at the start.
     outputs : int
         Numbers that are commanded.
+    ranges : dict of str to (float, float)
+        Values that are accepted, of the reference and of joints by name.
     """
 
     kind: RuntimeKind
@@ -108,6 +114,7 @@ class RuntimeCode:
     joints: tuple[str, ...]
     joints_start_rad: tuple[float, ...]
     outputs: int
+    ranges: dict[str, tuple[float, float]]
 
 
 def joint_runtime(scenario: JointScenario, kind: RuntimeKind | None) -> RuntimeCode:
@@ -145,6 +152,7 @@ def joint_runtime(scenario: JointScenario, kind: RuntimeKind | None) -> RuntimeC
         joints=(*names, own) if torque else names,
         joints_start_rad=(*start, float(sampled.angle_rad[0])) if torque else tuple(start),
         outputs=1 if problem.loop else len(scenario.mechanism.tendons),
+        ranges={own if torque else REFERENCE: accepted_rad(scenario, sampled)},
     )
 
 
@@ -183,4 +191,8 @@ def tendon_runtime(scenario: Scenario, kind: RuntimeKind | None) -> RuntimeCode:
         joints=tuple(names),
         joints_start_rad=() if joints is None else tuple(float(q) for q in joints.start_rad),
         outputs=1,
+        ranges={
+            REFERENCE: followed_range(problem) if kind is RuntimeKind.STREAM else accepted_range(problem),
+            **({} if joints is None else joints.ranges),
+        },
     )

@@ -30,7 +30,10 @@ class RuntimeStatus(StrEnum):
     Attributes
     ----------
     INPUT_HELD
-        Reference, time or angle is no number or out of range: the last good command is held.
+        Reference, time or angle is no number, or an angle jumped: the last good command is held.
+    RANGE
+        Reference or angle is a number out of `Runtime.ranges` (another unit?): held like INPUT_HELD; a stream takes it
+        to the end of the range.
     FORCE_LIMITED
         A limit of the actuator's force binds.
     RATE_LIMITED
@@ -54,6 +57,7 @@ class RuntimeStatus(StrEnum):
     """
 
     INPUT_HELD = "input_held"
+    RANGE = "range"
     FORCE_LIMITED = "force_limited"
     RATE_LIMITED = "rate_limited"
     TORQUE_LIMITED = "torque_limited"
@@ -75,6 +79,7 @@ _TENDON = {
     64: RuntimeStatus.FROZEN,
     128: RuntimeStatus.AT_BOUND,
     256: RuntimeStatus.DOUBT,
+    1024: RuntimeStatus.RANGE,
 }
 _JOINT = _TENDON | {2: RuntimeStatus.TORQUE_LIMITED, 4: RuntimeStatus.SPEED_LIMITED, 32: RuntimeStatus.SLACK}
 

@@ -69,6 +69,9 @@ class Runtime:
         Joints whose angles a step takes; of several driven joints those that a reference holds.
     motors : tuple of str
         Of several driven joints, in the order of the commands; else empty.
+    ranges : dict of str to (float, float)
+        Values that are accepted, low and high: of "reference" [N or rad], and of joints by name [rad]. Others have the
+        status RANGE. Set by `range_N` of [reference] and `range_rad` of [joints.NAME].
 
     Raises
     ------
@@ -106,6 +109,7 @@ class Runtime:
             self._finger = finger = FingerRuntime(scenario)
             self.kind, self.step_s, self.joints = RuntimeKind.JOINT, finger.step_s, finger.joints
             self.motors, self.start, self._digest = finger.motors, math.nan, scenario.digest()
+            self.ranges = finger.ranges
             return
         if isinstance(scenario, JointScenario):
             code = joint_runtime(scenario, wanted)
@@ -115,7 +119,7 @@ class Runtime:
         if host is None:
             raise CodeError(f"a runtime runs the exported C, compiled here, and nothing else; {why_no_compiler()}")
         self.kind, self.step_s, self.joints = code.kind, code.step_s, code.joints
-        self.start = code.start if start is None else start
+        self.start, self.ranges = code.start if start is None else start, code.ranges
         self._digest, self._driven = code.digest, code.driven
         size = host.function("tff_runtime_size", result=ctypes.c_long)()
         self._memory = ctypes.create_string_buffer(size)
@@ -164,7 +168,7 @@ class Runtime:
         Raises
         ------
         ParameterError
-            If an angle of a joint is missing.
+            If an angle of a joint is missing, or something else than a number is given.
         """
         if self._finger is not None:
             if joints or measured is not None or (dt is not None and not math.isclose(dt, self.step_s)):
@@ -172,18 +176,16 @@ class Runtime:
                     f"several joints advance by step_s = {self.step_s:g} s to their references alone; set [run] step_s "
                     "to your cycle, and leave measured and joints out"
                 )
-            if isinstance(reference, int | float):
+            if not isinstance(reference, Mapping | Sequence | np.ndarray | None) or isinstance(reference, str):
                 raise ParameterError(f"reference must hold an angle of each of {', '.join(self.joints)}")
             return self._finger.step(reference)
-        if isinstance(reference, Mapping | Sequence):
-            raise ParameterError(f"reference must be one number, got {type(reference).__name__}")
         for k, angle in enumerate(self._given(joints)):
-            self._angles[k] = angle
+            self._angles[k] = _number("an angle of joints", angle)
         self._status = self._step(
             self._memory,
-            self.step_s if dt is None else dt,
-            math.nan if reference is None else reference,
-            math.nan if measured is None else measured,
+            self.step_s if dt is None else _number("dt", dt),
+            _number("reference", reference),
+            _number("measured", measured),
             *self._places,
         )
         return float(self._command[0]) if self._outputs == 1 else self._command[: self._outputs].copy()
@@ -241,6 +243,18 @@ class Runtime:
                 "mapping by name"
             )
         return joints
+
+
+def _number(name: str, value: object) -> float:
+    """A value as a number, NaN for None; text is refused, that of a number too."""
+    if value is None:
+        return math.nan
+    try:
+        if not isinstance(value, str | bytes):
+            return float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        pass
+    raise ParameterError(f"{name} must be a number, got {value!r}; convert text by float() where it arrives")
 
 
 def _kind(kind: RuntimeKind | str) -> RuntimeKind:

@@ -16,9 +16,8 @@ from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenario.settings import Run
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.parameters import Friction, Load, Path, Tendon, Transmission
+from tendonff.models.path import FURTHEST_RAD
 
-FURTHEST_RAD = 7.0
-"""No joint turns further, by a good turn."""
 LARGEST_DRUM_M = 1.0
 """No drum and no moment arm is larger."""
 LARGEST_SPEED_RAD_PER_S = 3000.0

@@ -7,27 +7,37 @@ from dataclasses import dataclass
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.reference import Shape, require_waypoints
 from tendonff.compensator.scenario.tables import read_kind, show
-from tendonff.models.errors import ParameterError
+from tendonff.models.errors import ParameterError, require_range
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ConstantJoint:
+class _Live:
+    """Key of every joint."""
+
+    range_rad: tuple[float, ...] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConstantJoint(_Live):
     """Joint at a constant angle.
 
     Parameters
     ----------
     angle_rad : float
         Its angle [rad].
+    range_rad : tuple of float, optional
+        Angles that are accepted live [rad]: low and high. Default: what the path admits, up to a turn.
     """
 
     angle_rad: float
 
     def __post_init__(self) -> None:
+        require_range("range_rad", self.range_rad)
         _finite("angle_rad", (self.angle_rad,))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SineJoint:
+class SineJoint(_Live):
     """offset + fade(t) sum_i a_i sin(2 pi f_i t).
 
     Parameters
@@ -42,6 +52,8 @@ class SineJoint:
         Time in which the swing grows to its full size [s].
     fade : Shape, optional
         Course of that growth: linear, min(t/fade_in_s, 1), or smooth, whose rate has no jump.
+    range_rad : tuple of float, optional
+        Angles that are accepted live [rad]: low and high. Default: what the path admits, up to a turn.
     """
 
     offset_rad: float = 0.0
@@ -51,6 +63,7 @@ class SineJoint:
     fade: Shape = Shape.LINEAR
 
     def __post_init__(self) -> None:
+        require_range("range_rad", self.range_rad)
         _finite("offset_rad", (self.offset_rad,))
         _finite("amplitudes_rad", self.amplitudes_rad)
         _finite("frequencies_Hz", self.frequencies_Hz)
@@ -64,7 +77,7 @@ class SineJoint:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WaypointJoint:
+class WaypointJoint(_Live):
     """Angles at instants.
 
     Parameters
@@ -75,6 +88,8 @@ class WaypointJoint:
         Angles there [rad].
     shape : Shape
         "linear" between them, or "smooth".
+    range_rad : tuple of float, optional
+        Angles that are accepted live [rad]: low and high. Default: what the path admits, up to a turn.
     """
 
     times_s: tuple[float, ...]
@@ -82,22 +97,28 @@ class WaypointJoint:
     shape: Shape = Shape.SMOOTH
 
     def __post_init__(self) -> None:
+        require_range("range_rad", self.range_rad)
         _finite("times_s", self.times_s)
         _finite("angles_rad", self.angles_rad)
         require_waypoints(self.times_s, "angles_rad", self.angles_rad)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CsvJoint:
+class CsvJoint(_Live):
     """Angles from a file with the columns time_s and NAME_rad, or NAME in degrees; smooth between rows.
 
     Parameters
     ----------
     file : str
         CSV file, relative to the scenario.
+    range_rad : tuple of float, optional
+        Angles that are accepted live [rad]: low and high. Default: what the path admits, up to a turn.
     """
 
     file: str
+
+    def __post_init__(self) -> None:
+        require_range("range_rad", self.range_rad)
 
 
 Joint = ConstantJoint | SineJoint | WaypointJoint | CsvJoint

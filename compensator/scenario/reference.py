@@ -10,7 +10,7 @@ import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.scenario.unit import METRE, NEWTON, Unit
-from tendonff.models.errors import ParameterError, require, require_given
+from tendonff.models.errors import ParameterError, require, require_given, require_range
 
 
 class Shape(StrEnum):
@@ -69,16 +69,23 @@ class Request:
         Force while the reference rests.
     least_tension_N : float or None
         Tension to which a lower reference is raised [N], > 0; default: 2 % of the range, where the reference touches 0.
+    range_N : tuple of float or None
+        Tensions that a live reference may have [N], > 0: low and high. Default: from almost none to the largest that
+        the actuator reaches.
     """
 
     quantity: Quantity = Quantity.TENSION
     periodic: bool = False
     hold: Hold = Hold.EXACT
     least_tension_N: float | None = None
+    range_N: tuple[float, ...] | None = None
 
     def _check(self, tensions: str | None = None, positions: str | None = None) -> None:
         """Check the common keys; of the series of those names exactly that of the reference's quantity is given."""
         require_given("least_tension_N", self.least_tension_N, above=0, hint="a tendon cannot push")
+        require_range("range_N", self.range_N)
+        if self.range_N is not None:
+            require("range_N[0]", self.range_N[0], above=0, hint="a tendon cannot push")
         if self.periodic and self.hold is Hold.KEEP:
             raise ParameterError('hold = "keep" is for references that come to rest; leave it out with periodic = true')
         if tensions is not None and positions is not None:
@@ -127,7 +134,7 @@ class SineReference(Request):
         Time in which the oscillation grows to its full amplitude [s], >= 0.
     fade : Shape, optional
         Course of that growth: linear, min(t/fade_in_s, 1), or smooth, whose rate has no jump.
-    quantity, periodic, hold, least_tension_N
+    quantity, periodic, hold, least_tension_N, range_N
         As in `Request`.
     """
 
@@ -175,7 +182,7 @@ class WaypointReference(Request):
         Course between them: linear or smooth.
     initial_tension_N : float, optional
         Tension at rest before the start [N], > 0; default: the first waypoint's.
-    quantity, periodic, hold, least_tension_N
+    quantity, periodic, hold, least_tension_N, range_N
         As in `Request`.
     """
 
@@ -230,7 +237,7 @@ class CsvReference(Request):
         Columns of the file; default: time_s and tension_N (position_m), or what their names and units tell.
     interpolation : Interpolation, optional
         Course between the samples: monotone (default) or linear.
-    quantity, periodic, hold, least_tension_N
+    quantity, periodic, hold, least_tension_N, range_N
         As in `Request`.
     """
 

@@ -9,7 +9,8 @@ For a tendon that is driven at one end, without inertia, bristles and creep, the
 is the play of the input, ln(T_out + p) = Play[ln(T_in + p)] with deadband mu_pull theta + mu_release theta. Plays
 compose along the path, so the tension profile is the memory of the input. Eq. (4) of Palli, Borghesan, Melchiorri
 (ICRA 2010) for one-way slip; the play law is derived in the same notation. With spread bounds several plays act, and
-slip sets in gradually: `spread_bounds`.
+slip sets in gradually: `spread_bounds`. Friction that falls with the load obeys the same in L(T + p) in the place of
+T + p: `models.tendon.load_dependence`.
 
 Where both ends act see `two_ended`.
 """
@@ -27,6 +28,7 @@ from tendonff.models.capstan.spread_bounds import SpreadPlays
 from tendonff.models.errors import ParameterError, require
 from tendonff.models.layout import Array
 from tendonff.models.parameters.transmission import Transmission
+from tendonff.models.tendon.load_dependence import lifted_N, lowered_N, mean_tension_in_slip_N
 
 NO_JOINTS: Mapping[str, float] = MappingProxyType({})
 
@@ -130,6 +132,8 @@ class CapstanLaw:
         Load-independent tension p [N], >= 0.
     pull_spread, release_spread : float
         Of the plays' bounds around mu theta [-], 0 (one play) to 1.
+    load_exponent, reference_tension_N : float
+        n [-] and T_0 [N] of mu(T) = mu (T/T_0)^-n; mu theta holds at T_0.
     """
 
     pull_exponent: float
@@ -137,6 +141,8 @@ class CapstanLaw:
     adhesion_N: float = 0.0
     pull_spread: float = 0.0
     release_spread: float = 0.0
+    load_exponent: float = 0.0
+    reference_tension_N: float = 1.0
 
     def __post_init__(self) -> None:
         for name in ("pull_exponent", "release_exponent", "adhesion_N"):
@@ -156,13 +162,27 @@ class CapstanLaw:
     def of(cls, transmission: Transmission, joint_rad: Mapping[str, float] = NO_JOINTS) -> "CapstanLaw":
         """Law of a transmission: dynamic coefficients over the whole wrap angle; joints are at zero by default."""
         pull, release = section_exponents(transmission, joint_rad)
+        exponent, reference = transmission.friction.load_dependence
         return cls(
             pull_exponent=math.fsum(pull),
             release_exponent=math.fsum(release),
             adhesion_N=transmission.friction.adhesion_N,
             pull_spread=transmission.friction.pull_spread or 0.0,
             release_spread=transmission.friction.release_spread or 0.0,
+            load_exponent=exponent,
+            reference_tension_N=reference,
         )
+
+    def lifted_N(self, tension_N: ArrayLike) -> Array:
+        """L(T + p) [N], which slip of the whole path multiplies by e^{mu theta}: T + p where mu does not know T."""
+        lifted = np.asarray(tension_N, dtype=np.float64) + self.adhesion_N
+        found: Array = lifted_N(lifted, self.load_exponent, self.reference_tension_N)
+        return found
+
+    def lowered_N(self, lifted_N: ArrayLike) -> Array:
+        """Tension T of an L(T + p) [N]."""
+        lowered: Array = lowered_N(lifted_N, self.load_exponent, self.reference_tension_N) - self.adhesion_N
+        return lowered
 
     @property
     def plays(self) -> SpreadPlays | None:
@@ -180,10 +200,10 @@ class CapstanLaw:
 
         They are (T_in + p) e^{-mu_pull theta} - p and (T_in + p) e^{mu_release theta} - p.
         """
-        lifted = np.asarray(input_N, dtype=np.float64) + self.adhesion_N
+        lifted = self.lifted_N(input_N)
         return (
-            lifted * math.exp(-self.pull_exponent) - self.adhesion_N,
-            lifted * math.exp(self.release_exponent) - self.adhesion_N,
+            self.lowered_N(lifted * math.exp(-self.pull_exponent)),
+            self.lowered_N(lifted * math.exp(self.release_exponent)),
         )
 
     def output_history_N(self, input_N: ArrayLike, initial_output_N: float | None = None) -> Array:
@@ -228,9 +248,8 @@ class CapstanLaw:
 
     def input_for_N(self, output_N: ArrayLike, branch: Branch) -> Array:
         """Input tension that holds an output tension in slip, the right inverse on one branch [N]."""
-        lifted = np.asarray(output_N, dtype=np.float64) + self.adhesion_N
         exponent = self.pull_exponent if branch is Branch.PULL else -self.release_exponent
-        return lifted * math.exp(exponent) - self.adhesion_N
+        return self.lowered_N(self.lifted_N(output_N) * math.exp(exponent))
 
     def input_history_N(self, output_N: ArrayLike, initial_input_N: float | None = None) -> Array:
         """Input tension for a reference of the output: the branch of its last change, held while it is constant.
@@ -265,26 +284,33 @@ class CapstanLaw:
         """Smallest output tension that releasing down to a force leaves, (F + p) e^{mu_release theta} - p [N]."""
         return float(self.output_bounds_N(force_min_N)[1])
 
-    def _mean_in_slip(self, branch: Branch) -> float:
-        """Mean of (T + p)/(T_in + p) over the path in slip."""
-        return _shape(self.pull_exponent if branch is Branch.PULL else -self.release_exponent)
+    def _signed(self, branch: Branch) -> float:
+        return self.pull_exponent if branch is Branch.PULL else -self.release_exponent
+
+    def _mean_in_slip_N(self, input_N: ArrayLike, branch: Branch) -> Array:
+        """Mean of T + p over the path in slip [N]."""
+        lifted = np.asarray(input_N, dtype=np.float64) + self.adhesion_N
+        if self.load_exponent == 0:
+            return lifted * _shape(self._signed(branch))
+        mean: Array = mean_tension_in_slip_N(lifted, self._signed(branch), self.load_exponent, self.reference_tension_N)
+        return mean
 
     def stiffness_N_per_m(self, tendon_stiffness_N_per_m: float, branch: Branch) -> float:
         """dT_in/d(elongation) in slip: k a/(1 - e^{-a}) pulling, k a/(e^a - 1) releasing, a = mu theta, k = EA/L."""
-        return tendon_stiffness_N_per_m / self._mean_in_slip(branch)
+        return tendon_stiffness_N_per_m / _shape(self._signed(branch))
 
     def elongation_m(self, input_N: ArrayLike, tendon_stiffness_N_per_m: float, branch: Branch) -> Array:
         """Elongation of the tendon in slip [m], the mean tension over the path divided by k = EA/L."""
-        lifted = np.asarray(input_N, dtype=np.float64) + self.adhesion_N
-        return (lifted * self._mean_in_slip(branch) - self.adhesion_N) / tendon_stiffness_N_per_m
+        return (self._mean_in_slip_N(input_N, branch) - self.adhesion_N) / tendon_stiffness_N_per_m
 
     def dead_zone_m(self, input_N: float, tendon_stiffness_N_per_m: float, branch: Branch) -> float:
         """Travel of the input end after a reversal at T_in, where a branch ends, before the output moves [m], > 0.
 
         With mu_pull = mu_release and p = 0 it is (R T_in/(EA mu)) (1 - e^{-a})^2 when pulling ends, k = EA/L.
         """
-        lifted, both = input_N + self.adhesion_N, self.pull_exponent + self.release_exponent
-        pull, release = self._mean_in_slip(Branch.PULL), self._mean_in_slip(Branch.RELEASE)
-        if branch is Branch.PULL:
-            return lifted * (pull - math.exp(-both) * release) / tendon_stiffness_N_per_m
-        return lifted * (math.exp(both) * pull - release) / tendon_stiffness_N_per_m
+        other, way = (Branch.RELEASE, -1) if branch is Branch.PULL else (Branch.PULL, 1)
+        # What the input takes back until the output slips the other way, from the same output tension.
+        both = self.pull_exponent + self.release_exponent
+        turned = float(self.lowered_N(self.lifted_N(input_N) * math.exp(way * both)))
+        before, after = self._mean_in_slip_N(input_N, branch), self._mean_in_slip_N(turned, other)
+        return abs(float(before - after)) / tendon_stiffness_N_per_m

@@ -14,6 +14,7 @@ from tendonff.models.errors import ParameterError
 from tendonff.models.layout import Array
 from tendonff.models.parameters.transmission import Transmission
 from tendonff.models.path import cut_path
+from tendonff.models.tendon.load_dependence import lifted_N, lowered_N
 
 _HALVINGS = 60
 _INSIDE = 1e-9  # of ln(T + p) from full slip, at which the mass that sticks most is determined
@@ -39,12 +40,16 @@ class TwoEndedLaw:
         Of each link [-].
     adhesion_N : float
         p [N], >= 0.
+    load_exponent, reference_tension_N : float
+        As in `CapstanLaw`; with them y = ln L(T + p).
     """
 
     pull_exponent: Array
     release_exponent: Array
     length_share: Array
     adhesion_N: float = 0.0
+    load_exponent: float = 0.0
+    reference_tension_N: float = 1.0
 
     @classmethod
     def of(cls, transmission: Transmission, segments: int | None = None) -> "TwoEndedLaw":
@@ -60,6 +65,8 @@ class TwoEndedLaw:
             release_exponent=release,
             length_share=1 / cut.at_zero.ratio[0],
             adhesion_N=transmission.friction.adhesion_N,
+            load_exponent=transmission.friction.load_dependence[0],
+            reference_tension_N=transmission.friction.load_dependence[1],
         )
 
     def profile_N(self, before_N: ArrayLike, near_N: float, far_N: float, *, excess: float = 1e-9) -> Array:
@@ -91,7 +98,7 @@ class TwoEndedLaw:
             )
         middle = 0.5 * (low + high)
         y = np.clip(self._log(before_N), np.minimum(low, middle), np.maximum(high, middle))
-        profile: Array = np.exp(y) - self.adhesion_N
+        profile: Array = self._tension_N(y)
         return profile
 
     def history_N(self, near_N: ArrayLike, far_N: ArrayLike, before_N: ArrayLike, *, excess: float = 1e-9) -> Array:
@@ -137,7 +144,7 @@ class TwoEndedLaw:
         pull, release = np.diff(self.pull_exponent), np.diff(self.release_exponent)
 
         def left(y_far: float) -> float:
-            after = self.profile_N(before, near_N, math.exp(y_far) - self.adhesion_N)
+            after = self.profile_N(before, near_N, float(self._tension_N(y_far)))
             drop = -np.diff(self._log(after))
             sticks = int(np.argmax(np.minimum(pull - drop, drop + release)))
             taken = (self.length_share * (after - before))[sticks + 1 :].sum() / tendon_stiffness_N_per_m
@@ -152,8 +159,13 @@ class TwoEndedLaw:
             for _ in range(_HALVINGS):
                 y = 0.5 * (least + most)
                 least, most = (y, most) if left(y) > 0 else (least, y)
-        return math.exp(y) - self.adhesion_N
+        return float(self._tension_N(y))
 
     def _log(self, tension_N: ArrayLike) -> Array:
-        lifted: Array = np.log(np.maximum(np.asarray(tension_N, dtype=np.float64) + self.adhesion_N, 1e-12))
-        return lifted
+        tension = np.maximum(np.asarray(tension_N, dtype=np.float64) + self.adhesion_N, 1e-12)
+        y: Array = np.log(lifted_N(tension, self.load_exponent, self.reference_tension_N))
+        return y
+
+    def _tension_N(self, y: ArrayLike) -> Array:
+        tension: Array = lowered_N(np.exp(y), self.load_exponent, self.reference_tension_N) - self.adhesion_N
+        return tension

@@ -57,7 +57,7 @@ class JointLaw:
     def of(cls, joint: DrivenJoint, friction: Friction, level: Level, arm_m: float) -> "JointLaw":
         """Law of a joint; its dry friction has the bristles of a tendon, at that tendon's moment arm."""
         stiffness = bristle_stiffness_N_per_m(friction, level) * arm_m**2
-        own = {k: v for k, v in fields_of(joint).items() if k != "name"}
+        own = {k: v for k, v in fields_of(joint).items() if k not in ("name", "range_rad")}
         own |= dict(zip(("stop_low_rad", "stop_high_rad"), joint.stops_rad, strict=True))
         return cls(**own, bristle_N_m_per_rad=stiffness)
 

@@ -12,6 +12,8 @@ after tensioning (T + p where p > 0):
     least tension T a/sinh a; lost motion +-(T/k) tanh(a/2) at the drum;
     drive force D +- 2 a T while the loose side is taut;
     slack from D > 2 a T/(e^a - 1) pulling against the load, 2 a T/(1 - e^-a) paying out.
+
+Friction that falls with the load acts with the coefficient that it has at the pre-tension or the least tension.
 """
 
 import math
@@ -28,6 +30,8 @@ from tendonff.models.tendon.elements import whole_of
 
 RECOMMENDED_MARGIN = 1.25
 """Pre-tension that is recommended, over the least one at which no tendon goes slack [-]."""
+
+_LEAST_OF_REFERENCE = 1e-3  # of T_0, below which coefficients that fall with the load do not rise further here [-]
 
 
 def elongation_factor(exponent: float) -> float:
@@ -175,19 +179,19 @@ class GrossSliding:
     def of(cls, mechanism: Mechanism, angle_rad: float, others: dict[str, float] | None = None) -> "GrossSliding":
         """Law of a mechanism where its joint stands, and others that sections name."""
         mechanism.arms_at(angle_rad)  # refuses arms that cannot hold the joint
+        drive = mechanism.drive
+        loop = drive.kind is DriveKind.LOOP
+        tension = drive.pretension_N if loop else drive.least_tension_N
         tendons = [
             SlidingTendon(
                 stiffness_N_per_m=tendon.tendon.stiffness_N_per_m,
-                sections=_sections(tendon, {mechanism.joint.name: angle_rad} | (others or {})),
+                sections=_sections(tendon, {mechanism.joint.name: angle_rad} | (others or {}), tension or 0.0),
                 adhesion_N=tendon.friction.adhesion_N,
                 far_arm_m=float(tendon.arm.arm_at(np.array(angle_rad))),
                 drum_m=drum,
             )
             for tendon, drum in zip(mechanism.tendons, mechanism.drum_radius_m, strict=True)
         ]
-        drive = mechanism.drive
-        loop = drive.kind is DriveKind.LOOP
-        tension = drive.pretension_N if loop else drive.least_tension_N
         return cls(tendons=tuple(tendons), tension_N=tension or 0.0, loop=loop)
 
     def slide(self, torque_N_m: float, direction: int, shift_m: float = 0.0) -> Sliding:
@@ -284,8 +288,10 @@ class GrossSliding:
         return total
 
 
-def _sections(tendon: JointTendon, joints: dict[str, float]) -> tuple[SlidingSection, ...]:
-    """Exponents and lengths of a tendon's sections where the joints stand."""
+def _sections(tendon: JointTendon, joints: dict[str, float], tension_N: float) -> tuple[SlidingSection, ...]:
+    """Exponents and lengths of a tendon's sections where the joints stand, with the coefficients at a tension."""
+    exponent, reference = tendon.friction.load_dependence
+    fallen = (max(tension_N, reference * _LEAST_OF_REFERENCE) / reference) ** -exponent if exponent else 1.0
     cut = cut_path(tendon.path.parts, max(len(tendon.path.parts), 1), tendon.path.radius_m)
     law, lengths = whole_of(tendon, Level.ELASTIC).friction, cut.lengths
     found = []
@@ -298,8 +304,8 @@ def _sections(tendon: JointTendon, joints: dict[str, float]) -> tuple[SlidingSec
         found.append(
             SlidingSection(
                 length_share=length,
-                pull_exponent=pull * wrap,
-                release_exponent=release * wrap,
+                pull_exponent=pull * wrap * fallen,
+                release_exponent=release * wrap * fallen,
                 gained_per_rad_m=section.length_per_rad_m if follows else 0.0,
             )
         )

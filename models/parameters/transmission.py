@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from tendonff.models.errors import LARGEST, ParameterError, require, require_given, require_whole
 from tendonff.models.parameters.drive import Drive, Motor
 from tendonff.models.path import JointMotion, Section, above_static
+from tendonff.models.tendon.load_dependence import LARGEST_EXPONENT
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,6 +127,11 @@ class Friction:
         The same near rest [-]; default: mu_static mu_dynamic_release/mu_dynamic.
     adhesion_N : float, optional
         Load-independent tension p added to the tension in the friction law [N], >= 0; default 0.
+    load_exponent : float, optional
+        n of mu(T) = mu (T/T_0)^-n [-], 0 to 0.5, for friction that grows less than the tension does, as of polymers;
+        default: 0, Coulomb's law.
+    reference_tension_N : float, optional
+        T_0, the tension at which the coefficients hold [N], > 0; goes with load_exponent.
     pull_spread, release_spread : float, optional
         Of the static law alone: its slip sets in gradually, over dead bands from (1 - spread) to (1 + spread) times
         the middle one [-], 0 to 1; the chain has its bristles for that. Default: none.
@@ -140,6 +146,8 @@ class Friction:
     mu_dynamic_release: float | None = None
     mu_static_release: float | None = None
     adhesion_N: float = 0.0
+    load_exponent: float | None = None
+    reference_tension_N: float | None = None
     pull_spread: float | None = None
     release_spread: float | None = None
 
@@ -165,6 +173,25 @@ class Friction:
                 require(name, spread, least=0, hint="leave it out for a single deadband")
                 if spread > 1:
                     raise ParameterError(f"{name} must be <= 1, got {spread}: a deadband cannot be negative")
+        self._check_load_dependence()
+
+    def _check_load_dependence(self) -> None:
+        exponent, reference = self.load_exponent, self.reference_tension_N
+        require_given("load_exponent", exponent, least=0, hint="leave it out for friction proportional to tension")
+        require_given("reference_tension_N", reference, above=0, hint="the tension at which mu_dynamic was found")
+        if exponent is not None and exponent > LARGEST_EXPONENT:
+            raise ParameterError(
+                f"load_exponent must be <= {LARGEST_EXPONENT}, got {exponent}; polymers have 0.1 to 0.33"
+            )
+        if exponent and reference is None:
+            raise ParameterError("load_exponent needs reference_tension_N: the tension at which mu_dynamic holds")
+        if exponent and (self.pull_spread or self.release_spread):
+            raise ParameterError("load_exponent and pull_spread, release_spread exclude each other; leave one out")
+
+    @property
+    def load_dependence(self) -> tuple[float, float]:
+        """Exponent n [-] and T_0 [N] of mu(T) = mu (T/T_0)^-n, the defaults resolved."""
+        return self.load_exponent or 0.0, self.reference_tension_N or 1.0
 
     @property
     def release_dynamic(self) -> float:

@@ -15,7 +15,7 @@ from tendonff.models.layout import Array, fields_of
 from tendonff.models.parameters import Friction, Path, Tendon
 from tendonff.models.path import CutPath, JointMotion, Section, cut_path
 from tendonff.models.tendon.assembly import Piece
-from tendonff.models.tendon.friction import FrictionLaw, LuGreBristle
+from tendonff.models.tendon.friction import FrictionLaw, LoadedBristle, LuGreBristle
 from tendonff.models.tendon.link import LinkLaw, TwoTimesLink, ZenerLink
 
 
@@ -55,6 +55,13 @@ class Elements:
     def uniform(self) -> bool:
         """All masses are alike."""
         return len(self.path.sections) == 1
+
+    @property
+    def load_dependence(self) -> tuple[float, float]:
+        """Exponent n [-] and T_0 [N] of friction that falls with the load; of several sections, the largest n."""
+        if not isinstance(self.contact, LoadedBristle):
+            return 0.0, 1.0
+        return float(np.max(self.contact.load_exponent)), float(np.max(self.contact.reference_tension_N))
 
     @property
     def laws(self) -> tuple[FrictionLaw, LinkLaw]:
@@ -165,17 +172,26 @@ def whole_of(sliding: Sliding, level: Level) -> Whole:
         sections=path.parts,
         radius_m=path.radius_m,
         piece=Piece(mass_kg=tendon.mass_kg, adhesion_N=friction.adhesion_N),
-        friction=LuGreBristle(
-            bristle_stiffness_N_per_m=bristle_stiffness_N_per_m(friction, level),
-            mu_dynamic_pull=friction.mu_dynamic,
-            mu_static_pull=friction.mu_static,
-            mu_dynamic_release=friction.release_dynamic,
-            mu_static_release=friction.release_static,
-            stribeck_velocity_m_per_s=friction.stribeck_velocity_m_per_s,
-            viscous_N_s_per_m=friction.viscous_N_s_per_m,
-        ),
+        friction=_friction_of(friction, level),
         link=_link_of(tendon, relaxes=level.link_relaxes),
     )
+
+
+def _friction_of(friction: Friction, level: Level) -> LuGreBristle:
+    """The law of the whole tendon on its path; a load exponent costs a power, and only those who state one."""
+    bristle = LuGreBristle(
+        bristle_stiffness_N_per_m=bristle_stiffness_N_per_m(friction, level),
+        mu_dynamic_pull=friction.mu_dynamic,
+        mu_static_pull=friction.mu_static,
+        mu_dynamic_release=friction.release_dynamic,
+        mu_static_release=friction.release_static,
+        stribeck_velocity_m_per_s=friction.stribeck_velocity_m_per_s,
+        viscous_N_s_per_m=friction.viscous_N_s_per_m,
+    )
+    exponent, reference = friction.load_dependence
+    if exponent == 0:
+        return bristle
+    return LoadedBristle(**fields_of(bristle), load_exponent=exponent, reference_tension_N=reference)
 
 
 def bristle_stiffness_N_per_m(friction: Friction, level: Level) -> float:

@@ -14,14 +14,17 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from tendonff.models.layout import fields_of
 from tendonff.models.path import Section, SectionKind
 from tendonff.models.tendon.assembly import NORMAL_FORCE_FLOOR_N, End
 from tendonff.models.tendon.bounds import at_least
+from tendonff.models.tendon.load_dependence import at_load
 
 COEFFICIENT_FLOOR = 1e-12
 """Least equivalent coefficient in the bristle law [-]: lets a frictionless path run through the same expression."""
 
 _NEWTON_MOVES = 12
+_LOAD_MOVES = 3
 _LARGE_NORMAL_FORCE_N = 1e12
 
 States = tuple[ca.SX, ...]
@@ -269,8 +272,67 @@ class LuGreBristle:
     def implicit_from_far_side(self, v: ca.SX, base: States, step_s: ca.SX, far_sum: ca.SX) -> States:
         """f_s [N] when f_n = A + f_s, the root of f_s^2 + (A + g - B) f_s - A B = 0 with f_n > 0."""
         drive, resistance = self._rational(v, base[0], step_s)
-        half = (far_sum + resistance - drive) / 2
-        product = far_sum * drive
-        root = ca.sqrt(at_least(half * half + product, 0))
-        # Two forms of the same root; each cancels on the other's side.
-        return (ca.if_else(half > 0, product / at_least(root + half, NORMAL_FORCE_FLOOR_N), root - half),)
+        return (_from_far_side(drive, resistance, far_sum),)
+
+
+def _from_far_side(drive: ca.SX, resistance: ca.SX, far_sum: ca.SX) -> ca.SX:
+    """f_s [N] of f_s (1 + g/(A + f_s)) = B with B = `drive`, g = `resistance`, A = `far_sum`."""
+    half = (far_sum + resistance - drive) / 2
+    product = far_sum * drive
+    root = ca.sqrt(at_least(half * half + product, 0))
+    # Two forms of the same root; each cancels on the other's side.
+    return ca.if_else(half > 0, product / at_least(root + half, NORMAL_FORCE_FLOOR_N), root - half)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoadedBristle(LuGreBristle):
+    """The same bristle whose coefficient falls with the tension, mu(T) = mu (T/T_0)^-n; see `load_dependence`.
+
+    The tension of an element is the mean of its two sides, f_n/2.
+    """
+
+    load_exponent: ca.SX  # n [-]
+    reference_tension_N: ca.SX  # T_0 [N], > 0
+
+    def in_section(self, section: Section) -> "LoadedBristle":
+        """The section's own coefficients where it has any; a pulley's bearing does not know the load."""
+        own = fields_of(LuGreBristle.in_section(self, section))
+        return LoadedBristle(**(own | {"load_exponent": 0.0} if section.kind is SectionKind.PULLEY else own))
+
+    def _at_load(self, v: ca.SX, f_n: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """mu(v) at a normal force, and minus its logarithmic slope over that [-]."""
+        return at_load(self.coefficient(v), f_n / 2, self.load_exponent, self.reference_tension_N)
+
+    def rate(self, v: ca.SX, states: States, f_n: ca.SX) -> States:
+        """df_s/dt = sigma0 (v - f_s abs(v)/(f_n mu(v, f_n/2))) [N/s], eq. (5a), f_n > 0."""
+        (f_s,) = states
+        return (bristle_rate(self.bristle_stiffness_N_per_m, v, f_s, f_n * self._at_load(v, f_n)[0]),)
+
+    def _drive(self, v: ca.SX, base: ca.SX, step_s: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """B and g mu of f_s (1 + g/f_n) = B."""
+        return _affine(lambda f: bristle_rate(self.bristle_stiffness_N_per_m, v, f, ca.SX(1)), base, step_s)
+
+    def implicit(self, v: ca.SX, base: States, step_s: ca.SX, f_n: ca.SX) -> States:
+        """f_s [N] for a known normal force, as without load dependence: mu is a number then."""
+        return (
+            implicit_dry_friction(self.bristle_stiffness_N_per_m, f_n * self._at_load(v, f_n)[0], v, base[0], step_s),
+        )
+
+    def implicit_from_far_side(self, v: ca.SX, base: States, step_s: ca.SX, far_sum: ca.SX) -> States:
+        """f_s [N] when f_n = A + f_s: the root at a frozen coefficient, and three Newton moves on f_n.
+
+        The map from f_n to A + f_s at mu(f_n) is a contraction by at most n abs(f_s)/f_n, so that this ends at
+        round-off; exactly so for any load exponent in its bounds.
+        """
+        drive, sliding = self._drive(v, base[0], step_s)
+        x = at_least(far_sum, NORMAL_FORCE_FLOOR_N)
+        mu, _ = self._at_load(v, x)
+        x = at_least(far_sum + _from_far_side(drive, sliding / mu, far_sum), NORMAL_FORCE_FLOOR_N)
+        for _ in range(_LOAD_MOVES):
+            mu, fall = self._at_load(v, x)
+            f_s = _from_far_side(drive, sliding / mu, far_sum)
+            slip = sliding / (x * mu)  # 0 where it sticks, large in full slip
+            slope = -fall * (f_s / x) * slip / (1 + slip * (1 - f_s / x))
+            x = at_least(x - (x - far_sum - f_s) / (1 - slope), NORMAL_FORCE_FLOOR_N)
+        mu, _ = self._at_load(v, x)
+        return (_from_far_side(drive, sliding / mu, far_sum),)

@@ -54,6 +54,8 @@ class CertifiedInterval:
             pull_exponent=float(pull.max() if side > 0 else pull.min()),
             release_exponent=float(release.min() if side > 0 else release.max()),
             adhesion_N=law.adhesion_N,
+            load_exponent=law.load_exponent,
+            reference_tension_N=law.reference_tension_N,
         )
 
     @property

@@ -77,6 +77,7 @@ OPERATORS: dict[int, Operator] = {
     ca.OP_EXP: _function("exp", math.exp),
     ca.OP_LOG: _function("log", math.log),
     ca.OP_TANH: _function("tanh", math.tanh),
+    ca.OP_ATANH: _function("atanh", math.atanh),
     ca.OP_SIN: _function("sin", math.sin),
     ca.OP_COS: _function("cos", math.cos),
     ca.OP_FABS: _function("fabs", abs),

@@ -13,7 +13,7 @@ from tendonff.models.tendon.chain import Chain
 from tendonff.models.turns import out_of_turn
 from tendonff.ocp.joint.laws import JOINT_NUMBERS, joint_torque, link_back, path_mass_back, representative
 from tendonff.ocp.mechanism.problem import Array, MechanismMemory, MechanismProblem
-from tendonff.ocp.step.c_engine import ReportStruct, chain_struct, host_source, library_of, pointer
+from tendonff.ocp.step.c_engine import CORE, ReportStruct, chain_struct, host_source, library_of, pointer
 from tendonff.ocp.step.laws import ElementLaws
 
 _MS = 1e-3
@@ -44,7 +44,10 @@ class _Body(ctypes.Structure):
 class _Sharing(ctypes.Structure):
     _fields_ = (
         *((name, ctypes.c_double) for name in ("least", "smooth", "price")),
-        *((name, ctypes.c_void_p) for name in ("winding_m", "partner", "shares", "closure_rad")),
+        *(
+            (name, ctypes.c_void_p)
+            for name in ("winding_m", "partner", "shares", "closure_rad", "compliance", "pretension")
+        ),
     )
 
 
@@ -78,7 +81,7 @@ class RunRows:
 def _source(chain: Chain) -> str:
     laws = ElementLaws.of(chain, folded=True)
     own = (joint_torque(), link_back(laws), path_mass_back(laws))
-    templates = ("kernel.c.j2", "weigh.c.j2", "bodies.c.j2")
+    templates = ("kernel.c.j2", "weigh.c.j2", "bodies_laws.c.j2", CORE, "bodies.c.j2")
     return host_source(chain, (*laws.simulation(), *own), templates, joint_numbers=JOINT_NUMBERS)
 
 
@@ -234,6 +237,7 @@ class CompiledMechanism:
         how = _Sharing(
             *(sharing.least_tension_N, sharing.smooth_N, sharing.change_weight * _MS / self._step_s),
             *(each.ctypes.data for each in (self._winding, self._partner, self._alone, closure)),
+            *(None, None),  # at rest only
         )
         records = self._tendons(memory)
         call.kept = [self, how, closure, records]

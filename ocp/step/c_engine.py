@@ -18,9 +18,11 @@ from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import Law
 from tendonff.ocp.step.laws import ElementLaws, twins_of
 from tendonff.ocp.step.protocol import Array, InverseRows, Rows, StepperMemory
-from tendonff.ocp.step.render import StepCode
+from tendonff.ocp.step.render import StepCode, core_text
 
 PREFIX = "tff"
+CORE = "tff_core.h"
+"""Name of the fixed text of bodies and tendons among templates."""
 
 
 class ReportStruct(ctypes.Structure):
@@ -120,7 +122,9 @@ def host_source(
         joint_numbers=joint_numbers,
     )
     parts = ["#include <math.h>\n#include <stddef.h>\n", *(code.render(name) for name in ("types.h.j2", "host.h.j2"))]
-    return "\n".join([*parts, *(law.code for law in printed.values()), *(code.render(name) for name in templates)])
+    parts += [law.code for law in printed.values()]
+    parts += [core_text(PREFIX) if name == CORE else code.render(name) for name in templates]
+    return "\n".join(parts)
 
 
 def library_of(chain: Chain, make_source: Callable[[Chain], str]) -> ctypes.CDLL:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tendonff.models.path import MOST_TURNS, Section
+from tendonff.models.path import FURTHEST_RAD, MOST_TURNS, JointMotion, Section
 from tendonff.models.tendon.chain import Chain
 
 
@@ -56,6 +56,11 @@ class Joints:
     far_driven: bool  # a joint moves the far end
 
     @property
+    def ranges(self) -> dict[str, tuple[float, float]]:
+        """Angles that are accepted, low and high, by name [rad]."""
+        return dict(zip(self.names, zip(self.least_rad, self.most_rad, strict=True), strict=True))
+
+    @property
     def near_m(self) -> tuple[float, ...]:
         """Change of the near end's position per radian of each joint, links and far end being as they are [m]."""
         gained = (sum(self.links[k].gained_m[j] for k in self.link_of) for j in range(len(self.names)))
@@ -89,7 +94,7 @@ class Joints:
             per_rad = np.zeros(len(names)) if path.length_m is None else gained / path.length_m
             length = float(np.array(row) @ path.lengths)
             links.append(LinkKind(length=length, per_rad=tuple(per_rad.tolist()), gained_m=tuple(gained.tolist())))
-        least, most = _ranges(path.sections, names)
+        least, most = _ranges(path.sections, names, motion)
         far = [0.0] * len(names)
         if chain.far_joint is not None and chain.far_joint[0] in names:
             far[names.index(chain.far_joint[0])] = -chain.far_joint[1]
@@ -107,11 +112,17 @@ class Joints:
         )
 
 
-def _ranges(sections: tuple[Section, ...], names: tuple[str, ...]) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Angles between which no section has a negative length or more than a hundred turns."""
+def _ranges(
+    sections: tuple[Section, ...], names: tuple[str, ...], motion: JointMotion | None
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Angles that are accepted: those of a joint's range, in which no section has a negative length."""
     least, most = [], []
-    for name in names:
-        low, high = -MOST_TURNS, MOST_TURNS
+    for k, name in enumerate(names):
+        angle = np.zeros(1) if motion is None else motion.angle_rad[:, k]
+        given = None if motion is None or not motion.range_rad else motion.range_rad[k]
+        low, high = min(-FURTHEST_RAD, float(angle.min())), max(FURTHEST_RAD, float(angle.max()))
+        if given is not None:
+            low, high = given
         for section in sections:
             if section.joint != name:
                 continue

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
+from importlib.resources import files
 
 from tendonff.models.layout import INPUT_NAMES, StateLayout
 from tendonff.ocp.codegen.partial_evaluation import FoldedLaw
@@ -80,6 +81,29 @@ class Roots:
         return {"moves": str(self.moves)} | {name: literal(value, precision) for name, value in known.items()}
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Core:
+    """Sizes and bounds of the core of bodies and tendons, `core/tff_core.h`."""
+
+    bodies: int = 16
+    tendons: int = 24
+    moves: int = 60  # of one search for tensions
+    evaluations: int = 10_000  # of all tendons in one step
+    tolerance: float = 1e-11  # relative move of a tension that counts as none [-]
+    nudge_rad: float = 1e-7  # of a joint that follows, for a slope
+
+    def texts(self, precision: Precision) -> dict[str, str]:
+        """C texts of these."""
+        numbers = {"tolerance": literal(self.tolerance, precision), "nudge": literal(self.nudge_rad, precision)}
+        return numbers | {n: str(getattr(self, n)) for n in ("bodies", "tendons", "moves", "evaluations")}
+
+
+def core_text(prefix: str) -> str:
+    """The fixed text of the core, under a prefix of its own."""
+    text = files("tendonff.ocp.step").joinpath("core/tff_core.h").read_text("utf-8")
+    return text.replace("tff_", f"{prefix}_").replace("TFF_", f"{prefix.upper()}_")
+
+
 def law_calls(prefix: str, laws: Mapping[str, FoldedLaw]) -> Callable[..., str]:
     """Convention by which generated code calls its laws: see `StepCode.call`.
 
@@ -129,6 +153,8 @@ class StepCode:
     roots: Roots | None = None  # of a driven joint on a controller, whose inverse is all that is wanted
     record: tuple[str, ...] = ()  # numbers of its tendons that its laws take from a record
     weigh: FoldedLaw | None = None  # what depends on the weight H, where that may be known at run time only
+    core: Core | None = None  # of bodies and tendons
+    lean: bool = False  # of those the inverse is all that is wanted
     lengths: tuple[str, ...] = ("",)  # of its rows of one weight: C text of the ratio that each kind of link has
 
     def call(
@@ -154,6 +180,11 @@ class StepCode:
         return law_calls(self.prefix, self.laws)(law, given, *parts, end=end, link=link, own=own, mass=mass)
 
     @property
+    def small(self) -> bool:
+        """For a controller that runs the inverse alone."""
+        return self.roots is not None or self.lean
+
+    @property
     def friction_numbers(self) -> tuple[str, ...]:
         """Names of the parameters of friction on one mass."""
         return tuple(name for name in self.numbers if name.startswith("friction_"))
@@ -165,7 +196,7 @@ class StepCode:
         own = [(f"new_{name}", n) for name in self.layout.friction_states]
         own += [(f"new_{name}", "1") for name in self.layout.end_states]
         masses: tuple[str, ...] = ("v", "trial", "residual", "lower", "diag", "upper", "move")
-        if self.roots is not None:
+        if self.small:
             links, masses = ((name, f"{n} + 1") for name in ("start", "force")), ("v",)
         extra: list[tuple[str, str]] = []
         if self.moving:
@@ -180,10 +211,10 @@ class StepCode:
         limits, precision, states = self.limits, self.precision, self.layout
         enter = f"const {self.prefix}_weights *const c = given;\n    (void)c;"
         if (
-            self.host and self.roots is None
+            self.host and not self.small
         ):  # a copy that nothing can change lets the compiler keep the numbers in registers
             enter = f"const {self.prefix}_weights local = given[0], *const c = &local;"
-        real, restrict = precision.value, "restrict " if self.host and self.roots is None else ""
+        real, restrict = precision.value, "restrict " if self.host and not self.small else ""
         own = ("piece_mass_kg", *self.friction_numbers) if self.moving and self.host else ()
         on_joints = self.on_joints
         contact = f"const {self.prefix}_contact *contact, " if on_joints else ""
@@ -213,13 +244,13 @@ class StepCode:
             solve="solve_host.c.j2" if self.host else "solve_target.c.j2",
             host=self.host,
             view="" if self.host else "w->",
-            apart=f"{self.prefix.upper()}_APART " if self.host and self.roots is None else "",
+            apart=f"{self.prefix.upper()}_APART " if self.host and not self.small else "",
             moving=self.moving,
             call=self.call,
             rate=lambda i, drift: (
                 f"v[{i}] - v[{i} + 1]" if not self.moving else f"(v[{i}] - v[{i} + 1]) + {drift}[{i}]"
             ),
-            row_of=lambda k: k if on_joints or self.roots else f"2 * ({k})",
+            row_of=lambda k: k if on_joints or self.small else f"2 * ({k})",
             link_loops=_ALL_LINKS if self.moving else _HOST_LINKS if self.host else _LINKS_BY_KIND,
             link_of_i="c" if self.moving else "l",
             ratio_given=lambda record, i="i": f"ratio[{i}]" if self.moving and record == "c" else f"{record}->ratio",
@@ -284,6 +315,9 @@ class StepCode:
             bdf2_carry=number(BDF2_CARRY),
             bdf2_weight=number(BDF2_WEIGHT),
             on_joint=self.roots is not None,
+            small=self.small,
+            core=(self.core or Core()).texts(precision),
+            sqrt="sqrtf" if precision is Precision.FLOAT else "sqrt",
             root=(self.roots or Roots()).texts(precision),
             counted=self.host or limits.evaluations > 0,
             limits=asdict(limits) | {"rounding": number(limits.rounding), "tolerance": number(limits.tolerance_N)},

@@ -72,10 +72,13 @@ def departures(output_N: Array, reference_N: Array, step_s: float) -> tuple[Depa
 def law_of(chain: Chain) -> CapstanLaw:
     """Static law of a chain: the coefficients of its elements, put together again."""
     pull, release = chain.friction.slip_coefficients
+    exponent, reference = chain.elements.load_dependence
     return CapstanLaw(
         pull_exponent=_exponent(pull, chain.count),
         release_exponent=_exponent(release, chain.count),
         adhesion_N=chain.elements.piece.adhesion_N,
+        load_exponent=exponent,
+        reference_tension_N=reference,
     )
 
 

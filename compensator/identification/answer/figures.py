@@ -16,13 +16,19 @@ from tendonff.compensator.scenario.measurement import Explain
 MOST_PANELS = 4
 
 
-def draw(found: Identification, folder: Path, *, pdf: bool = False) -> dict[str, Path]:
-    """Write every figure that the data has material for; the files that a report shows, by name."""
+def identification_figures(found: Identification) -> dict[str, Figure]:
+    """Every figure that the data has material for, by file name."""
     shown = _chosen(found.comparisons)
     with figure_style():
         figures = {"time": _over_time(found, shown), "loop": _loops(found, shown), "residuals": _residuals(shown)}
         if any(c.elongation_m is not None for c in shown):
             figures["relaxation"] = _relaxation(shown)
+    return figures
+
+
+def draw(found: Identification, folder: Path, *, pdf: bool = False) -> dict[str, Path]:
+    """Write every figure; the files that a report shows, by name."""
+    figures = identification_figures(found)
     return {name: save_figure(figure, folder / name, pdf=pdf)[0] for name, figure in figures.items()}
 
 

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from tendonff.compensator.files.results import writer_of
+from tendonff.compensator.files.results import Result, views_of
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.errors import FileError
 from tendonff.compensator.identification.fitting.sliding import SectionFriction, SlidingRatio
@@ -169,8 +169,8 @@ class PieceComparison:
     model_elongation_m: Array | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Identification:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Identification(Result):
     """Everything that a set of measurements identifies of a scenario.
 
     Attributes
@@ -244,6 +244,11 @@ class Identification:
     replay_validation_percent: float | None = None
 
     @property
+    def headline(self) -> str:
+        """The answer in one line."""
+        return headline(self)
+
+    @property
     def law(self) -> str:
         """Name of the chosen law."""
         return next(law.name for law in self.laws if law.chosen)
@@ -284,7 +289,7 @@ class Identification:
         """Write `fitted.toml`, `fit.json`, figures, the suggested excitation and `report.html`, all or nothing; makes
         the folder.
         """
-        writer_of(Identification)(self, folder, pdf=pdf)
+        views_of(Identification).write(self, folder, pdf=pdf)
 
 
 def _file(result: FileResult, unit: str) -> dict[str, Any]:
@@ -321,6 +326,14 @@ def _gross(ratio: SlidingRatio) -> Mapping[str, Any]:
         "rows": ratio.rows,
         "why_not": ratio.reason or None,
     }
+
+
+def estimate_columns(estimates: Sequence[Estimate]) -> dict[str, list[object]]:
+    """Every estimate: value, ends of its 95 % interval, and where the value comes from."""
+    low, high = zip(*(each.interval or (math.nan, math.nan) for each in estimates), strict=True)
+    names = ("name", "value", "identifiable", "fitted", "scenario", "reason")
+    columns: dict[str, list[object]] = {name: [getattr(each, name) for each in estimates] for name in names}
+    return columns | {"low_95": list(low), "high_95": list(high)}
 
 
 def headline(found: Identification, folder: str = "") -> str:

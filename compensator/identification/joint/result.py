@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tendonff.compensator.files.results import writer_of
+from tendonff.compensator.files.results import Result, views_of
 from tendonff.compensator.identification.answer.result import Estimate
 from tendonff.compensator.identification.joint.first_look import FirstLook
 from tendonff.compensator.identification.joint.parameters import ANGLE_OR_PUSH, JointNumber
@@ -76,8 +76,8 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class JointIdentification:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class JointIdentification(Result):
     """Everything that logs of a motor identify of a joint.
 
     Attributes
@@ -204,7 +204,7 @@ class JointIdentification:
         """Write `fitted.toml`, `fit.json`, figures, the suggested routine and `report.html`, all or nothing; makes the
         folder.
         """
-        writer_of(JointIdentification)(self, folder, pdf=pdf)
+        views_of(JointIdentification).write(self, folder, pdf=pdf)
 
 
 def _shown(estimate: Estimate, label: str, unit: str, scale: float) -> str:

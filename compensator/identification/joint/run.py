@@ -9,9 +9,11 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.files.results import register_writer
+from tendonff.compensator.files.results import Views, register_views
+from tendonff.compensator.identification.answer.result import estimate_columns
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.joint.estimates import Found, estimates_of
+from tendonff.compensator.identification.joint.figures import identification_figures
 from tendonff.compensator.identification.joint.first_look import FirstLook, look
 from tendonff.compensator.identification.joint.fitted import fitted_text, observer_text
 from tendonff.compensator.identification.joint.log import JointLog, read_logs
@@ -59,7 +61,14 @@ MOST_EXTRAS = 3
 FIRST_STEPS, STEPS, FINE_STEPS = 5, 15, 4
 """Evaluations of a start, of the best one, and on the finer mechanism."""
 
-register_writer(JointIdentification, write_files)
+register_views(
+    JointIdentification,
+    Views(
+        write=write_files,
+        columns=lambda found: estimate_columns(found.estimates),
+        figures=lambda found: identification_figures(found, None),
+    ),
+)
 
 
 @in_turn

@@ -19,6 +19,10 @@ QUIET_CUTOFFS_HZ = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0)
 """Cut-offs for quiet places; one is low enough where all higher ones differ from it by no more than noise does."""
 
 
+COUNT_SHARE = 0.6
+"""Of a count, that two versions of a channel may differ by."""
+
+
 def noise_of(x: Array) -> float:
     """Standard deviation of white noise under a smooth signal, shape (n,), from third differences."""
     if len(x) < 8:
@@ -58,11 +62,21 @@ def low_pass_piece(x: Array, step_s: float, cutoff_Hz: float) -> Array:
     return low_pass(x, cutoff_Hz, 1 / step_s)
 
 
-def adaptive_low_pass(x: Array, step_s: float) -> Array:
-    """Smooth a channel by the lowest cut-off at each place that differs from all higher ones by noise only (Lepski)."""
+def count_of(x: Array) -> float:
+    """Least step of a channel that was read in counts, shape (n,); 0 where most readings differ from the one before."""
+    moved = np.abs(np.diff(x))
+    moves = moved[moved > 1e-9 * np.ptp(x)]
+    return float(moves.min()) if 0 < len(moves) < 0.9 * len(moved) else 0.0
+
+
+def adaptive_low_pass(x: Array, step_s: float, count: float = 0.0) -> Array:
+    """Smooth a channel by the lowest cut-off at each place that differs from all higher ones by noise only (Lepski).
+
+    The error of a reading in counts is no white noise: slow moves keep it for long, so its bound is allowed everywhere.
+    """
     highest = 0.2 / step_s
     cutoffs = (*(f for f in QUIET_CUTOFFS_HZ if 2 / (len(x) * step_s) < f < 0.8 * highest), highest)
-    noise = noise_of(x)
+    noise = max(noise_of(x), count / np.sqrt(12))
     if not noise > LEAST_NOISE * float(np.ptp(x)):
         return low_pass_piece(x, step_s, highest)
     versions = [low_pass_piece(x, step_s, f) for f in cutoffs]
@@ -74,7 +88,7 @@ def adaptive_low_pass(x: Array, step_s: float) -> Array:
             deviation = noise * np.sqrt(min(1.0, 2 * cutoffs[higher] * step_s))
             # What the largest of so many independent values reaches by chance.
             reach = np.sqrt(2 * np.log(2 * cutoffs[higher] * len(x) * step_s)) + 0.3
-            off = np.abs(versions[k] - versions[higher]) > reach * deviation
+            off = np.abs(versions[k] - versions[higher]) > max(reach * deviation, COUNT_SHARE * count)
             blocked |= maximum_filter1d(off, width)
         level[~blocked] = k
     # Sharp places keep their cut-off, its surroundings come down to theirs gradually.

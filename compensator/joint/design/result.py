@@ -9,7 +9,7 @@ import numpy as np
 from tendonff.compensator.compensators.expectation import Expectation
 from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.files.reading import FloatArray
-from tendonff.compensator.files.results import writer_of
+from tendonff.compensator.files.results import Result, views_of
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.joint.compensators import JointCompensator
 from tendonff.compensator.joint.scenario.reference import JointQuantity
@@ -58,8 +58,8 @@ class JointProfile:
         return float(np.abs(self.error).max())
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class JointDesign:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class JointDesign(Result):
     """Motor angles for one joint, and what each delivers.
 
     Attributes
@@ -167,4 +167,4 @@ class JointDesign:
 
     def write(self, folder: str | os.PathLike[str]) -> None:
         """Write `profile.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
-        writer_of(JointDesign)(self, folder)
+        views_of(JointDesign).write(self, folder)

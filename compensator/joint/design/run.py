@@ -8,9 +8,10 @@ import numpy as np
 from tendonff.compensator.files.notices import Danger, by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.files.results import register_writer
+from tendonff.compensator.files.results import Views, register_views
 from tendonff.compensator.joint.compensators import JointTask, compensators_of
-from tendonff.compensator.joint.design.output import write_files
+from tendonff.compensator.joint.design.figures import joint_figures
+from tendonff.compensator.joint.design.output import profile_columns, write_files
 from tendonff.compensator.joint.design.result import JointDesign, JointProfile
 from tendonff.compensator.joint.plant import REFINEMENT, joint_load, verifying_masses
 from tendonff.compensator.joint.scenario.doubts import joint_doubts
@@ -23,7 +24,7 @@ from tendonff.ocp.joint.invert import JointInversion, JointStatus
 LEAST_DAMPING_RATIO, LEAST_COMMANDS = 0.02, 20.0
 """A joint that damps its resonance less is shaken by commands that come less often than so many times a period [-]."""
 
-register_writer(JointDesign, write_files)
+register_views(JointDesign, Views(write=write_files, columns=profile_columns, figures=joint_figures))
 
 
 @in_turn

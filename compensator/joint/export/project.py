@@ -3,7 +3,7 @@
 import json
 import os
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
@@ -48,7 +48,7 @@ class ExportedJoints:
         What the user should know, one sentence each.
     """
 
-    files: dict[str, str]
+    files: dict[str, str] = field(repr=False)
     judged: tuple[JudgedJoint, ...]
     loss_rad: float | None
     warnings: tuple[str, ...]

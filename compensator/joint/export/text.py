@@ -27,9 +27,6 @@ _PACKAGES = environment("tendonff.compensator.export", "templates/transmission")
 _PUSH_N = -1e-6
 """Tensions of a loop that count as pushing: those of rounding do not."""
 
-_MARGIN = 0.25
-"""Angles beyond the reference that are accepted, as a share of its range."""
-
 
 def joint_sources(
     scenarios: Sequence[JointScenario], *, precision: Precision = Precision.DOUBLE, prefix: str = "tff"
@@ -78,15 +75,25 @@ def problem_of(scenario: JointScenario, sampled: SampledJoint) -> JointProblem:
 
 
 def accepted_rad(scenario: JointScenario, sampled: SampledJoint) -> tuple[float, float]:
-    """Angles around the reference at which the moment arms keep their signs."""
-    mechanism, angle = scenario.mechanism, sampled.angle_rad
-    low, high = float(angle.min()), float(angle.max())
-    margin = _MARGIN * (high - low)
-    start = np.sign(mechanism.arms_at(float(angle[0])))
-    for part in (1.0, 0.5, 0.25, 0.1):
-        if all(_same_signs(mechanism, q, start) for q in (low - part * margin, high + part * margin)):
-            return low - part * margin, high + part * margin
-    return low, high
+    """Angles that a live reference may have; by default as far as the moment arms keep their signs.
+
+    InputError where the range that the scenario states cannot be.
+    """
+    mechanism, angle, file = scenario.mechanism, sampled.angle_rad, scenario.source.name
+    least, most, later = float(angle.min()), float(angle.max()), angle[sampled.lead :]  # behind the homing stroke
+    low, high = mechanism.joint.accepted_rad(float(later.min()), float(later.max()))
+    low, high = min(low, least), max(high, most)
+    signs = np.sign(mechanism.arms_at(float(angle[0])))
+    for part in (1.0, 0.5, 0.25, 0.1, 0.0):
+        ends = least + part * (low - least), most + part * (high - most)
+        if all(_same_signs(mechanism, end, signs) for end in ends):
+            return ends
+        if mechanism.joint.range_rad is not None:
+            break
+    raise InputError(
+        f"{file}: a moment arm of the joint {mechanism.joint.name} vanishes or changes its sign between {low:g} and "
+        f"{high:g} rad; shorten range_rad, or the lengths that give the arm"
+    )
 
 
 def _same_signs(mechanism: Mechanism, angle_rad: float, signs: FloatArray) -> bool:

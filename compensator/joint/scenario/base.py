@@ -11,19 +11,23 @@ _MERGED = ("path", "tendon", "friction", "drive", "run", "robust")
 
 
 def with_base(raw: dict[str, object], source: Path, inputs: list[Path]) -> dict[str, object]:
-    """A scenario with what it leaves to its base, a file that several joints share.
+    """A scenario with what it leaves to its base, a file that several joints share and that may have a base itself.
 
     Keys of `_MERGED` tables are taken one by one, other tables as a whole.
     """
+    return _with_base(raw, source, inputs, (source.resolve(),))
+
+
+def _with_base(raw: dict[str, object], source: Path, inputs: list[Path], above: tuple[Path, ...]) -> dict[str, object]:
     if "base" not in raw:
         return raw
     if not isinstance(name := raw["base"], str):
         raise InputError(f"{source.name}: base must be the name of a file, got {show(name)}")
     path = source.parent / name
-    base = toml_of(read_text(path), path.name)
-    if "base" in base:
-        raise InputError(f"{path.name}: a base has no base of its own; put all into one file")
+    if path.resolve() in above:
+        raise InputError(f"{source.name}: base = {show(name)} leads back to {path.name}; take one of them out")
     inputs.append(path)
+    base = _with_base(toml_of(read_text(path), path.name), path, inputs, (*above, path.resolve()))
     own = {key: value for key, value in raw.items() if key != "base"}
     for key in _MERGED:
         if isinstance(shared := base.get(key), Mapping) and isinstance(given := own.get(key), Mapping):

@@ -9,7 +9,6 @@ import numpy as np
 from tendonff.compensator.joint.scenario.reference import JointCsv, JointQuantity, JointReference
 from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.scenario.doubts import (
-    FURTHEST_RAD,
     UnitDoubt,
     angle_doubt,
     furthest_rad,
@@ -25,6 +24,7 @@ from tendonff.compensator.scenario.doubts import (
 from tendonff.compensator.scenario.joints import CsvJoint, Joint
 from tendonff.compensator.scenario.sampled.joint_motion import read_angles
 from tendonff.models.joint.parameters import DrivenJoint, JointDrive, JointTendon, Mechanism
+from tendonff.models.path import FURTHEST_RAD
 
 _LARGEST_N = 2e4  # in a tendon of a joint
 _LARGEST_INERTIA_KG_M2, _LARGEST_ROTOR_KG_M2 = 50.0, 1.0  # a leg with a robot on it, a motor of 100 kW

@@ -76,7 +76,7 @@ class JointScenario:
     run: Run
     robust: Uncertainty
     source: Path
-    text: str
+    text: str = field(repr=False)
     observer: ObserverTable | None = None
     inputs: tuple[Path, ...] = field(default=())
     adaptation: JointAdaptation | None = None
@@ -230,6 +230,10 @@ def sample_joint(scenario: JointScenario) -> SampledJoint:
     if not np.ptp(wanted) > 0:
         raise InputError(f"{file} [reference]: it never changes, so there is nothing to design; let it move")
     kept, warnings = _within_stops(scenario, angle, time)
+    try:
+        scenario.mechanism.joint.accepted_rad(float(kept.min()), float(kept.max()))
+    except ParameterError as error:
+        raise InputError(f"{file} [joints.{joint}]: {error}") from None
     angle, wanted = kept, wanted if torque else kept
     contact = wanted if torque else np.zeros_like(wanted)
     if spec.periodic:

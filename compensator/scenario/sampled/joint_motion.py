@@ -26,8 +26,9 @@ def moved(scenario: Scenario, end_s: float, *, periodic: bool = False) -> Transm
 def moved_by_file(scenario: Scenario, path: Path) -> Scenario:
     """The scenario with the motion of its joints from one file: time_s, NAME_rad; InputError where it has none."""
     _need_joints(scenario, "--joints")
-    motion = CsvJoint(file=str(path.resolve()))
-    return replace(scenario, joints=dict.fromkeys(scenario.joints, motion))
+    file = str(path.resolve())
+    joints: dict[str, Joint] = {k: CsvJoint(file=file, range_rad=v.range_rad) for k, v in scenario.joints.items()}
+    return replace(scenario, joints=joints)
 
 
 def posed(scenario: Scenario, angles_rad: Mapping[str, float]) -> Scenario:
@@ -41,7 +42,10 @@ def posed(scenario: Scenario, angles_rad: Mapping[str, float]) -> Scenario:
             raise InputError(
                 f'{scenario.source.name}: there is no joint "{name}"{suggestion(name, list(scenario.joints))}'
             )
-    still = {name: ConstantJoint(angle_rad=angle) for name, angle in angles_rad.items()}
+    still = {
+        name: ConstantJoint(angle_rad=angle, range_rad=scenario.joints[name].range_rad)
+        for name, angle in angles_rad.items()
+    }
     return replace(scenario, joints={**scenario.joints, **still})
 
 
@@ -64,12 +68,20 @@ def sample_joints(scenario: Scenario, end_s: float, *, periodic: bool = False) -
     time = np.arange(math.ceil(end_s / step - 1e-9) + 1, dtype=np.float64) * step
     folder = scenario.source.parent
     columns = [joint_angles(joint, name, time, folder, end_s) for name, joint in scenario.joints.items()]
+    for (name, joint), column in zip(scenario.joints.items(), columns, strict=True):
+        _check_range(name, joint, column, file)
     if periodic:
         for (name, joint), column in zip(scenario.joints.items(), columns, strict=True):
             _check_period(name, joint, column, end_s, file)
             column[-1] = column[0]
     names, period = tuple(scenario.joints), end_s if periodic else None
-    motion = JointMotion(names=names, time_s=time, angle_rad=np.column_stack(columns), period_s=period)
+    motion = JointMotion(
+        names=names,
+        time_s=time,
+        angle_rad=np.column_stack(columns),
+        period_s=period,
+        range_rad=tuple(joint.range_rad for joint in scenario.joints.values()),
+    )
     lengths = [section.length_m for section in transmission.path.parts]
     total = None if any(length is None for length in lengths) else math.fsum(x for x in lengths if x is not None)
     try:
@@ -77,6 +89,16 @@ def sample_joints(scenario: Scenario, end_s: float, *, periodic: bool = False) -
     except ParameterError as error:
         raise InputError(f"{file}: {error}") from None
     return motion
+
+
+def _check_range(name: str, joint: Joint, angle_rad: FloatArray, file: str) -> None:
+    """Refuse a motion that leaves the range of its joint."""
+    given = joint.range_rad
+    if given is not None and not (given[0] <= angle_rad.min() and angle_rad.max() <= given[1]):
+        raise InputError(
+            f"{file} [joints.{name}]: range_rad = [{given[0]:g}, {given[1]:g}] does not hold its motion, which goes "
+            f"from {angle_rad.min():.4g} to {angle_rad.max():.4g} rad; widen it"
+        )
 
 
 def _check_period(name: str, joint: Joint, angle_rad: FloatArray, period_s: float, file: str) -> None:

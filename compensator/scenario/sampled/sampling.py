@@ -53,6 +53,8 @@ class Reference:
         Tension to which a lower reference was raised [N]; 0 where it is as the user wrote it.
     step_s : float
         Time step [s].
+    live_N : tuple of float or None
+        Tensions that a live reference may have, low and high, as the scenario states them [N].
     warnings : tuple of str
         Doubts about it, one sentence each.
     """
@@ -67,6 +69,7 @@ class Reference:
     periodic: bool = False
     hold: Hold = Hold.EXACT
     raised_N: float = 0.0
+    live_N: tuple[float, ...] | None = None
     warnings: tuple[str, ...] = ()
 
     @property
@@ -139,7 +142,12 @@ def sample_reference(scenario: Scenario, *, strict: bool = False) -> Reference:
         notes.append(
             f"the reference starts at {tension[0]:.4g} N but initial_tension_N is {initial:.4g} N: it jumps at t = 0"
         )
-    return replace(sampled, warnings=tuple(notes))
+    if (live := spec.range_N) is not None and not (live[0] <= tension.min() and tension.max() <= live[1]):
+        raise InputError(
+            f"{file} [reference]: range_N = [{live[0]:g}, {live[1]:g}] does not hold the reference, which goes from "
+            f"{tension.min():.4g} to {tension.max():.4g} N; widen it"
+        )
+    return replace(sampled, warnings=tuple(notes), live_N=live)
 
 
 def initial_tension(scenario: Scenario) -> float:

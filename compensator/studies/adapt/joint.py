@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import FloatArray
+from tendonff.compensator.files.results import Result, Views, register_views
 from tendonff.compensator.files.writing import atomic_directory, write_csv
 from tendonff.compensator.joint.adaptation import TunedJoint, with_factor
 from tendonff.compensator.joint.plant import verifying_masses
@@ -117,8 +118,8 @@ class JointCase:
         return float(np.rad2deg(np.sqrt(np.mean(error_rad[round(SETTLED_S / self.step_s) :] ** 2))))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JointAdaptationStudy:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class JointAdaptationStudy(Result):
     """A study of a joint that tunes itself; can be written.
 
     Attributes
@@ -147,8 +148,7 @@ class JointAdaptationStudy:
 
     def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
         """Write `estimate.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
-        with figure_style():
-            figures = {"overview": _overview(self), "friction": _course(self)}
+        figures = _figures(self)
         summary: dict[str, object] = {
             **summary_head(self.scenario),
             "headline": self.headline,
@@ -163,13 +163,25 @@ class JointAdaptationStudy:
             },
             "warnings": list(self.warnings),
         }
-        rows = thinned(len(self.time_s))
-        columns = {"time_s": self.time_s[rows], "reference_rad": self.reference_rad[rows]}
-        for k, case in enumerate(self.cases, start=1):
-            columns |= {f"error_{k}_rad": case.tuned_rad[rows], f"factor_{k}": case.factor[rows]}
         with atomic_directory(folder) as partial:
-            write_csv(partial / "estimate.csv", columns)
+            write_csv(partial / "estimate.csv", _columns(self))
             write_pages(partial, summary, figures, _report(self, figures), pdf=pdf)
+
+
+def _columns(study: JointAdaptationStudy) -> dict[str, FloatArray]:
+    rows = thinned(len(study.time_s))
+    columns = {"time_s": study.time_s[rows], "reference_rad": study.reference_rad[rows]}
+    for k, case in enumerate(study.cases, start=1):
+        columns |= {f"error_{k}_rad": case.tuned_rad[rows], f"factor_{k}": case.factor[rows]}
+    return columns
+
+
+def _figures(study: JointAdaptationStudy) -> dict[str, Figure]:
+    with figure_style():
+        return {"overview": _overview(study), "friction": _course(study)}
+
+
+register_views(JointAdaptationStudy, Views(write=JointAdaptationStudy.write, columns=_columns, figures=_figures))
 
 
 @in_turn

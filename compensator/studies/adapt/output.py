@@ -22,21 +22,29 @@ def write_files(result: AdaptationStudy, folder: str | os.PathLike[str], *, pdf:
         write_pages(partial, summary(result), figures, adaptation_report(result, figures), pdf=pdf)
 
 
-def write_estimates(result: AdaptationStudy, path: Path) -> None:
-    """Write `estimate.csv`: every plant over time, at most 2000 samples each."""
+def estimate_table(result: AdaptationStudy) -> dict[str, list[str | float]]:
+    """The columns of `estimate.csv`: every plant over time, at most 2000 samples each."""
     names = [f"{parameter}_factor" for parameter in result.tuning.parameters]
     schemes = [scheme for scheme in Scheme if scheme in result.cases[0].traces]
+    heads = ["plant", "time_s", "reference_N", *(f"tension_{s}_N" for s in schemes), "true_mu_factor", *names]
+    lines: list[tuple[str | float, ...]] = []
+    for case in result.cases:
+        tuned = case.traces[Scheme.SELF_TUNING]
+        for row in range(0, len(case.time_s), max(1, len(case.time_s) // _MOST_ROWS)):
+            tensions = [case.traces[scheme].tension_N[row] for scheme in schemes]
+            numbers = [case.time_s[row], case.reference_N[row], *tensions, case.mu_factor[row], *tuned.factors[row]]
+            lines.append((case.variation.name, *numbers))
+    return {name: list(column) for name, column in zip(heads, zip(*lines, strict=True), strict=True)}
+
+
+def write_estimates(result: AdaptationStudy, path: Path) -> None:
+    """Write `estimate.csv`."""
+    columns = estimate_table(result)
     with atomic_file(path) as partial, partial.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(
-            ["plant", "time_s", "reference_N", *(f"tension_{s}_N" for s in schemes), "true_mu_factor", *names]
-        )
-        for case in result.cases:
-            tuned = case.traces[Scheme.SELF_TUNING]
-            for row in range(0, len(case.time_s), max(1, len(case.time_s) // _MOST_ROWS)):
-                tensions = [case.traces[scheme].tension_N[row] for scheme in schemes]
-                numbers = [case.time_s[row], case.reference_N[row], *tensions, case.mu_factor[row], *tuned.factors[row]]
-                writer.writerow([case.variation.name, *(f"{number:.9g}" for number in numbers)])
+        writer.writerow(columns)
+        for plant, *numbers in zip(*columns.values(), strict=True):
+            writer.writerow([plant, *(f"{number:.9g}" for number in numbers)])
 
 
 def summary(result: AdaptationStudy) -> dict[str, object]:

@@ -7,7 +7,7 @@ from enum import StrEnum
 import numpy as np
 
 from tendonff.compensator.compensators.profile import FloatArray
-from tendonff.compensator.files.results import writer_of
+from tendonff.compensator.files.results import Result, views_of
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.studies.adapt.feedback import FeedbackCertificate
@@ -204,8 +204,8 @@ class Case:
         return tuned.settled_percent > 1.0 and tuned.settled_percent > WORSE * plain.settled_percent
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AdaptationStudy:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class AdaptationStudy(Result):
     """Self-tuning on every plant of a study.
 
     Attributes
@@ -245,4 +245,4 @@ class AdaptationStudy:
 
     def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
         """Write `estimate.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
-        writer_of(AdaptationStudy)(self, folder, pdf=pdf)
+        views_of(AdaptationStudy).write(self, folder, pdf=pdf)

@@ -10,6 +10,7 @@ from tendonff.compensator.compensators.expectation import expectation_of
 from tendonff.compensator.files.notices import by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.reading import FloatArray
+from tendonff.compensator.files.results import Views, register_views
 from tendonff.compensator.files.writing import atomic_directory
 from tendonff.compensator.finger.scenario import FingerScenario
 from tendonff.compensator.finger.task import task_of
@@ -27,7 +28,7 @@ from tendonff.compensator.studies.compare.matrix import (
     noise_warnings,
     recommend,
 )
-from tendonff.compensator.studies.compare.output import matrix_summary, write_matrix
+from tendonff.compensator.studies.compare.output import matrix_columns, matrix_summary, write_matrix
 from tendonff.compensator.studies.compare.report import CAPTIONS, FILES, matrix_sections
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
@@ -40,7 +41,7 @@ _SIMPLE = (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class JointComparison(MatrixData):
     """A comparison for a joint that can be written.
 
@@ -76,12 +77,19 @@ class JointComparison(MatrixData):
 
     def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
         """Write `matrix.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
-        with figure_style():
-            figures = {"matrix": matrix_figure(self), "errors": errors_figure(self)}
+        figures = _figures(self)
         with atomic_directory(folder) as partial:
             write_matrix(partial, self)
             summary = {**matrix_summary(self), "warnings": list(self.warnings)}
             write_pages(partial, summary, figures, _report(self, figures), pdf=pdf)
+
+
+def _figures(result: JointComparison) -> dict[str, Figure]:
+    with figure_style():
+        return {"matrix": matrix_figure(result), "errors": errors_figure(result)}
+
+
+register_views(JointComparison, Views(write=JointComparison.write, columns=matrix_columns, figures=_figures))
 
 
 @in_turn

@@ -19,6 +19,7 @@ from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.compensators.score import scale_of, score
 from tendonff.compensator.files.notices import Remark
 from tendonff.compensator.files.reading import FloatArray
+from tendonff.compensator.files.results import Result
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.reporting.colours import Style
 from tendonff.compensator.scenario.document import Document
@@ -98,8 +99,8 @@ class Simple:
     words: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MatrixData:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class MatrixData(Result):
     """Every design on every plant. `Comparison` and `JointComparison` document its fields."""
 
     scenario: Document

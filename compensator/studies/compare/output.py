@@ -22,10 +22,16 @@ def write_files(result: Comparison, folder: str | os.PathLike[str], *, pdf: bool
         write_pages(partial, summary(result), figures, compare_report(result, figures), pdf=pdf)
 
 
+def matrix_columns(result: MatrixData) -> dict[str, list[str | float]]:
+    """The columns of `matrix.csv`."""
+    rows = [entry.named(result.unit) for entry in result.entries]
+    return {name: [row[name] for row in rows] for name in rows[0]}
+
+
 def write_matrix(folder: Path, result: MatrixData) -> None:
     """Write `matrix.csv` into a folder."""
-    rows = [entry.named(result.unit) for entry in result.entries]
-    write_text(folder / "matrix.csv", csv_text(list(rows[0]), [tuple(row.values()) for row in rows]))
+    columns = matrix_columns(result)
+    write_text(folder / "matrix.csv", csv_text(columns, zip(*columns.values(), strict=True)))
 
 
 def matrix_summary(result: MatrixData) -> dict[str, object]:

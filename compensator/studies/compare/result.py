@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from tendonff.compensator.compensators.score import IgnoredMotion
-from tendonff.compensator.files.results import writer_of
+from tendonff.compensator.files.results import views_of
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.studies.compare.levels import LevelCost, LevelTraits
@@ -16,7 +16,7 @@ CAPSTAN_PLANT: Literal["capstan"] = "capstan"  # name of the static law as a pla
 PLANTS = (*(level.value for level in Level), CAPSTAN_PLANT)  # names of the plants: the levels, then the static law
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Comparison(MatrixData):
     """All compensators on all levels.
 
@@ -66,4 +66,4 @@ class Comparison(MatrixData):
 
     def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
         """Write `matrix.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
-        writer_of(Comparison)(self, folder, pdf=pdf)
+        views_of(Comparison).write(self, folder, pdf=pdf)

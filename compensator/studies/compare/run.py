@@ -17,10 +17,11 @@ from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import ignored_motion, slack_warnings
 from tendonff.compensator.files.notices import Remark, by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
-from tendonff.compensator.files.results import register_writer
+from tendonff.compensator.files.results import Views, register_views
 from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.studies.compare.figures import compare_figures
 from tendonff.compensator.studies.compare.levels import level_cost, level_traits
 from tendonff.compensator.studies.compare.matrix import (
     REFINEMENTS,
@@ -31,7 +32,7 @@ from tendonff.compensator.studies.compare.matrix import (
     noise_warnings,
     recommend,
 )
-from tendonff.compensator.studies.compare.output import write_files
+from tendonff.compensator.studies.compare.output import matrix_columns, write_files
 from tendonff.compensator.studies.compare.result import CAPSTAN_PLANT, PLANTS, Comparison
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.fidelity import Level
@@ -49,7 +50,7 @@ SIMPLE = (
     Simple(name=SMOOTHED, words="The capstan law with a smoothed sign change"),
 )
 
-register_writer(Comparison, write_files)
+register_views(Comparison, Views(write=write_files, columns=matrix_columns, figures=compare_figures))
 
 
 @in_turn

@@ -21,7 +21,7 @@ from tendonff.compensator.reporting.page import summary_head, write_pages
 from tendonff.compensator.scenario.sampled.joint_motion import sample_joints
 from tendonff.compensator.studies.design.drive_use import drive_columns, drive_summary
 from tendonff.compensator.studies.design.figures import design_figures
-from tendonff.compensator.studies.design.report import design_report, headline, interactive_panels
+from tendonff.compensator.studies.design.report import design_report, interactive_panels
 from tendonff.compensator.studies.design.result import Design
 from tendonff.models.fidelity import Level
 from tendonff.ocp.tracking.result import Tracking
@@ -131,7 +131,7 @@ def print_scores(result: Design, folder: Path) -> None:
     over = f"worst case: over {result.expectation.doubt}, on {FINE_SEGMENTS} masses; {span}"
     console.print(over, soft_wrap=True, markup=False, highlight=False)
     console.print("* design level, used for the worst case and the last column too")
-    console.print(typeset(headline(result)), soft_wrap=True, markup=False, highlight=False)
+    console.print(typeset(result.headline), soft_wrap=True, markup=False, highlight=False)
     if result.tracking is not None:
         console.print(typeset(f"optimal control: {result.tracking.message}"), soft_wrap=True)
     console.print(f"written to {folder}", soft_wrap=True)

@@ -6,9 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.expectation import two_digits
-from tendonff.compensator.compensators.next_step import limited_by, next_step, within_reach
 from tendonff.compensator.compensators.plant import FINE_REFINEMENT, FINE_SEGMENTS
-from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.reporting.colours import INK, Style
 from tendonff.compensator.reporting.expected import robustness_table
 from tendonff.compensator.reporting.interactive import interactive_view
@@ -48,16 +46,6 @@ _CAPTIONS = {
     "error": "Error on each fidelity level with the design's own parameters, on one scale; right: enlarged.",
     "drive": "Demands on the drive, on the design level. Dashed: its limits; those off the scale are written.",
 }
-
-
-def headline(result: Design) -> str:
-    """Expected error on a rig, and the next command."""
-    found, file = result.expectation, as_argument(result.scenario.source)
-    change = within_reach(result.scenario.transmission, float(result.reference.tension_N.max()))
-    if result.tracking is not None:
-        change = change or limited_by(found, result.tracking.reasons)
-    then = next_step(found, file, f"tendonff export-c {file} --out c", change=change)
-    return found.headline(result.recommended.label, then)
 
 
 def fine_print(result: Design) -> str:
@@ -131,7 +119,7 @@ def design_report(result: Design, figures: dict[str, Figure], view: Interactive 
     )
     return Report(
         title=f"Design: {result.scenario.name}",
-        summary=headline(result),
+        summary=result.headline,
         fine_print=fine_print(result),
         warnings=result.warnings,
         sections=(

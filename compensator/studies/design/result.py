@@ -6,9 +6,11 @@ from dataclasses import dataclass
 
 from tendonff.compensator.compensators.base import Compensator
 from tendonff.compensator.compensators.expectation import Expectation
+from tendonff.compensator.compensators.next_step import limited_by, next_step, within_reach
 from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
 from tendonff.compensator.compensators.score import IgnoredMotion, Score, Verified
-from tendonff.compensator.files.results import writer_of
+from tendonff.compensator.files.results import Result, views_of
+from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
@@ -16,8 +18,8 @@ from tendonff.ocp.tendon.stability import StickSlipPrediction
 from tendonff.ocp.tracking.result import Tracking
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Design:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Design(Result):
     """Force profiles for one scenario, and what each delivers.
 
     Attributes
@@ -74,6 +76,16 @@ class Design:
         return next((p.tracking for p in self.profiles.values() if p.tracking is not None), None)
 
     @property
+    def headline(self) -> str:
+        """Expected error on a rig, and the next step."""
+        found, file = self.expectation, as_argument(self.scenario.source)
+        change = within_reach(self.scenario.transmission, float(self.reference.tension_N.max()))
+        if self.tracking is not None:
+            change = change or limited_by(found, self.tracking.reasons)
+        then = next_step(found, file, f"tendonff export-c {file} --out c", change=change)
+        return found.headline(self.recommended.label, then)
+
+    @property
     def recommended(self) -> Compensator:
         """The compensator whose worst error over the uncertainty is least."""
         return next(c for c in self.compensators if c.name == self.expectation.recommended)
@@ -100,4 +112,4 @@ class Design:
 
         An interactive report has a view with zoom, hover and a legend that hides curves, and needs Bokeh.
         """
-        writer_of(Design)(self, folder, interactive=interactive, pdf=pdf)
+        views_of(Design).write(self, folder, interactive=interactive, pdf=pdf)

@@ -24,15 +24,25 @@ def write_files(result: ExperimentResult, folder: str | os.PathLike[str], *, pdf
         write_pages(partial, summary(result), figures, experiment_report(result, figures), pdf=pdf)
 
 
-def write_run(run: ExperimentRun, path: Path) -> None:
-    """Write one run: `time_s,state,tension_1_N..tension_7_N,motor_1_position_m,...,motor_2_force_N`."""
+def lead_columns(result: ExperimentResult) -> dict[str, Sequence[str | float]]:
+    """The columns of the run on the machine's level."""
+    return run_columns(result.runs[result.lead])
+
+
+def run_columns(run: ExperimentRun) -> dict[str, Sequence[str | float]]:
+    """Columns of one run: `time_s,state,tension_1_N..tension_7_N,motor_1_position_m,...,motor_2_force_N`."""
     columns: dict[str, Sequence[str | float]] = {
         "time_s": np.round(run.time_s, 12).tolist(),
         "state": run.state_names(),
     }
     columns |= {f"tension_{k + 1}_N": run.tension_N[:, k].tolist() for k in range(SECTIONS)}
     columns |= {f"motor_{k + 1}_position_m": run.position_m[:, k].tolist() for k in (0, 1)}
-    columns |= {f"motor_{k + 1}_force_N": run.force_N[:, k].tolist() for k in (0, 1)}
+    return columns | {f"motor_{k + 1}_force_N": run.force_N[:, k].tolist() for k in (0, 1)}
+
+
+def write_run(run: ExperimentRun, path: Path) -> None:
+    """Write one run."""
+    columns = run_columns(run)
     write_text(path, csv_text(columns, zip(*columns.values(), strict=True)))
 
 

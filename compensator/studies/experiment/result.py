@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray
-from tendonff.compensator.files.results import writer_of
+from tendonff.compensator.files.results import Result, views_of
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.studies.experiment.machine import StatePass
 from tendonff.compensator.studies.experiment.rig import Plan
@@ -104,8 +104,8 @@ class MeasuredTensions:
     tension_N: dict[int, FloatArray]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ExperimentResult:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class ExperimentResult(Result):
     """The two-motor test on all three levels.
 
     Attributes
@@ -137,8 +137,14 @@ class ExperimentResult:
     quasi_static_factor: float
     measured: MeasuredTensions | None = None
 
+    @property
+    def headline(self) -> str:
+        """The test that was run."""
+        states = ", ".join(done.state.name for done in self.runs[self.lead].passes)
+        return f"two-motor test through the states {states}, by the machine on the {self.lead} level"
+
     def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
         """Write `experiment_<level>.csv`, `summary.json`, figures and `report.html`, all or nothing; makes
         the folder.
         """
-        writer_of(ExperimentResult)(self, folder, pdf=pdf)
+        views_of(ExperimentResult).write(self, folder, pdf=pdf)

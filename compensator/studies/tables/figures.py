@@ -10,6 +10,11 @@ from tendonff.models.capstan import Branch
 
 
 @figure_style()
+def table_figures(result: Tables) -> dict[str, Figure]:
+    """The figure by file name."""
+    return {"table": table_figure(result)}
+
+
 def table_figure(result: Tables) -> Figure:
     """Force over reference on both branches with transitions, and the transition on its own."""
     table = result.tables[0].built.table

@@ -18,15 +18,16 @@ from tendonff.models.capstan import Branch
 def write_files(result: Tables, folder: str | os.PathLike[str], *, prefix: str = "tff", pdf: bool = False) -> None:
     """Write the files of `Tables.write`."""
     with atomic_directory(folder) as partial:
-        write_text(partial / "table.csv", table_csv(result))
+        columns = table_columns(result)
+        write_text(partial / "table.csv", csv_text(columns, zip(*columns.values(), strict=True)))
         write_json(partial / "table.json", summary(result))
         write_text(partial / "table.h", table_header(result.scenario, result.tables[0].built, result.level, prefix))
         picture, *_ = save_figure(table_figure(result), partial / "table", pdf=pdf)
         write_report(partial / "report.html", table_report(result, picture))
 
 
-def table_csv(result: Tables) -> str:
-    """Text of `table.csv`: one row per node."""
+def table_columns(result: Tables) -> dict[str, list[str | float]]:
+    """The columns of `table.csv`: one row per node."""
     lines: list[tuple[str | float, ...]] = []
     for made in result.tables:
         further = {"total_angle_rad": made.total_angle_rad, "rate_N_per_s": made.built.rate_N_per_s}
@@ -38,7 +39,7 @@ def table_csv(result: Tables) -> str:
                 rows = zip(travelled, forces, nodes.share.tolist(), strict=True)
                 lines += [(reference, branch.value, *row, *at) for row in rows]
     names = ("reference_N", "branch", "tension_since_reversal_N", "force_N", "share", *result.axes)
-    return csv_text(names, lines)
+    return {name: list(column) for name, column in zip(names, zip(*lines, strict=True), strict=True)}
 
 
 def summary(result: Tables) -> dict[str, object]:

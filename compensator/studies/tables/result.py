@@ -7,7 +7,7 @@ from tendonff.compensator.compensators.expectation import Expectation
 from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.compensators.score import Score
 from tendonff.compensator.compensators.table import BuiltTable
-from tendonff.compensator.files.results import writer_of
+from tendonff.compensator.files.results import Result, views_of
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
@@ -39,8 +39,8 @@ class AngleTable:
     total_angle_rad: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tables:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Tables(Result):
     """Tables of a scenario: the first for its own wrap angle and rate, or for the requested axes.
 
     Attributes
@@ -90,4 +90,4 @@ class Tables:
 
         The names in `table.h` begin with `prefix`.
         """
-        writer_of(Tables)(self, folder, prefix=prefix, pdf=pdf)
+        views_of(Tables).write(self, folder, prefix=prefix, pdf=pdf)

@@ -10,6 +10,7 @@ from shlex import quote
 import numpy as np
 from matplotlib.figure import Figure
 
+from tendonff.compensator.files.results import Result, Views, register_views
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.files.writing import atomic_directory, write_csv
 from tendonff.compensator.joint.scenario.scenario import JointScenario
@@ -35,8 +36,8 @@ _CAPTIONS = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Watch:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class Watch(Result):
     """Drift of a joint over its use.
 
     Attributes
@@ -194,6 +195,9 @@ def watch_figures(found: Watch) -> dict[str, Figure]:
         panels[0, 0].set(xlabel="time of use [h]", ylabel="sum of the test [-]")
         legend_below(test, panels[0, 0])
         return {"history": figure, "test": test}
+
+
+register_views(Watch, Views(write=Watch.write, columns=_columns, figures=watch_figures))
 
 
 def _borders(found: Watch) -> list[float]:

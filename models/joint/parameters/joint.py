@@ -5,9 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tendonff.models.errors import LARGEST, ParameterError, require, require_given
+from tendonff.models.errors import LARGEST, ParameterError, require, require_given, require_range
 from tendonff.models.layout import Array
 from tendonff.models.mechanism.loads import NOWHERE
+
+QUARTER_TURN_RAD = math.pi / 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,6 +38,9 @@ class DrivenJoint:
         Angles at which the joint touches a stop [rad]; default: none.
     stop_stiffness_N_m_per_rad : float, optional
         Stiffness of the stops beyond them [N m/rad], > 0 where there is one.
+    range_rad : tuple of float, optional
+        Angles that a live reference may have [rad]: low and high, at most to the stops. Default: the stops; where
+        there is none, a quarter turn beyond the reference.
     """
 
     name: str
@@ -49,6 +54,7 @@ class DrivenJoint:
     stop_low_rad: float | None = None
     stop_high_rad: float | None = None
     stop_stiffness_N_m_per_rad: float = 0.0
+    range_rad: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         require("inertia_kg_m2", self.inertia_kg_m2, above=0, hint="a finger's last bone has about 1e-5 kg m2")
@@ -69,6 +75,7 @@ class DrivenJoint:
         low, high = self.stops_rad
         if not low < high:
             raise ParameterError(f"stop_low_rad must be below stop_high_rad, got {low:g} and {high:g}; swap them")
+        require_range("range_rad", self.range_rad)
 
     @property
     def has_stop(self) -> bool:
@@ -80,6 +87,27 @@ class DrivenJoint:
         """Angles of both stops, far away where there is none [rad]."""
         low, high = self.stop_low_rad, self.stop_high_rad
         return -NOWHERE if low is None else low, NOWHERE if high is None else high
+
+    def accepted_rad(self, least_rad: float, most_rad: float) -> tuple[float, float]:
+        """Angles that a live reference may have, where the design's goes from `least_rad` to `most_rad` [rad].
+
+        Raises
+        ------
+        ParameterError
+            If `range_rad` does not hold the design's reference.
+        """
+        stops = self.stops_rad
+        low, high = self.range_rad or stops
+        low, high = max(low, stops[0]), min(high, stops[1])
+        if self.range_rad is not None and not (low <= least_rad and most_rad <= high):
+            raise ParameterError(
+                f"range_rad = [{low:g}, {high:g}] of the joint {self.name} does not hold the reference, which goes "
+                f"from {least_rad:.4g} to {most_rad:.4g} rad; widen it"
+            )
+        return (
+            least_rad - QUARTER_TURN_RAD if low <= -NOWHERE else min(low, least_rad),
+            most_rad + QUARTER_TURN_RAD if high >= NOWHERE else max(high, most_rad),
+        )
 
     def static_torque_N_m(self, angle_rad: Array) -> Array:
         """Torque that tendons hold at rest at an angle: spring, gravity and stops [N m]."""

@@ -22,7 +22,6 @@ from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.export.text import c_text
 from tendonff.compensator.files.progress import silent
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.reporting.colours import Style
 from tendonff.compensator.scenario.scenario import load_scenario, scenario_to_toml
 from tendonff.compensator.studies.compare.run import compare
 from tendonff.compensator.studies.design.run import design
@@ -40,7 +39,6 @@ class ConstantGain(Compensator):
 
     name = "gain"
     label = "constant gain"
-    style = Style(color="#56B4E9", linestyle="--")
     knows_the_level = False
 
     def profile(self, problem, *, progress=silent):

@@ -65,7 +65,7 @@ def test_the_command_says_what_it_read_before_it_refuses(examples, tmp_path, cap
     arguments = ["identify", str(examples / "finger.toml"), "--data", str(tmp_path / "ms.csv"), "--out", str(out)]
     assert run(arguments) == 2
     printed = capsys.readouterr().err
-    assert "ms.csv: 30000 samples over 3e+04 s (1 Hz)" in printed
+    assert "ms.csv: 30000 samples over 30000 s (1 Hz)" in printed
     assert "--scale time=0.001" in printed
     assert not out.exists()
 

@@ -49,9 +49,17 @@ def test_joints_of_a_hand_share_a_base(hand: str, tmp_path: Path) -> None:
     before = found.digest()
     (tmp_path / "hand.toml").write_text(base.replace("pretension_N = 5.0", "pretension_N = 6.0"), "utf-8")
     assert load_joint_scenario(tmp_path / "tip.toml").digest() != before
-    (tmp_path / "loop.toml").write_text('schema = 1\nbase = "tip.toml"\n', "utf-8")
-    with pytest.raises(InputError, match="a base has no base of its own"):
-        load_joint_scenario(tmp_path / "loop.toml")
+    (tmp_path / "other.toml").write_text('schema = 1\nbase = "tip.toml"\n[path]\nsegments = 8\n', "utf-8")
+    below = load_joint_scenario(tmp_path / "other.toml")  # a base has a base: keys of the nearest file win
+    path = below.mechanism.tendons[0].path
+    assert (below.mechanism.joint.name, path.total_angle_rad, path.segments) == ("tip", 4.0, 8)
+    assert below.mechanism.drive.pretension_N == 6.0
+    assert [file.name for file in below.inputs] == ["tip.toml", "hand.toml"]
+    (tmp_path / "hand.toml").write_text('schema = 1\nbase = "tip.toml"\n', "utf-8")
+    with pytest.raises(
+        InputError, match=r'hand.toml: base = "tip.toml" .* leads back to tip.toml; take one of them out'
+    ):
+        load_joint_scenario(tmp_path / "other.toml")
 
 
 def test_a_tendon_may_state_its_own_parts(hand: str) -> None:

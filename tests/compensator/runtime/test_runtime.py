@@ -1,6 +1,7 @@
 """Compensators step by step in Python: the numbers of model and exported C, other steps, pauses, and states."""
 
 import itertools
+import json
 import math
 import time
 
@@ -15,11 +16,13 @@ from tendonff.compensator.joint.drive import commanded
 from tendonff.compensator.joint.export.text import problem_of
 from tendonff.compensator.joint.scenario.scenario import sample_joint
 from tendonff.compensator.runtime.code import tendon_runtime
+from tendonff.models.joint.parameters import DrivenJoint
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import CodeError
 
 pytestmark = pytest.mark.compiler
 HELD = (tf.RuntimeStatus.INPUT_HELD,)
+RANGE = tf.RuntimeStatus.RANGE
 
 
 @pytest.fixture(scope="module", params=["hand_joint", "instrument_pair"])
@@ -39,6 +42,75 @@ def tuned(examples):
 
 def commands(runtime, references, dt=None):
     return np.array([np.atleast_1d(runtime.step(float(each), dt=dt)) for each in references])
+
+
+@pytest.mark.parametrize(
+    ("given", "named"),
+    [(("0.1",), "reference"), (([0.1],), "reference"), ((0.1, "1e-3"), "dt"), ((0.1, None, "x"), "measured")],
+)
+def test_what_is_no_number_is_refused_by_name_and_value(examples, given, named):
+    runtime = tf.Runtime(examples / "hand_joint.toml")
+    with pytest.raises(tf.ParameterError, match=f"{named} must be a number, got "):
+        runtime.step(*given)
+
+
+@pytest.mark.parametrize(
+    ("file", "name", "inside", "beyond"),
+    [
+        ("hand_joint", "reference", 0.2, 20.0),
+        ("finger", "reference", 30.0, 3000.0),
+        ("finger_moving", "knuckle", 0.0, 40.0),
+    ],
+)
+def test_a_number_out_of_range_has_a_status_of_its_own(examples, file, name, inside, beyond):
+    """An angle in degrees, a tension in mN."""
+    runtime = tf.Runtime(examples / f"{file}.toml")
+    low, high = runtime.ranges[name]
+    assert low < inside < high < beyond
+    still = dict.fromkeys(runtime.joints, 0.0)
+    runtime.step(runtime.start, joints=still)
+    before = runtime.step(runtime.start, joints=still)
+    wrong = (beyond, still) if name == "reference" else (runtime.start, still | {name: beyond})
+    assert runtime.step(wrong[0], joints=wrong[1]) == before
+    assert RANGE in runtime.status
+    assert tf.RuntimeStatus.INPUT_HELD not in runtime.status
+    runtime.step(None, joints=still)
+    assert tf.RuntimeStatus.INPUT_HELD in runtime.status
+    assert RANGE not in runtime.status
+
+
+def test_several_joints_have_a_range_each(examples):
+    runtime = tf.Runtime(examples / "three_joint_finger.toml")
+    assert set(runtime.ranges) == set(runtime.joints)
+    before = runtime.step(dict.fromkeys(runtime.joints, 0.3))
+    assert (runtime.step([17.0, 29.0, 11.0]) == before).all()
+    assert runtime.status == (RANGE,)
+
+
+@pytest.mark.parametrize(
+    ("file", "line", "key", "given"),
+    [
+        ("hand_joint", "gravity_zero_rad = 0.0", "range_rad", "[-0.3, 1.2]"),
+        ("finger", 'kind = "sine"', "range_N", "[5.0, 60.0]"),
+        ("finger_moving", "[joints.knuckle]", "range_rad", "[-1.0, 2.0]"),
+    ],
+)
+def test_the_range_is_a_key_of_the_scenario(examples, tmp_path, file, line, key, given):
+    text = (examples / f"{file}.toml").read_text()
+    text = "\n".join(row for row in text.splitlines() if not row.startswith("range_"))
+    (tmp_path / "own.toml").write_text(text.replace(line, f"{line}\n{key} = {given}", 1))
+    name = "knuckle" if file == "finger_moving" else "reference"
+    assert list(tf.Runtime(tmp_path / "own.toml").ranges[name]) == json.loads(given)
+    (tmp_path / "own.toml").write_text(text.replace(line, f"{line}\n{key} = [0.05, 0.1]", 1))
+    with pytest.raises(tf.InputError, match=rf"{key} = \[0.05, 0.1\] .*does not hold .*; widen it"):
+        tf.Runtime(tmp_path / "own.toml")
+
+
+def test_a_joint_without_stops_takes_a_quarter_turn_beyond_its_reference_and_one_with_stops_those():
+    free = DrivenJoint(name="a", inertia_kg_m2=1e-5)
+    assert free.accepted_rad(0.0, 1.0) == pytest.approx((-math.pi / 2, 1.0 + math.pi / 2))
+    stopped = DrivenJoint(name="a", inertia_kg_m2=1e-5, stop_high_rad=1.2, stop_stiffness_N_m_per_rad=100.0)
+    assert stopped.accepted_rad(0.0, 1.0) == pytest.approx((-math.pi / 2, 1.2))
 
 
 def test_a_joint_is_commanded_as_its_design_says(joint):

@@ -55,7 +55,7 @@ def problem_of(chain: Chain, limits: ForceLimits, options: TrackOptions) -> Trac
     return TrackingProblem.of(
         (chain,),
         (chain.rest_state(30.0),),
-        REFERENCE,
+        (REFERENCE,),
         STEP,
         limits,
         options,

@@ -49,7 +49,7 @@ def problem_of(chain: Chain, bounds: ForceLimits, options: TrackOptions = TrackO
     return TrackingProblem.of(
         (chain,),
         (chain.rest_state(30.0),),
-        reference(),
+        (reference(),),
         STEP,
         bounds,
         options,

@@ -48,7 +48,7 @@ def test_a_random_rig_gets_a_profile_that_holds_or_an_explanation(seed: int) -> 
     problem = TrackingProblem.of(
         (chain,),
         (chain.rest_state(start),),
-        reference,
+        (reference,),
         step,
         limits,
         TrackOptions(),

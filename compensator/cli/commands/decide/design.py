@@ -8,8 +8,8 @@ import typer
 from tendonff.compensator.cli.options import (
     OutFolderOption,
     PdfOption,
-    ScenarioArgument,
     YesOption,
+    looked_at,
     of_one_joint,
     opened,
     option,
@@ -26,7 +26,12 @@ EXIT_SOLVE = 1  # what was written is the best that was found
 
 
 def design(
-    scenario: ScenarioArgument,
+    scenarios: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="SCENARIO...", help="Scenario file (TOML); of several one report over all.", show_default=False
+        ),
+    ],
     out: OutFolderOption = Path("out"),
     strict: Annotated[
         bool, typer.Option("--strict", help="Refuse a reference out of reach instead of coming closest to it.")
@@ -47,8 +52,14 @@ def design(
     """Design and verify the force, or the motor angle of a joint.
 
     Computes force profiles that produce the desired output tension, by every compensator, and simulates each. For a
-    joint between tendons: motor angles that produce the desired joint angle.
+    joint between tendons: motor angles that produce the desired joint angle. Several scenarios, a whole hand, get a
+    folder each and one report over all.
     """
+    if len(scenarios) > 1:
+        if online or interactive or check is not None:
+            raise InputError("--online, --interactive and --check are for one scenario; design that one alone")
+        return _design_all(scenarios, out, strict=strict, pdf=pdf, yes=yes)
+    scenario = scenarios[0]
     with opened(scenario, out, strict=strict, yes=yes) as (loaded, folder):
         from tendonff.compensator.scenario.scenario import Scenario
 
@@ -86,6 +97,36 @@ def design(
             sentence = check_design(result, check).sentence
         say(sentence)
     return 0 if result.is_usable else EXIT_SOLVE
+
+
+def _design_all(scenarios: list[Path], out: Path, *, strict: bool, pdf: bool, yes: bool) -> int:
+    from tendonff.compensator.files.writing import atomic_directory
+    from tendonff.compensator.studies.design.several import AnyDesign, Designs, require_different
+
+    require_different([path.stem for path in scenarios])
+    loaded = [looked_at(path, strict=strict, yes=yes) for path in scenarios]
+    with atomic_directory(out) as folder:
+        from tendonff.compensator.finger.design import design_motors
+        from tendonff.compensator.scenario.scenario import Scenario
+        from tendonff.compensator.studies.design.run import design as design_profile
+
+        results: dict[str, AnyDesign] = {}
+        for each in loaded:
+            with progress(f"designing {each.source.stem}") as advance:
+                results[each.source.stem] = (
+                    design_profile(each, strict=strict, progress=advance)
+                    if isinstance(each, Scenario)
+                    else design_motors(each, strict=strict, progress=advance)
+                )
+        found = Designs(results=results)
+        with progress("writing"):
+            found.write(folder, pdf=pdf)
+    warn(*found.warnings)
+    for name, result in results.items():
+        say(f"{name}: {result.headline}")
+    say(f"report: {out / 'report.html'}")
+    usable = all(getattr(result, "is_usable", True) for result in results.values())
+    return 0 if usable else EXIT_SOLVE
 
 
 def _design_motors(

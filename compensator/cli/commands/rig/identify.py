@@ -13,7 +13,6 @@ from tendonff.compensator.cli.options import (
     ScenarioArgument,
     looked_at,
     named_numbers,
-    of_one_joint,
     option,
 )
 from tendonff.compensator.cli.progress import interruptible, progress, say, warn
@@ -25,13 +24,11 @@ from tendonff.models.errors import ParameterError
 if TYPE_CHECKING:
     from tendonff.compensator.finger.scenario import FingerScenario
     from tendonff.compensator.identification.answer.result import Identification
+    from tendonff.compensator.identification.joint.result import JointIdentification
+    from tendonff.compensator.identification.motors.result import MotorsIdentification
     from tendonff.compensator.joint.scenario.scenario import JointScenario
     from tendonff.compensator.scenario.scenario import Scenario
 
-_SEVERAL = (
-    "identify fits one tendon or one joint on a loop; measure the tendons of a finger one by one, each described by a "
-    "scenario of its own"
-)
 _YES = "Fit very long files without asking, and go on where a value looks like another unit."
 SCALED = ("time", "input", "output", "input_position", "output_position", "actuator_force")
 _SCALE = (
@@ -148,7 +145,7 @@ def identify(
             joint_how = _of_columns(joint_how, "--offset", offset or [], ("input",), "input=0.004 takes 4 mN m off")
         except ParameterError as error:
             raise InputError(str(error)) from None
-        _identify_joint(of_one_joint(loaded, _SEVERAL), out, data, validate or [], joint_how, pdf=pdf)
+        _identify_motors(loaded, out, data, validate or [], joint_how, pdf=pdf)
         return
     labels = _labels(condition or [], [path.name for path in data])
 
@@ -193,11 +190,7 @@ def _suggest(loaded: "Scenario | JointScenario | FingerScenario", out: Path, *, 
     from tendonff.compensator.scenario.scenario import Scenario
 
     if not isinstance(loaded, Scenario):
-        from tendonff.compensator.identification.joint.output import write_routine
-
-        routine = write_routine(of_one_joint(loaded, _SEVERAL), out, pdf=pdf)
-        reach = f"{routine.motor_rad.min():.3g} to {routine.motor_rad.max():.3g} rad"
-        say(f"{out / 'suggested_motor.csv'}: {routine.time_s[-1]:.4g} s, {reach}", *(f"  {p}" for p in routine.parts))
+        _suggest_motors(loaded, out, pdf=pdf)
         return
     with atomic_directory(out) as folder:
         from tendonff.compensator.identification.answer.output import write_suggestion
@@ -209,21 +202,62 @@ def _suggest(loaded: "Scenario | JointScenario | FingerScenario", out: Path, *, 
         say(excitation.gain)
 
 
-def _identify_joint(
-    loaded: "JointScenario", out: Path, data: list[Path], validate: list[Path], how: Measurement, *, pdf: bool
+def _suggest_motors(loaded: "JointScenario | FingerScenario", out: Path, *, pdf: bool) -> None:
+    """Write motor angles that identify driven joints."""
+    if _is_loop(loaded):
+        from tendonff.compensator.identification.joint.output import write_routine
+
+        routine = write_routine(loaded, out, pdf=pdf)  # type: ignore[arg-type]
+        reach = f"{routine.motor_rad.min():.3g} to {routine.motor_rad.max():.3g} rad"
+        say(f"{out / 'suggested_motor.csv'}: {routine.time_s[-1]:.4g} s, {reach}", *(f"  {p}" for p in routine.parts))
+        return
+    from tendonff.compensator.identification.motors.output import write_routine as write_motors
+    from tendonff.compensator.identification.motors.run import suggest_motor_routine
+
+    found = suggest_motor_routine(loaded)
+    write_motors(found, out, pdf=pdf)
+    say(f"{out / 'suggested_motors.csv'}: {found.time_s[-1]:.4g} s", *(f"  {part}" for part in found.parts))
+
+
+def _is_loop(loaded: "JointScenario | FingerScenario") -> bool:
+    """Whether a single motor moves a single joint."""
+    from tendonff.compensator.joint.scenario.scenario import JointScenario
+
+    return isinstance(loaded, JointScenario) and loaded.mechanism.drive.kind == "loop"
+
+
+def _identify_motors(
+    loaded: "JointScenario | FingerScenario",
+    out: Path,
+    data: list[Path],
+    validate: list[Path],
+    how: Measurement,
+    *,
+    pdf: bool,
 ) -> None:
-    """Identify a joint from its motor, and write what was found."""
+    """Identify driven joints from their motors, and write what was found."""
     from tendonff.compensator.files.writing import atomic_directory
-    from tendonff.compensator.identification.joint.result import summary_lines
-    from tendonff.compensator.identification.joint.run import identify_joint
 
     with atomic_directory(out) as folder:
-        with progress("identifying"):
-            found = interruptible(lambda: identify_joint(loaded, data, validate, how=how))
+        found: JointIdentification | MotorsIdentification
+        if _is_loop(loaded):
+            from tendonff.compensator.identification.joint.result import summary_lines
+            from tendonff.compensator.identification.joint.run import identify_joint
+
+            with progress("identifying"):
+                found = interruptible(lambda: identify_joint(loaded, data, validate, how=how))  # type: ignore[arg-type]
+            lines = summary_lines(found, str(out))
+        else:
+            from tendonff.compensator.identification.motors.result import summary_lines as motor_lines
+            from tendonff.compensator.identification.motors.run import identify_motors
+
+            with progress("identifying"):
+                found = interruptible(lambda: identify_motors(loaded, data, validate, skip_s=how.skip_s))
+            lines = motor_lines(found, str(out))
         with progress("writing"):
             found.write(folder, pdf=pdf)
     warn(*found.warnings)
-    say(*summary_lines(found, str(out)))
+    say(*lines)
 
 
 def _say_files(line: str) -> None:

@@ -15,13 +15,19 @@ def write_files(result: Sweep, folder: str | os.PathLike[str], *, parquet: bool 
     """Write the files of `Sweep.write`."""
     figures = sweep_figures(result)
     with atomic_directory(folder) as partial:
-        names, rows = sample_columns(result), [(*r.values, *r.percent, *r.peak) for r in result.rows]
-        lines = [(r.index, *row) for r, row in zip(result.rows, rows, strict=True)]
-        write_text(partial / "samples.csv", csv_text(names, lines))  # what failed is an empty cell
+        samples = sample_table(result)
+        write_text(
+            partial / "samples.csv", csv_text(samples, zip(*samples.values(), strict=True))
+        )  # failed: empty cell
         if parquet:
-            numbers = dict(zip(names[1:], zip(*rows, strict=True), strict=True))
-            write_parquet(partial / "samples.parquet", {names[0]: [r.index for r in result.rows], **numbers})
+            write_parquet(partial / "samples.parquet", samples)
         write_pages(partial, summary(result), figures, sweep_report(result, figures), pdf=pdf)
+
+
+def sample_table(result: Sweep) -> dict[str, list[float]]:
+    """The columns of `samples.csv`."""
+    rows = [(r.index, *r.values, *r.percent, *r.peak) for r in result.rows]
+    return {name: list(column) for name, column in zip(sample_columns(result), zip(*rows, strict=True), strict=True)}
 
 
 def sample_columns(result: Sweep) -> list[str]:

@@ -12,7 +12,7 @@ from tendonff.compensator.compensators.expectation import Expectation, two_digit
 from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.files.results import writer_of
+from tendonff.compensator.files.results import Result, views_of
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.files.writing import atomic_file
 from tendonff.compensator.studies.design.sweep.kinds import AnyScenario, kind_of
@@ -43,8 +43,8 @@ class Row:
 Cost = tuple[str, float, float, tuple[float, ...], tuple[float, ...]]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sweep:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Sweep(Result):
     """Scores over units."""
 
     scenario: AnyScenario
@@ -117,7 +117,7 @@ class Sweep:
         """Write `samples.csv` (and `samples.parquet`), `summary.json`, figures and `report.html`, all or nothing; makes
         the folder.
         """
-        writer_of(Sweep)(self, folder, parquet=parquet, pdf=pdf)
+        views_of(Sweep).write(self, folder, parquet=parquet, pdf=pdf)
 
 
 _PLAN, _ROWS = "sweep.json", "rows.partial.csv"

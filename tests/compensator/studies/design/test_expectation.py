@@ -11,7 +11,7 @@ from tendonff.compensator.compensators.expectation import expectation_of
 from tendonff.compensator.compensators.plant import FINE_SEGMENTS, Plant
 from tendonff.compensator.compensators.uncertain import Doubt
 from tendonff.compensator.scenario.scenario import load_scenario
-from tendonff.compensator.studies.design.report import fine_print, headline
+from tendonff.compensator.studies.design.report import fine_print
 from tendonff.compensator.studies.design.run import design
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters.uncertainty import Uncertainty
@@ -53,13 +53,13 @@ def test_without_a_statement_friction_is_assumed_to_be_known_to_ten_percent_and_
     for name in ("none", "inverse"):
         worst = max(error_percent(finger, assumed.forces_N[name], factor) for factor in (0.9, 1.0, 1.1))
         assert found.worst_percent[name] == pytest.approx(worst, rel=1e-6)
-    assert "mu ±10 % (assumed; set [robust])" in headline(assumed)
+    assert "mu ±10 % (assumed; set [robust])" in assumed.headline
 
 
 def test_the_first_sentence_has_the_worst_case_and_the_small_print_the_model_against_itself(assumed):
     worst = assumed.expectation.worst_percent["inverse"]
     assert worst > 3  # per cent, where the model against itself has less than a tenth
-    band, said = assumed.expectation.bands["inverse"], headline(assumed)
+    band, said = assumed.expectation.bands["inverse"], assumed.headline
     assert said.startswith(f"Tracking error up to {band.worst.rmse:.2g} N RMS ({worst:.1f} % of range), peak ")
     assert f"peak {band.worst_peak:.2g} N" in said
     own = assumed.on_proof("inverse").score.percent
@@ -72,7 +72,7 @@ def test_the_profile_with_the_least_worst_error_is_recommended(assumed):
     worst = assumed.expectation.worst_percent
     shown = {name: float(f"{value:.2g}") for name, value in worst.items()}
     assert shown[assumed.recommended.name] == min(shown.values())
-    assert assumed.recommended.label in headline(assumed)
+    assert assumed.recommended.label in assumed.headline
 
 
 def test_of_profiles_that_do_equally_well_there_the_one_that_is_best_with_the_design_s_parameters_is_recommended(
@@ -100,7 +100,7 @@ def test_the_band_holds_the_output_of_every_sample(finger, assumed):
 def test_what_the_scenario_states_is_used_and_said(finger):
     stated = design(replace(finger, robust=Uncertainty(mu=0.25, samples=3)), compensators=QUICK)
     assert not stated.expectation.doubt.is_assumed
-    assert "mu ±25 % (as [robust] states)" in headline(stated)
+    assert "mu ±25 % (as [robust] states)" in stated.headline
     worst = max(error_percent(finger, stated.forces_N["inverse"], factor) for factor in (0.75, 1.0, 1.25))
     assert stated.expectation.worst_percent["inverse"] == pytest.approx(worst, rel=1e-6)
 

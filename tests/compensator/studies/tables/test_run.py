@@ -15,8 +15,9 @@ from tendonff.compensator.compensators.expectation import two_digits
 from tendonff.compensator.compensators.plant import FINE_SEGMENTS, Plant
 from tendonff.compensator.compensators.score import verify
 from tendonff.compensator.compensators.table import CompensationTable
+from tendonff.compensator.files.writing import csv_text
 from tendonff.compensator.scenario.scenario import load_scenario
-from tendonff.compensator.studies.tables.output import table_csv
+from tendonff.compensator.studies.tables.output import table_columns
 from tendonff.compensator.studies.tables.run import make_tables
 from tendonff.models.capstan import Branch
 from tendonff.models.fidelity import Level
@@ -80,9 +81,15 @@ def test_the_command_writes_a_table_that_does_harm_only_if_forced(examples, tmp_
     assert (tmp_path / "out" / "table.csv").exists()
 
 
+def rows_of(tables):
+    """The rows of `table.csv`, as a program reads them."""
+    columns = table_columns(tables)
+    text = csv_text(columns, zip(*columns.values(), strict=True))
+    return list(csv.DictReader(io.StringIO(text)))
+
+
 def test_the_csv_has_the_agreed_columns_no_empty_cell_and_reads_back(tables):
-    text = table_csv(tables)
-    rows = list(csv.DictReader(io.StringIO(text)))
+    rows = rows_of(tables)
     assert list(rows[0]) == ["reference_N", "branch", "tension_since_reversal_N", "force_N", "share"]
     assert {row["branch"] for row in rows} == {"pull", "release"}
     assert all(np.isfinite(float(row[name])) for row in rows for name in row if name != "branch")
@@ -102,7 +109,7 @@ def test_angles_and_rates_become_further_columns(finger):
     tables = make_tables(
         finger, level=Level.VISCOELASTIC, bound_N=0.5, angles_rad=(1.0, 3.0), rates_N_per_s=(5.0, 50.0)
     )
-    rows = list(csv.DictReader(io.StringIO(table_csv(tables))))
+    rows = rows_of(tables)
     assert {(row["total_angle_rad"], row["rate_N_per_s"]) for row in rows} == {
         (a, r) for a in ("1.0", "3.0") for r in ("5.0", "50.0")
     }

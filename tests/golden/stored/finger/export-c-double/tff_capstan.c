@@ -70,7 +70,7 @@ static tff_real tff_capstan_after(tff_capstan *self, tff_real reference)
 
     if (tff_is_within(reference, TFF_REFERENCE_MIN_N, TFF_REFERENCE_MAX_N) == 0) {
         tff_entry_lose(&self->entry, 1);
-        force = tff_output_hold(&self->output, TFF_INPUT_HELD);
+        force = tff_output_hold(&self->output, tff_held(reference));
     } else {
         const tff_real lifted = reference + self->adhesion;
         if (reference > self->last) {

@@ -434,7 +434,7 @@ static tff_real tff_inverse_after(tff_inverse *self, tff_real samples, tff_real 
 
     if (tff_is_within(reference, TFF_REFERENCE_MIN_N, TFF_REFERENCE_MAX_N) == 0) {
         tff_entry_lose(&self->entry, 1);
-        force = tff_output_hold(&self->output, TFF_INPUT_HELD);
+        force = tff_output_hold(&self->output, tff_held(reference));
     } else if ((self->fresh == 2) && (tff_is_within(reference, self->start, self->start) != 0)) {
         self->fresh = 1; /* the sample at t = 0: at rest */
         force = tff_output_set(&self->output, self->output.force);

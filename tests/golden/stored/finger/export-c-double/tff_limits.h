@@ -19,6 +19,12 @@ static inline int32_t tff_is_within(tff_real value, tff_real low, tff_real high)
     return ((value >= low) && (value <= high)) ? 1 : 0;
 }
 
+/* Status of a value that is not taken: RANGE for a number, INPUT_HELD for what is none. */
+static inline uint32_t tff_held(tff_real value)
+{
+    return (tff_is_within(value, -1e+30, 1e+30) != 0) ? TFF_RANGE : TFF_INPUT_HELD;
+}
+
 /* Output of a compensator; owned by the caller as part of the compensator's record. */
 typedef struct {
     tff_real force; /* last good output [N] */

@@ -46,7 +46,7 @@ void tff_stream_missed(tff_stream *self, int32_t samples)
 /* A reference that can be followed: in range, and led back smoothly after it was lost. */
 static uint32_t tff_stream_take(tff_stream *self, tff_real reference)
 {
-    uint32_t status = TFF_INPUT_HELD;
+    uint32_t status = tff_held(reference);
 
     if (tff_is_within(reference, -TFF_STREAM_LARGEST_N, TFF_STREAM_LARGEST_N) == 0) {
         tff_entry_lose(&self->entry, 1); /* not a number, or infinite: time goes on with the last one */

@@ -247,7 +247,7 @@ static tff_real tff_table_after(tff_table *self, tff_real reference)
 
     if (tff_is_within(reference, TFF_TABLE_MIN_N, TFF_TABLE_MAX_N) == 0) {
         tff_entry_lose(&self->entry, 1);
-        force = tff_output_hold(&self->output, TFF_INPUT_HELD);
+        force = tff_output_hold(&self->output, tff_held(reference));
     } else {
         const tff_real followed = tff_entry_take(&self->entry, reference);
         if (followed > self->last) {

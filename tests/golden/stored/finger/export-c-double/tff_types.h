@@ -35,11 +35,13 @@ typedef double tff_real;
 
 /* Status bits of the last step; `seen` in each record gathers them since init. */
 #define TFF_OK 0u
-#define TFF_INPUT_HELD 1u    /* NaN or outside the accepted range: last good output held, state untouched; or a joint angle that jumped */
+#define TFF_INPUT_HELD 1u    /* no finite number: last good output held, state untouched; or a joint angle that jumped */
 #define TFF_FORCE_LIMITED 2u /* force_min or force_max binds */
 #define TFF_RATE_LIMITED 4u  /* the force rate limit binds */
 #define TFF_WOULD_PUSH 8u    /* the reference falls faster than the tendon can follow, or a link is slack */
 #define TFF_FAILED 16u       /* no finite or no converged result: last good output held */
 #define TFF_ENDED 32u        /* the end of the profile was reached */
+#define TFF_RANGE 1024u      /* a number outside the accepted range (another unit?): held like INPUT_HELD */
+#define TFF_HELD (TFF_INPUT_HELD | TFF_RANGE)
 
 #endif

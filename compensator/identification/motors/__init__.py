@@ -1,0 +1,1 @@
+"""Identification of mechanisms with several motors: pairs and fingers."""

@@ -1,0 +1,167 @@
+"""Motor angles that identify several motors: strokes of each joint and of all, at two levels of tension."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.finger.scenario import SampledFinger
+from tendonff.compensator.identification.measured import Array
+from tendonff.models.errors import ParameterError
+from tendonff.models.fidelity import Level
+from tendonff.models.joint.parameters.finger import Finger
+from tendonff.models.path import JointMotion
+from tendonff.models.turns import in_turn
+from tendonff.ocp.mechanism.problem import MechanismProblem
+from tendonff.ocp.mechanism.response import MechanismStatus, invert_mechanism
+from tendonff.ocp.mechanism.start import mechanism_problem
+
+ROW_S = 0.01
+STROKE_S, SMALL_S, HOLD_S, TIGHTEN_S = 1.2, 0.4, 0.3, 1.0
+SMALL = 0.08
+"""Small reversals, as a share of a joint's range."""
+
+TIGHTER = 2.5
+"""The second level of tension, over the first."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MotorsRoutine:
+    """Motor angles over time.
+
+    Attributes
+    ----------
+    time_s : ndarray, shape (rows,)
+    motor_rad : ndarray, shape (rows, motors)
+        Counted from where the motors stand at the start.
+    joint_rad : ndarray, shape (rows, joints)
+        Where they lead the joints.
+    names, joints : tuple of str
+        Of the motors and of the joints.
+    parts : tuple of str
+        What each part is for, with its start.
+    """
+
+    time_s: Array
+    motor_rad: Array
+    joint_rad: Array
+    names: tuple[str, ...]
+    joints: tuple[str, ...]
+    parts: tuple[str, ...]
+
+
+class _Pen:
+    """Draws smooth moves of all joints."""
+
+    def __init__(self, start: Array) -> None:
+        self._rows, self.parts = [start[None, :]], list[str]()
+
+    @property
+    def rows(self) -> int:
+        return sum(map(len, self._rows))
+
+    @property
+    def angle_rad(self) -> Array:
+        return np.vstack(self._rows)
+
+    def note(self, text: str) -> None:
+        self.parts.append(f"{(self.rows - 1) * ROW_S:.4g} s: {text}")
+
+    def move(self, to_rad: Array, seconds: float) -> None:
+        """A quintic move."""
+        start = self._rows[-1][-1]
+        s = np.arange(1, max(2, math.ceil(seconds / ROW_S)) + 1)[:, None] / max(2, math.ceil(seconds / ROW_S))
+        self._rows.append(start + (to_rad - start) * s**3 * (10 - 15 * s + 6 * s * s))
+
+
+@in_turn
+def suggest_motors(finger: Finger, sampled: SampledFinger, file: str) -> MotorsRoutine:
+    """Motor angles for a log that identifies a mechanism, within the range of its reference.
+
+    Raises
+    ------
+    InputError
+        If no tensions lead the joints along such a motion.
+    """
+    low, high = sampled.angle_rad.min(axis=0), sampled.angle_rad.max(axis=0)
+    start = sampled.angle_rad[0]
+    pen = _Pen(start)
+    pen.note("rest")
+    pen.move(start, HOLD_S)
+    _strokes(pen, finger, low, high)
+    tighten = pen.rows
+    pen.note("all tendons tighter: stiffness")
+    pen.move((low + high) / 2, STROKE_S)
+    pen.move((low + high) / 2, HOLD_S)
+    begin = pen.rows
+    pen.move((low + high) / 2, TIGHTEN_S)
+    end = pen.rows
+    _strokes(pen, finger, low, high)
+    angle = pen.angle_rad
+    first, second = (_led(finger, angle, factor, file) for factor in (1.0, TIGHTER))
+    share = np.interp(np.arange(len(angle)), [tighten, begin, end], [0.0, 0.0, 1.0])[:, None]
+    share = share * share * (3 - 2 * share)
+    motor = (1 - share) * first(False) + share * second(True)
+    return MotorsRoutine(
+        time_s=np.arange(len(angle), dtype=np.float64) * ROW_S,
+        motor_rad=motor - motor[0],
+        joint_rad=angle,
+        names=tuple(m.name for m in finger.motors),
+        joints=finger.names,
+        parts=tuple(pen.parts),
+    )
+
+
+def _strokes(pen: _Pen, finger: Finger, low: Array, high: Array) -> None:
+    """Full strokes of each joint alone, its small reversals, then of all joints together."""
+    middle = (low + high) / 2
+    for k, name in enumerate(finger.names):
+        pen.note(f"strokes of {name}: friction of the tendons that cross it")
+        here = middle.copy()
+        for at in (high[k], low[k], high[k]):
+            here[k] = at
+            pen.move(here, STROKE_S)
+        for at in (high[k] - SMALL * (high[k] - low[k]), high[k]):
+            here[k] = at
+            pen.move(here, SMALL_S)
+        here[k] = middle[k]
+        pen.move(here, STROKE_S)
+    pen.note("strokes of all joints")
+    for at in (high, low, high, low):
+        pen.move(at, STROKE_S)
+    pen.move(middle, STROKE_S)
+    pen.move(middle, HOLD_S)
+
+
+def _led(finger: Finger, angle: Array, factor: float, file: str) -> Callable[[bool], Array]:
+    """Motors that lead the joints at a level of tension; counted from the start of the scenario's level if asked."""
+    sharing = replace(finger.sharing, least_tension_N=factor * max(finger.sharing.least_tension_N, 1e-3))
+    start = dict(zip(finger.names, angle[0].tolist(), strict=True))
+    motion = JointMotion(names=finger.names, time_s=np.arange(len(angle), dtype=np.float64) * ROW_S, angle_rad=angle)
+    loops = {m.body: m.drive.pretension_N or 0.0 for m in finger.motors if len(m.winds) > 1}
+
+    def at(level: float) -> MechanismProblem:
+        own = replace(sharing, least_tension_N=sharing.least_tension_N * level / factor)
+        return mechanism_problem(finger.mechanism(motion), Level.PRESLIDING, start, pretension_N=loops, sharing=own)
+
+    try:
+        problem = at(factor)
+        found = invert_mechanism(problem, angle, ROW_S)
+    except ParameterError as error:
+        raise InputError(f"{file}: {error}") from None
+    if found.status is MechanismStatus.FAILED:
+        raise InputError(f"{file}: no motion can be suggested: {found.message}")
+    alone = np.array(problem.alone)
+    tighter = (problem.tension_N - at(1.0).tension_N) * alone
+
+    def motors(from_start: bool) -> Array:
+        if not from_start:
+            return found.motor
+        shift = np.zeros(problem.motors)
+        for t, motor in enumerate(problem.motor_of):
+            shift[motor] += tighter[t] / finger.tendons[t].tendon.stiffness_N_per_m / problem.winding_m[t]
+        return np.asarray(found.motor + shift)
+
+    return motors

@@ -1,0 +1,727 @@
+/* tff_core.h: the exact inverse of bodies and tendons, any number of each.
+ *
+ * Fixed text: the host compiles it as controllers do. What differs between projects stands before it, printed from the
+ * symbolic models (types of a body and of a tendon's numbers, laws, loops over elements), and in constant records.
+ *
+ * Each tendon is a chain both of whose ends are led: the near one by its drum, the far one and the sections of its path by
+ * bodies (joints). Unknown are the tensions at the far ends, and the positions of bodies that nothing leads.
+ * State of a body: w [rad/s], q [rad], its dry friction [N m]. Positive is towards the drum, tensions are positive, SI
+ * units. No heap, no global state; the work of a step is bounded by TFF_MOST_EVALUATIONS.
+ */
+#ifndef TFF_CORE_H
+#define TFF_CORE_H
+
+#define TFF_MOST_EQUATIONS ((2 * TFF_MOST_TENDONS) + TFF_MOST_BODIES)
+#define TFF_SHARE_LOST ((tff_real)1e12) /* a tension that no tendon has [N] */
+#define TFF_HALF ((tff_real)0.5)
+
+/* Effect of a body on a tendon. */
+typedef struct {
+    tff_real near_m;         /* travel of the near end per unit of the body */
+    const tff_real *per;     /* 3 n + 3: change of a row of the path per unit of the body; null: none */
+    const tff_real *knots;   /* pieces: where the cubics of the far end's travel begin, its end behind */
+    const tff_real *cubics;  /* 4 each [m]; pieces == 0: it goes by `per` */
+    int pieces;
+    int far_only;            /* of `per`, only the far end differs from zero */
+} tff_effect;
+
+typedef struct {
+    const tff_weights *chain;
+    const tff_real *home;      /* 3 n + 3, the path with all bodies at zero: wrap angles (n), link lengths (n + 1), gained lengths (n + 1), far end */
+    const tff_effect *effects; /* one for each body */
+    tff_real start_m;          /* near end's position where all bodies that wind it stand at zero */
+    tff_real *x;
+    tff_real *x_old;
+    tff_real *memory;          /* TFF_STRAND_REALS(n, bodies) */
+} tff_tendon;
+
+/* A tendon in a step: views of its memory, and what one evaluation finds. */
+typedef struct {
+    const tff_tendon *given;
+    const tff_weights *rows;
+    const tff_weights *c;     /* of this step */
+    tff_work w;
+    tff_place place;
+    tff_real *before, *old, *now; /* rows of the path: before the last step, at its end, at the end of this one */
+    tff_real *by_f;               /* n + 1: slope of each tension over that at the far end */
+    tff_real *weight;             /* bodies x (n + 1): what a body takes off each link's length per unit */
+    tff_real *torque, *torque_by; /* bodies */
+    tff_real *arm;                /* bodies: torque of a tension that is the same along the path */
+    tff_real drum_N, travel_m, travel_by;
+} tff_strand;
+
+#define TFF_PLACE_REALS(n) ((3 * (n)) + 3)
+#define TFF_STRAND_REALS(n, bodies) (TFF_WORK_REALS(n) + (3 * TFF_PLACE_REALS(n)) + ((n) + 1) + ((bodies) * ((n) + 4)))
+
+static tff_real *tff_taken(tff_real **next, int size)
+{
+    tff_real *const taken = *next;
+    *next += size;
+    return taken;
+}
+
+/* Views of a tendon's memory; returns what lies behind them. */
+static tff_real *tff_strand_of(const tff_tendon *given, int bodies, const tff_weights *rows, tff_strand *s)
+{
+    const int n = given->chain->count;
+    tff_real *next = given->memory;
+    s->given = given;
+    s->rows = rows;
+    s->c = rows;
+    s->w = tff_work_of(tff_taken(&next, TFF_WORK_REALS(n)), n);
+    s->before = tff_taken(&next, TFF_PLACE_REALS(n));
+    s->old = tff_taken(&next, TFF_PLACE_REALS(n));
+    s->now = tff_taken(&next, TFF_PLACE_REALS(n));
+    s->by_f = tff_taken(&next, n + 1);
+    s->weight = tff_taken(&next, bodies * (n + 1));
+    s->torque = tff_taken(&next, bodies);
+    s->torque_by = tff_taken(&next, bodies);
+    s->arm = tff_taken(&next, bodies);
+    s->place.before = s->before;
+    s->place.old = s->old;
+    s->place.now = s->now;
+    return next;
+}
+
+/* The three rows of the path change places: what is now is old. */
+static void tff_strand_turn(tff_strand *s)
+{
+    tff_real *const free_row = s->before;
+    s->before = s->old;
+    s->old = s->now;
+    s->now = free_row;
+    s->place.before = s->before;
+    s->place.old = s->old;
+    s->place.now = s->now;
+}
+
+/* Nothing is known yet of what follows from the path. */
+static void tff_strand_clear(tff_strand *s, int bodies)
+{
+    const int n = s->given->chain->count;
+    int k;
+    for (k = 0; k < (bodies * (n + 1)); k++) {
+        s->weight[k] = 0;
+    }
+    tff_untouched(s->given->chain, &s->w);
+}
+
+/* Far end's travel for a body's position, and its slope; straight beyond the ends of a table. */
+static tff_real tff_far_travel(const tff_effect *e, int last, tff_real q, tff_real *arm)
+{
+    tff_real within = q;
+    tff_real s;
+    const tff_real *c;
+    int k = 0;
+    if (e->pieces == 0) {
+        *arm = e->per[last];
+        return *arm * q;
+    }
+    within = (within < e->knots[0]) ? e->knots[0] : within;
+    within = (within > e->knots[e->pieces]) ? e->knots[e->pieces] : within;
+    while ((k < (e->pieces - 1)) && (within >= e->knots[k + 1])) {
+        k++;
+    }
+    c = &e->cubics[4 * k];
+    s = within - e->knots[k];
+    *arm = c[1] + (s * ((2 * c[2]) + (s * 3 * c[3])));
+    return (c[0] + (s * (c[1] + (s * (c[2] + (s * c[3])))))) + (*arm * (q - within));
+}
+
+/* The path for positions of the bodies, `stride` apart; `weight`, where it is given, receives what each body takes off
+ * the links' lengths. */
+static void tff_place_at(const tff_tendon *t, int bodies, const tff_real *q, int stride, tff_real *out, tff_real *weight)
+{
+    const int n = t->chain->count;
+    const int last = (3 * n) + 2;
+    int b;
+    int i;
+    for (i = 0; i <= last; i++) {
+        out[i] = t->home[i];
+    }
+    for (b = 0; b < bodies; b++) {
+        const tff_effect *const e = &t->effects[b];
+        if (e->per != NULL) {
+            const tff_real at = q[b * stride];
+            tff_real arm;
+            for (i = 0; (e->far_only == 0) && (i < last); i++) {
+                out[i] += e->per[i] * at;
+            }
+            out[last] += tff_far_travel(e, last, at, &arm);
+            if (weight != NULL) {
+                tff_real *const own = &weight[b * (n + 1)];
+                for (i = 0; (e->far_only == 0) && (i <= n); i++) {
+                    own[i] = -e->per[(2 * n) + 1 + i];
+                }
+                own[n] = (e->far_only == 0) ? own[n] + arm : arm;
+            }
+        }
+    }
+    for (i = 0; i < n; i++) {
+        out[i] = (out[i] > 0) ? out[i] : 0;
+    }
+    for (i = n; i <= (2 * n); i++) {
+        out[i] = 1 / out[i];
+    }
+}
+
+/* The path for positions at the end of a step, and what each body takes off it. */
+static void tff_strand_place(tff_strand *s, int bodies, const tff_real *q)
+{
+    const tff_tendon *const t = s->given;
+    const int n = t->chain->count;
+    int b;
+    int i;
+    tff_place_at(t, bodies, q, 1, s->now, s->weight);
+    for (b = 0; b < bodies; b++) {
+        tff_real *const own = &s->weight[b * (n + 1)];
+        if (t->effects[b].near_m != 0) { /* a drum takes the tendon in: its first link gets longer */
+            own[0] = -t->effects[b].near_m;
+        }
+        s->arm[b] = 0;
+        for (i = 0; (i <= n) && ((t->effects[b].per != NULL) || (t->effects[b].near_m != 0)); i++) {
+            s->arm[b] += own[i];
+        }
+    }
+}
+
+/* The path and everything that follows from it for positions at the end of a step. */
+static void tff_strand_at(tff_strand *s, int bodies, const tff_real *q)
+{
+    tff_strand_place(s, bodies, q);
+    tff_move(s->c, &s->place, s->given->x, s->given->x_old, &s->w);
+    tff_carry(s->given->chain->count, &s->w);
+    tff_link_starts(s->c, s->given->chain->count, s->w.ratio, s->w.base, s->w.start, s->w.gain);
+}
+
+/* What a step starts from: base of the scheme. */
+static void tff_strand_base(tff_strand *s, int row, int piece)
+{
+    const tff_tendon *const t = s->given;
+    const int size = TFF_STATE_REALS(t->chain->count);
+    const tff_real carry = (piece != 0) ? 0 : s->rows[TFF_ROW_OF(row)].carry;
+    int j;
+    s->c = &s->rows[TFF_ROW_OF(row)];
+    for (j = 0; j < size; j++) {
+        s->w.base[j] = t->x[j] + (carry * (t->x[j] - t->x_old[j]));
+    }
+}
+
+/* From the far end to the drum: velocities and tensions for a tension at the far end, with their slopes over it, torques
+ * on all bodies by local tensions and the drum's travel. Tensions are not cut off at zero. */
+static void tff_back(tff_strand *s, int bodies, tff_real tension)
+{
+    const tff_weights *const c = s->c;
+    tff_work *const w = &s->w;
+    const int n = s->given->chain->count;
+    tff_real f = tension;
+    tff_real v = w->drift[n + 1];
+    tff_real by_f = 1;
+    tff_real by_v = 0;
+    int b;
+    int i;
+    w->v[n + 1] = v;
+    for (i = n; i >= 0; i--) {
+        tff_real rate;
+        tff_real of_force;
+        tff_link_of_force(c, w, i, f, &rate, &of_force);
+        v += rate - w->drift[i];
+        by_v += of_force * by_f;
+        w->v[i] = v;
+        w->force[i] = f;
+        s->by_f[i] = by_f;
+        if (i > 0) {
+            tff_real drop;
+            tff_real of_v;
+            tff_real of_far;
+            tff_mass_of_force(c, w, i, v, f, &drop, &of_v, &of_far);
+            f += drop;
+            by_f = (of_v * by_v) + (of_far * by_f);
+        }
+    }
+    for (b = 0; b < bodies; b++) {
+        const tff_real *const weight = &s->weight[b * (n + 1)];
+        tff_real torque = 0;
+        tff_real torque_by = 0;
+        for (i = 0; (s->given->effects[b].per != NULL) && (i <= n); i++) {
+            torque += weight[i] * w->force[i];
+            torque_by += weight[i] * s->by_f[i];
+        }
+        s->torque[b] = torque;
+        s->torque_by[b] = torque_by;
+    }
+    s->drum_N = w->force[0];
+    s->travel_m = (w->base[TFF_AT_NEAR(n)] + (c->H * v)) - s->given->start_m;
+    s->travel_by = c->H * by_v;
+}
+
+/* Take a solved step. */
+static void tff_strand_end(tff_strand *s)
+{
+    const tff_tendon *const t = s->given;
+    const int size = TFF_STATE_REALS(t->chain->count);
+    int j;
+    for (j = 0; j < size; j++) {
+        t->x_old[j] = t->x[j];
+    }
+    tff_finish(s->c, &s->w, t->x);
+    tff_strand_turn(s);
+}
+
+/* Solve a dense system in place, rows of the matrix `stride` apart; the answer replaces b. Returns 0 where it is singular. */
+static int tff_dense(tff_real *a, int stride, tff_real *b, int n)
+{
+    int i;
+    int j;
+    int k;
+    for (k = 0; k < n; k++) {
+        int best = k;
+        for (i = k + 1; i < n; i++) {
+            best = (TFF_FABS(a[(i * stride) + k]) > TFF_FABS(a[(best * stride) + k])) ? i : best;
+        }
+        if (!(TFF_FABS(a[(best * stride) + k]) > 0)) {
+            return 0;
+        }
+        if (best != k) {
+            tff_real other = b[k];
+            b[k] = b[best];
+            b[best] = other;
+            for (j = k; j < n; j++) {
+                other = a[(k * stride) + j];
+                a[(k * stride) + j] = a[(best * stride) + j];
+                a[(best * stride) + j] = other;
+            }
+        }
+        for (i = k + 1; i < n; i++) {
+            const tff_real share = a[(i * stride) + k] / a[(k * stride) + k];
+            if (share != 0) {
+                for (j = k + 1; j < n; j++) {
+                    a[(i * stride) + j] -= share * a[(k * stride) + j];
+                }
+                b[i] -= share * b[k];
+            }
+        }
+    }
+    for (k = n - 1; k >= 0; k--) {
+        for (j = k + 1; j < n; j++) {
+            b[k] -= a[(k * stride) + j] * b[j];
+        }
+        b[k] /= a[(k * stride) + k];
+    }
+    return 1;
+}
+
+/* ---- tensions that balance all torques and close all drums ---- */
+
+/* How torques are shared among tendons: the least sum of tensions of which none is below `least`, with a barrier of the
+ * width `smooth` above it (0: none) and a price on the change of a step. Tendons of a motor that winds several are bound
+ * to one another instead. */
+typedef struct {
+    tff_real least, smooth, price;
+    const tff_real *winding_m;   /* travel of each tendon per radian of its drum, with its sign */
+    const int *partner;          /* tendon before it on the same drum; -1: none */
+    const int *shares;           /* 1: alone on its drum */
+    const tff_real *closure_rad; /* how far each is wound on beyond its partner at the start, as an angle of the drum */
+    const tff_real *compliance;  /* at rest only: stretch of each tendon [m/N], */
+    const tff_real *pretension;  /* and its tension when it was tensioned [N] */
+} tff_sharing;
+
+typedef struct {
+    const tff_body *body;
+    tff_strand *strands;
+    const tff_sharing *how;
+    const tff_real *scale;     /* a moment arm of each body */
+    int bodies;
+    int balanced;              /* the first so many: their balances count, the others' motion is known */
+    int led;                   /* of those the first so many have a wanted motion, the others follow from their balances */
+    int count;                 /* tendons */
+    int still;                 /* 1: at rest, tensions uniform along each tendon */
+    tff_real wanted[TFF_MOST_BODIES]; /* torque of the tendons on each body */
+    tff_real effort[TFF_MOST_BODIES]; /* torque on what each touches */
+    tff_real position[TFF_MOST_BODIES];
+    tff_real found[3 * TFF_MOST_BODIES]; /* state of each at the end of the step */
+    tff_real z_base[3 * TFF_MOST_BODIES];
+    tff_real *last, *past;     /* count: tensions of the step before, and of the one before that */
+    tff_real *worth;           /* TFF_MOST_EQUATIONS, of a balance: what it saves to ask for less of it [-] */
+    int *loose;                /* count, 1: hangs, no tension, its closure does not count */
+    long evaluations;          /* of all tendons */
+    long most;                 /* that this step may make `evaluations` */
+} tff_balance;
+
+/* Torque that the tendons must give a body in the position that it has, and its state there. */
+static void tff_torque_wanted(tff_balance *m, int b)
+{
+    const tff_real H = m->strands[0].c->H;
+    const tff_real q_base = (m->still != 0) ? m->position[b] : m->z_base[(3 * b) + 1];
+    const tff_real w = (m->position[b] - q_base) / H;
+    tff_real by_w;
+    tff_body_torque(&m->body[b], w, m->z_base[3 * b], q_base, m->z_base[(3 * b) + 2], H, &m->wanted[b], &by_w, &m->found[(3 * b) + 2]);
+    (void)by_w;
+    m->wanted[b] += m->effort[b];
+    m->found[3 * b] = w;
+    m->found[(3 * b) + 1] = m->position[b];
+}
+
+/* All tendons from their far ends to their drums, for tensions u; `moved`: bodies have moved since. */
+static void tff_all_back(tff_balance *m, const tff_real *u, int moved)
+{
+    int t;
+    int b;
+    for (t = 0; t < m->count; t++) {
+        tff_strand *const s = &m->strands[t];
+        if (m->still != 0) { /* no friction, nothing slides */
+            if (moved != 0) {
+                tff_strand_place(s, m->bodies, m->position);
+            }
+            for (b = 0; b < m->bodies; b++) {
+                s->torque[b] = s->arm[b] * u[t];
+                s->torque_by[b] = s->arm[b];
+            }
+            s->travel_m = m->how->compliance[t] * (u[t] - m->how->pretension[t]);
+            s->travel_by = m->how->compliance[t];
+        } else {
+            if (moved != 0) {
+                tff_strand_at(s, m->bodies, m->position);
+            }
+            tff_back(s, m->bodies, u[t]);
+        }
+    }
+    m->evaluations++;
+}
+
+/* How far a tendon is wound on beyond its partner, as an angle of their drum. */
+static tff_real tff_open(const tff_balance *m, int t, int other)
+{
+    const tff_sharing *const how = m->how;
+    return ((m->strands[t].travel_m / how->winding_m[t]) - (m->strands[other].travel_m / how->winding_m[other])) + how->closure_rad[t];
+}
+
+/* Balances of torques as forces, and closures as angles of the drum times a tension; returns their number. */
+static int tff_off(const tff_balance *m, tff_real *off)
+{
+    int rows = 0;
+    int b;
+    int t;
+    for (b = 0; b < m->balanced; b++) {
+        tff_real torque = m->wanted[b];
+        for (t = 0; t < m->count; t++) {
+            torque -= m->strands[t].torque[b];
+        }
+        off[rows] = torque / m->scale[b];
+        rows++;
+    }
+    for (t = 0; t < m->count; t++) {
+        const int other = m->how->partner[t];
+        if (other >= 0) {
+            off[rows] = -tff_open(m, t, other) * TFF_FABS(m->how->winding_m[t]) / m->strands[t].travel_by;
+            rows++;
+        }
+    }
+    return rows;
+}
+
+/* Less of a move that turns back on the one before: to and fro over kinks. */
+static tff_real tff_damped(tff_real damping, tff_real turned)
+{
+    const tff_real twice = damping + damping;
+    const tff_real more = (twice < 1) ? twice : 1;
+    return (turned < 0) ? (TFF_HALF * damping) : more;
+}
+
+/* Tensions and positions of the joints that nothing leads, where balances and closures are as many as both: Newton's
+ * method, slopes over positions by differences. Returns 0 where there is no answer. */
+static int tff_follow(tff_balance *m, tff_real *u)
+{
+    static const int stride = TFF_MOST_EQUATIONS;
+    tff_real a[TFF_MOST_EQUATIONS * TFF_MOST_EQUATIONS];
+    tff_real b[TFF_MOST_EQUATIONS];
+    tff_real nudged[TFF_MOST_EQUATIONS];
+    tff_real went[TFF_MOST_EQUATIONS] = { 0 };
+    const int unknown = m->count + (m->balanced - m->led);
+    tff_real damping = 1;
+    int k;
+    int i;
+    int t;
+    for (k = 0; (k < TFF_SHARE_MOVES) && (m->evaluations < m->most); k++) {
+        tff_real most = 0;
+        tff_real turned = 0;
+        int rows;
+        for (i = m->led; i < m->balanced; i++) {
+            tff_torque_wanted(m, i);
+        }
+        tff_all_back(m, u, 1);
+        rows = tff_off(m, b);
+        if (rows != unknown) {
+            return 0;
+        }
+        for (t = 0; t < m->count; t++) {
+            int row = m->balanced;
+            for (i = 0; i < m->balanced; i++) {
+                a[(i * stride) + t] = m->strands[t].torque_by[i] / m->scale[i];
+            }
+            for (i = 0; i < m->count; i++) {
+                const int other = m->how->partner[i];
+                if (other >= 0) {
+                    const tff_real scale = m->strands[i].travel_by / TFF_FABS(m->how->winding_m[i]);
+                    const tff_real own = (t == i) ? (m->strands[t].travel_by / m->how->winding_m[t]) / scale : 0;
+                    a[(row * stride) + t] = (t == other) ? -(m->strands[t].travel_by / m->how->winding_m[t]) / scale : own;
+                    row++;
+                }
+            }
+        }
+        for (i = m->led; i < m->balanced; i++) {
+            const int column = m->count + (i - m->led);
+            const tff_real stood = m->position[i];
+            int row;
+            m->position[i] = stood + TFF_NUDGE;
+            tff_torque_wanted(m, i);
+            tff_all_back(m, u, 1);
+            (void)tff_off(m, nudged);
+            m->position[i] = stood;
+            tff_torque_wanted(m, i);
+            for (row = 0; row < rows; row++) {
+                a[(row * stride) + column] = (b[row] - nudged[row]) / TFF_NUDGE;
+            }
+        }
+        if (tff_dense(a, stride, b, rows) == 0) {
+            return 0;
+        }
+        for (i = 0; i < unknown; i++) {
+            const tff_real now = (i < m->count) ? u[i] : m->position[m->led + (i - m->count)];
+            const tff_real size = TFF_FABS(b[i]) / (1 + TFF_FABS(now));
+            most = (size <= most) ? most : size; /* this way round NaN counts */
+            turned += b[i] * went[i];
+            went[i] = b[i];
+        }
+        if (!(most < TFF_SHARE_LOST)) {
+            return 0;
+        }
+        damping = tff_damped(damping, turned);
+        for (i = 0; i < unknown; i++) {
+            if (i < m->count) {
+                u[i] += damping * b[i];
+            } else {
+                m->position[m->led + (i - m->count)] += damping * b[i];
+            }
+        }
+        if (most <= TFF_SHARE_TOLERANCE) {
+            for (i = m->led; i < m->balanced; i++) {
+                tff_torque_wanted(m, i);
+            }
+            tff_all_back(m, u, 1);
+            return 1;
+        }
+    }
+    return 0;
+}
+
+static tff_real tff_way(const tff_sharing *how, int t)
+{
+    return (how->winding_m[t] > 0) ? (tff_real)1 : (tff_real)-1;
+}
+
+/* Tensions u at the far ends that balance all torques and close all drums. Newton's method on those balances with local
+ * tensions, and on the conditions of the least price among tensions that give the same torques without friction: their
+ * slopes do not jump where a mass turns. Returns 0 where there are none. */
+static int tff_share(tff_balance *m, tff_real *u)
+{
+    static const int stride = TFF_MOST_EQUATIONS;
+    tff_real a[TFF_MOST_EQUATIONS * TFF_MOST_EQUATIONS];
+    tff_real b[TFF_MOST_EQUATIONS];
+    const tff_sharing *const how = m->how;
+    const tff_real price = (m->still != 0) ? 0 : how->price;
+    tff_real of_u[TFF_MOST_TENDONS];
+    tff_real of_slope[TFF_MOST_TENDONS];
+    int of_row[TFF_MOST_EQUATIONS];
+    tff_real went[TFF_MOST_TENDONS] = { 0 };
+    tff_real damping = 1;
+    int k;
+    int t;
+    int i;
+    int j;
+    int other;
+    for (k = 0; (k < TFF_SHARE_MOVES) && (m->evaluations < m->most); k++) {
+        const int width = m->count + m->balanced + m->count;
+        tff_real turned = 0;
+        int rows = m->count;
+        tff_real most = 0;
+        tff_all_back(m, u, 0);
+        for (t = 0; t < m->count; t++) {
+            for (i = 0; i < width; i++) {
+                a[(t * stride) + i] = 0;
+            }
+        }
+        for (t = 0; t < m->count; t++) {
+            tff_real slope = price * (u[t] - m->last[t]);
+            for (i = 0; i < m->balanced; i++) {
+                slope += m->strands[t].arm[i] / m->scale[i] * m->worth[i];
+            }
+            for (other = 0; other < m->count; other++) {
+                const int of = how->partner[other];
+                slope += ((t == other) && (of >= 0)) ? tff_way(how, t) * m->worth[m->balanced + other] : 0;
+                slope -= (t == of) ? tff_way(how, t) * m->worth[m->balanced + other] : 0;
+            }
+            of_u[t] = 1;
+            of_slope[t] = 1;
+            if (m->loose[t] != 0) { /* no tension: pinned */
+                of_slope[t] = 0;
+                b[t] = -u[t];
+            } else if (how->shares[t] != 0) { /* room and the saving of less tension: neither negative, their product `smooth` */
+                const tff_real room = u[t] - how->least;
+                const tff_real saving = 1 + slope;
+                const tff_real size = TFF_SQRT(((room * room) + (saving * saving)) + (2 * how->smooth));
+                of_u[t] = 1 - ((size > 0) ? room / size : TFF_HALF);
+                of_slope[t] = 1 - ((size > 0) ? saving / size : TFF_HALF);
+                b[t] = size - (room + saving);
+            } else {
+                of_u[t] = 0;
+                b[t] = -slope;
+            }
+            a[(t * stride) + t] = of_u[t] + (of_slope[t] * price);
+        }
+        for (i = 0; i < m->balanced; i++) {
+            tff_real off = m->wanted[i];
+            for (j = 0; j < width; j++) {
+                a[(rows * stride) + j] = 0;
+            }
+            for (t = 0; t < m->count; t++) {
+                off -= m->strands[t].torque[i];
+                a[(rows * stride) + t] = m->strands[t].torque_by[i] / m->scale[i];
+                a[(t * stride) + rows] = of_slope[t] * (m->strands[t].arm[i] / m->scale[i]);
+            }
+            b[rows] = off / m->scale[i];
+            of_row[rows] = i;
+            rows++;
+        }
+        for (t = 0; t < m->count; t++) {
+            other = how->partner[t];
+            if ((other >= 0) && (m->loose[t] == 0) && (m->loose[other] == 0)) {
+                const tff_strand *const s = &m->strands[t];
+                const tff_strand *const o = &m->strands[other];
+                const tff_real scale = s->travel_by / TFF_FABS(how->winding_m[t]); /* as a tension */
+                const tff_real own = (s->travel_by / how->winding_m[t]) / scale;
+                const tff_real its = -(o->travel_by / how->winding_m[other]) / scale;
+                for (j = 0; j < width; j++) {
+                    a[(rows * stride) + j] = 0;
+                }
+                a[(rows * stride) + t] = own;
+                a[(rows * stride) + other] = its;
+                a[(t * stride) + rows] = of_slope[t] * tff_way(how, t);
+                a[(other * stride) + rows] = -of_slope[other] * tff_way(how, other);
+                of_row[rows] = m->balanced + t;
+                b[rows] = -tff_open(m, t, other) / scale;
+                rows++;
+            }
+        }
+        if (tff_dense(a, stride, b, rows) == 0) {
+            return 0;
+        }
+        for (t = 0; t < m->count; t++) {
+            const tff_real size = TFF_FABS(b[t]) / (1 + TFF_FABS(u[t]));
+            most = (size <= most) ? most : size; /* this way round NaN counts */
+        }
+        if (!(most < TFF_SHARE_LOST)) {
+            return 0;
+        }
+        for (t = 0; t < m->count; t++) {
+            turned += b[t] * went[t];
+            went[t] = b[t];
+        }
+        damping = tff_damped(damping, turned);
+        for (t = 0; t < m->count; t++) {
+            u[t] += damping * b[t];
+        }
+        for (i = m->count; i < rows; i++) {
+            m->worth[of_row[i]] += damping * b[i];
+        }
+        if (most <= TFF_SHARE_TOLERANCE) {
+            return 1;
+        }
+    }
+    return 0;
+}
+
+/* Tensions of a step, with the set of tendons that hang loose in loops. */
+static int tff_tensions_of(tff_balance *m, tff_real *u, tff_real *slack)
+{
+    const tff_sharing *const how = m->how;
+    int round;
+    int t;
+    for (round = 0; round < (2 * TFF_MOST_TENDONS); round++) {
+        int flip = -1;
+        tff_real worst = 0;
+        if (tff_share(m, u) == 0) {
+            return 0;
+        }
+        for (t = 0; t < m->count; t++) {
+            slack[t] = 0;
+            if ((how->shares[t] == 0) && (m->loose[t] == 0) && (u[t] < worst)) {
+                worst = u[t];
+                flip = t;
+            }
+        }
+        for (t = 0; t < m->count; t++) {
+            const int other = how->partner[t];
+            if ((other >= 0) && ((m->loose[t] != 0) != (m->loose[other] != 0))) {
+                const int hangs = (m->loose[t] != 0) ? t : other;
+                const tff_real open = tff_open(m, t, other);
+                /* length of the hanging one that the drum has not taken in */
+                slack[hangs] = (hangs == t) ? open * how->winding_m[t] : -open * how->winding_m[other];
+                if ((slack[hangs] < 0) && (flip < 0)) {
+                    flip = hangs;
+                }
+            }
+        }
+        if (flip < 0) {
+            return 1;
+        }
+        m->loose[flip] = (m->loose[flip] != 0) ? 0 : 1;
+        u[flip] = 0;
+    }
+    return 0;
+}
+
+/* Advance to the positions of bodies that are wanted at the end of a step while bodies give torques to what they touch;
+ * `fresh`: there is no earlier state, or the first row of the scheme is for steps of other lengths. z, z_old: bodies x 3;
+ * u: tensions; slack: length that hangs loose. Returns 0 where there are no such tensions; then no state has changed. */
+static int tff_balance_step(tff_balance *m, int fresh, const tff_real *wanted, const tff_real *effort, tff_real *z, tff_real *z_old, tff_real *u, tff_real *slack)
+{
+    const int scheme = (fresh != 0) ? 0 : 1;
+    const int follows = (m->led < m->balanced) ? 1 : 0;
+    int b;
+    int k;
+    int i;
+    for (b = 0; b < m->bodies; b++) {
+        const tff_real stood = z[(3 * b) + 1];
+        const int own = ((b >= m->led) && (b < m->balanced)) ? 1 : 0;
+        m->position[b] = (own != 0) ? stood + ((scheme != 0) ? stood - z_old[(3 * b) + 1] : 0) : wanted[b];
+        m->effort[b] = effort[b];
+    }
+    for (k = 0; k < m->count; k++) {
+        tff_strand_base(&m->strands[k], scheme, 0);
+        tff_strand_at(&m->strands[k], m->bodies, m->position);
+        u[k] = m->last[k] + ((scheme != 0) ? m->last[k] - m->past[k] : 0); /* as the last step went on */
+        slack[k] = 0;
+    }
+    for (i = 0; i < (3 * m->bodies); i++) {
+        m->z_base[i] = z[i] + (m->strands[0].c->carry * (z[i] - z_old[i]));
+    }
+    for (b = 0; b < m->bodies; b++) {
+        tff_torque_wanted(m, b);
+    }
+    if (((follows != 0) ? tff_follow(m, u) : tff_tensions_of(m, u, slack)) == 0) {
+        return 0;
+    }
+    for (k = 0; k < m->count; k++) {
+        m->past[k] = m->last[k];
+        m->last[k] = u[k];
+        tff_strand_end(&m->strands[k]);
+    }
+    for (i = 0; i < (3 * m->bodies); i++) {
+        z_old[i] = z[i];
+        z[i] = m->found[i];
+    }
+    return 1;
+}
+
+#endif

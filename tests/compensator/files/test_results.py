@@ -1,0 +1,49 @@
+"""What every result shows: a short repr, a view for notebooks, its main table, its figures."""
+
+import csv
+
+import pytest
+from matplotlib.figure import Figure
+
+import tendonff as tf
+
+
+@pytest.fixture(scope="module")
+def designs(examples):
+    """A tension and a joint, designed."""
+    fast = [each for each in tf.COMPENSATORS if each.is_fast]
+    return (
+        tf.design(tf.load_scenario(examples / "finger_fast.toml"), compensators=fast),
+        tf.design_joint(tf.load_joint_scenario(examples / "hand_joint.toml")),
+    )
+
+
+def test_the_repr_of_a_result_is_its_name_and_its_headline(designs):
+    for result in designs:
+        assert repr(result) == f"<{type(result).__name__} of {result.scenario.name!r}: {result.headline}>"
+        assert len(repr(result)) < 800
+
+
+def test_the_frame_of_a_design_is_its_profile_file(designs, tmp_path):
+    for k, result in enumerate(designs):
+        result.write(tmp_path / str(k))
+        with (tmp_path / str(k) / "profile.csv").open() as file:
+            head, first, *_ = csv.reader(file)
+        frame = result.to_frame()
+        assert list(frame.columns) == head
+        assert frame.iloc[0].tolist() == [float(value) for value in first]
+
+
+def test_a_figure_is_plotted_by_the_name_of_its_file(designs):
+    result = designs[0]
+    assert isinstance(result.plot("force"), Figure)
+    assert result.plot().axes[0].get_ylabel() == result.plot("expectation").axes[0].get_ylabel()
+    with pytest.raises(tf.ParameterError, match=r"name must be one of expectation, .*, got 'forces'"):
+        result.plot("forces")
+
+
+def test_a_notebook_shows_headline_and_first_figure(designs):
+    for result in designs:
+        page = result._repr_html_()
+        assert "RMS" in page
+        assert page.count("<img") == 1

@@ -1,0 +1,184 @@
+"""Pairs and fingers identified from angles and torques of their motors, on an explicit plant of its own."""
+
+import json
+import shutil
+from dataclasses import replace
+
+import finger_plant
+import numpy as np
+import pytest
+
+from tendonff.compensator.cli import run
+from tendonff.compensator.files.writing import write_csv
+from tendonff.compensator.identification.measured.smoothing import adaptive_low_pass, count_of
+from tendonff.compensator.identification.motors.run import _mechanism, identify_motors, suggest_motor_routine
+from tendonff.compensator.scenarios import load_scenario
+from tendonff.models.parameters.numbers import with_numbers
+from tendonff.ocp.fits.mechanism import MotorRun
+
+pytestmark = pytest.mark.compiler
+
+STEP_S = 1e-3
+COUNT_RAD = 2 * np.pi / 4096
+
+
+def log_of(scenario, true, routine, *, coulomb, tension_N, folder, encoder=True, plant_step_s=2e-6, masses=12):
+    """Angles in 12 bits, torques with 1 % of noise."""
+    time = np.arange(round(routine.time_s[-1] / STEP_S) + 1) * STEP_S
+    motor = np.column_stack([np.interp(time, routine.time_s, angle) for angle in routine.motor_rad.T])
+    names = [tendon.name for tendon in true.tendons]
+    drums = np.zeros((len(true.motors), len(names)))
+    for k, each in enumerate(true.motors):
+        for name, winding in zip(each.winds, each.winding_m, strict=True):
+            drums[k, names.index(name)] = winding
+    start = routine.joint_rad[0]
+    found = finger_plant.respond(
+        true.joints, true.tendons, drums, motor, STEP_S, start, tension_N, masses=masses, step_s=plant_step_s
+    )
+    held = np.vstack([tension_N, found.drum_N]) @ drums.T
+    rng = np.random.default_rng(5)
+    columns = {"time_s": time}
+    for k, (each, friction) in enumerate(zip(true.motors, coulomb, strict=True)):
+        torque = held[:, k] + friction * MotorRun(motor_rad=motor[:, k], step_s=STEP_S, start_rad=0.0).way()
+        columns[f"motor_{each.name}_rad"] = np.round(motor[:, k] / COUNT_RAD) * COUNT_RAD
+        columns[f"motor_torque_{each.name}_N_m"] = torque + 0.01 * np.ptp(torque) * rng.standard_normal(len(time))
+    if encoder:
+        angle = np.vstack([start, found.angle_rad])
+        columns |= {
+            f"joint_{name}_rad": np.round(q / COUNT_RAD) * COUNT_RAD
+            for name, q in zip(true.names, angle.T, strict=True)
+        }
+    write_csv(folder / "log.csv", columns)
+    return folder / "log.csv"
+
+
+@pytest.fixture(scope="module")
+def pair(tmp_path_factory, examples):
+    """A wrist whose cables rub more and stretch less than the scenario says, and differ."""
+    folder = tmp_path_factory.mktemp("pair")
+    shutil.copy(examples / "instrument_pair.toml", folder / "pair.toml")
+    text = (folder / "pair.toml").read_text().replace("coulomb_N_m = 1.0e-3", "coulomb_N_m = 0.0")
+    (folder / "pair.toml").write_text(text)
+    scenario = load_scenario(folder / "pair.toml")
+    routine = suggest_motor_routine(scenario)
+    truth = {
+        "tendons.open.friction.mu_dynamic": 0.19,
+        "tendons.close.friction.mu_dynamic": 0.12,
+        "tendons.open.tendon.stiffness_N_per_m": 4.8e4,
+        "tendons.close.tendon.stiffness_N_per_m": 3.4e4,
+    }
+    true = with_numbers(_mechanism(scenario), truth)
+    start = np.array([5.0, 5.0])
+    log = log_of(
+        scenario, true, routine, coulomb=(2e-3, 3e-3), tension_N=start, folder=folder, plant_step_s=2e-6, masses=8
+    )
+    return folder, scenario, truth, log
+
+
+@pytest.fixture(scope="module")
+def fitted(pair, tmp_path_factory):
+    """Folder that the command writes."""
+    folder, _, _, log = pair
+    out = tmp_path_factory.mktemp("fitted") / "fit"
+    assert run(["identify", str(folder / "pair.toml"), "--data", str(log), "--out", str(out)]) == 0
+    return out
+
+
+@pytest.mark.slow
+def test_friction_and_stiffness_of_both_cables_of_a_pair_are_found(pair, fitted):
+    fit = json.loads((fitted / "fit.json").read_text())
+    assert fit["law_describes_the_device"]
+    for key, value in pair[2].items():
+        assert fit["estimates"][key]["identifiable"], key
+        assert fit["estimates"][key]["estimate"] == pytest.approx(value, rel=0.05), key
+    assert fit["estimates"]["motors.open.drive.coulomb_N_m"]["estimate"] == pytest.approx(2e-3, rel=0.3)
+    assert set(fit["files"][0]["torque_percent_of_range"]) == {"open", "close"}
+
+
+def test_the_fitted_scenario_has_the_values_and_their_intervals(fitted):
+    fit = json.loads((fitted / "fit.json").read_text())["estimates"]
+    scenario = load_scenario(fitted / "fitted.toml")
+    for tendon in scenario.mechanism.tendons:
+        assert tendon.friction.mu_dynamic == fit[f"tendons.{tendon.name}.friction.mu_dynamic"]["estimate"]
+    assert scenario.mechanism.drive.coulomb_N_m > 0
+    assert 0 < scenario.robust.mu < 0.2
+    assert 0 < scenario.robust.stiffness < 0.2
+
+
+@pytest.mark.nightly
+@pytest.mark.slow
+@pytest.mark.parametrize("encoder", [True, False])
+def test_a_finger_of_three_joints_and_four_tendons_is_found(tmp_path, encoder):
+    """Without encoders too: torques of the motors alone."""
+    assert run(["new", str(tmp_path / "finger.toml"), "--for", "finger"]) == 0
+    text = (tmp_path / "finger.toml").read_text().replace("damping_N_s_per_m = 0.5", "damping_N_s_per_m = 0.02")
+    (tmp_path / "finger.toml").write_text(text)
+    scenario = load_scenario(tmp_path / "finger.toml")
+    rng, truth = np.random.default_rng(3), {}
+    for tendon in scenario.mechanism.tendons:
+        truth[f"tendons.{tendon.name}.friction.mu_dynamic"] = 0.15 * rng.uniform(0.7, 1.4)
+        truth[f"tendons.{tendon.name}.tendon.stiffness_N_per_m"] = 2e4 * rng.uniform(0.75, 1.3)
+    true = with_numbers(scenario.mechanism, truth)
+    start = np.array([11.5, 11.5, 11.5, 11.5])
+    log = log_of(
+        scenario,
+        true,
+        suggest_motor_routine(scenario),
+        coulomb=(0.008, 0.004, 0.006, 0.007),
+        tension_N=start,
+        folder=tmp_path,
+        encoder=encoder,
+        plant_step_s=4e-6,
+        masses=16,
+    )
+    found = identify_motors(scenario, [log])
+    for key, value in truth.items():
+        assert found.estimate(key).value == pytest.approx(value, rel=0.03), key
+
+
+def test_a_log_without_a_motor_names_the_column(pair, tmp_path):
+    _, scenario, _, log = pair
+    lines = log.read_text().splitlines()
+    cut = [",".join(line.split(",")[:-3]) for line in lines]
+    (tmp_path / "short.csv").write_text("\n".join(cut))
+    with pytest.raises(Exception, match=r'column "motor_close_rad" is missing.*angle of each motor'):
+        identify_motors(scenario, [tmp_path / "short.csv"])
+
+
+def test_current_needs_the_torque_constant(pair, tmp_path):
+    _, scenario, _, log = pair
+    text = log.read_text().replace("motor_torque_open_N_m", "motor_current_open_A")
+    (tmp_path / "current.csv").write_text(text)
+    with pytest.raises(Exception, match="motor_current_open_A needs the torque constant: torque_constant_N_m_per_A"):
+        identify_motors(scenario, [tmp_path / "current.csv"])
+
+
+def test_suggested_motor_angles_lead_the_joints_over_their_range_at_two_levels_of_tension(pair):
+    _, scenario, _, _ = pair
+    routine = suggest_motor_routine(scenario)
+    wide = np.ptp(routine.joint_rad[: len(routine.joint_rad) // 2], axis=0)
+    assert wide == pytest.approx(np.ptp(routine.joint_rad, axis=0), rel=1e-6)
+    # cables that are both tighter have both been taken in where the joint stands as before
+    rows = np.flatnonzero(np.abs(routine.joint_rad[:, 0] - np.median(routine.joint_rad[:, 0])) < 1e-3)
+    before, after = (routine.motor_rad[rows[rows < len(routine.time_s) // 3]], routine.motor_rad[rows[-5:]])
+    assert (after.mean(axis=0) > before.mean(axis=0)).all()
+
+
+def test_an_angle_in_counts_is_smoothed_to_less_than_a_count():
+    """Where a channel moves slower than a count a sample, third differences show no noise."""
+    time = np.arange(4000) * 1e-3
+    true = 0.2 * (1 - np.cos(2 * np.pi * 0.25 * time))
+    read = np.round(true / COUNT_RAD) * COUNT_RAD
+    assert count_of(read) == pytest.approx(COUNT_RAD)
+    smooth = adaptive_low_pass(read, 1e-3, count_of(read))
+    # the bristle of a gear goes by the way that it moves back and forth
+    back = np.diff(smooth)[200:1800]
+    assert back.min() > -0.02 * COUNT_RAD
+    assert np.abs(smooth - true).max() < 0.7 * COUNT_RAD
+
+
+def test_a_scenario_without_friction_is_refused(pair):
+    _, scenario, _, log = pair
+    bare = replace(scenario, mechanism=with_numbers(scenario.mechanism, {"mu": 0.0}))
+    with pytest.raises(Exception, match="mu_dynamic of tendon"):
+        identify_motors(bare, [log])
