@@ -5,7 +5,8 @@ Run: python benchmarks/mutants.py examples/finger.toml [--precision float] [--co
 Safety mutants (limits, rate, clamps, guards, status bits, data) are listed below and must all die. Random mutants
 change one operator or constant of a module; one that survives counts as observable where its outputs on a random
 sequence of calls, jumps, holds and bad inputs differ from the original's by more than rounding. They are drawn from all
-modules of the scenario: those of examples/finger_adaptive.toml and of one whose joints move are all there are.
+modules of the scenario: those of examples/finger_adaptive.toml and of one whose joints move are all there are. Of a
+joint between tendons (examples/hand_joint_adaptive.toml) the random ones alone are drawn.
 """
 
 import argparse
@@ -23,9 +24,11 @@ from pathlib import Path
 
 import tendonff as tf
 from benchmarks.safety_mutants import LIVE, RESTS, SWAPS
+from tendonff.compensator.joint.export.text import accepted_rad
+from tendonff.compensator.joint.scenario.scenario import sample_joint
 
 FLAGS = ("-std=c99", "-O1", "-w", "-ffp-contract=off", "-fno-math-errno")
-DRIVER = Path(__file__).with_name("mutants.c")
+DRIVER, JOINT_DRIVER = (Path(__file__).with_name(name) for name in ("mutants.c", "mutants_joint.c"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,6 +176,28 @@ def difference(one: list[list[float]], two: list[list[float]]) -> float:
     return math.inf if any(map(math.isnan, apart)) else max(apart, default=0.0)
 
 
+def subject(
+    scenario: tf.Scenario | tf.JointScenario, options: argparse.Namespace
+) -> tuple[Path, dict[str, str], tuple[str, ...]]:
+    """Driver, exported files and what the driver has to know."""
+    precision = tf.Precision(options.precision)
+    if isinstance(scenario, tf.JointScenario):
+        joints = tf.export_joint_c([scenario], precision=precision, force_export=True)
+        angle = sample_joint(scenario).angle_rad
+        low, high = accepted_rad(scenario, sample_joint(scenario))
+        values = zip(("LOW", "HIGH", "START"), (low, high, float(angle[0])), strict=True)
+        more = ("-DADAPTIVE",) if "tff_joint_adaptive.c" in joints.files else ()
+        return JOINT_DRIVER, dict(joints.files), (*(f"-D{n}={float(v)!r}" for n, v in values), *more)
+    tension = tf.sample_reference(scenario).tension_N
+    profile = tension if options.random_only else None
+    exported = tf.export_c(scenario, precision=precision, profile_N=profile, force_export=True)
+    span = (float(tension.min()), float(tension.max()), float(tension[0]))
+    defines = tuple(f"-D{n}={v!r}" for n, v in zip(("LOW", "HIGH", "START"), span, strict=True))
+    defines += (f"-DJOINTS={len(scenario.joints)}",)
+    defines += tuple(f"-DWITH_{Path(name).stem[4:].upper()}" for name in exported.files if name.endswith(".c"))
+    return DRIVER, dict(exported.files), defines
+
+
 def main() -> int:
     """Report the survivors; exit status 1 where a safety mutant lives."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -185,18 +210,15 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=0, help="random mutants to pass over, of the same seed")
     options = parser.parse_args()
     scenario = tf.load_scenario(options.scenario)
-    profile = tf.sample_reference(scenario).tension_N if options.random_only else None
-    exported = tf.export_c(scenario, precision=tf.Precision(options.precision), profile_N=profile, force_export=True)
-    tension = tf.sample_reference(scenario).tension_N
-    span = (float(tension.min()), float(tension.max()), float(tension[0]))
-    defines = tuple(f"-D{n}={v!r}" for n, v in zip(("LOW", "HIGH", "START"), span, strict=True))
-    defines += (f"-DJOINTS={len(scenario.joints)}",)
-    defines += tuple(f"-DWITH_{Path(name).stem[4:].upper()}" for name in exported.files if name.endswith(".c"))
+    driver, files, defines = subject(scenario, options)
     relative = 1e-4 if options.precision == "float" else 1e-8
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch) / "code"
-        exported.write(folder)
-        shutil.copyfile(DRIVER, folder / "driver.c")
+        folder.mkdir()
+        for name, text in files.items():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_text(text)
+        shutil.copyfile(driver, folder / "driver.c")
         original = build(folder, "self_test.c", "self_test")
         if original is None or not passes(original):
             raise SystemExit("the original does not pass its own self test")
@@ -208,15 +230,15 @@ def main() -> int:
             return program is not None and passes(program)
 
         alive = []
-        listed = [] if scenario.joints else list(safety(exported.files, options.precision))
+        listed = [] if "tff_path.c" in files or driver is JOINT_DRIVER else list(safety(files, options.precision))
         listed = [m for m in listed if options.only in m.what and not options.random_only]
         for mutant in listed:
             if survives(mutant):
                 alive.append(mutant.what)
-            (folder / mutant.file).write_text(exported.files[mutant.file])
+            (folder / mutant.file).write_text(files[mutant.file])
         print(f"safety mutants: {len(listed) - len(alive)} of {len(listed)} die; alive: {alive or 'none'}")
         killed, equal, seen = 0, 0, []
-        for mutant in random_mutants(exported.files, options.count, options.seed, options.first):
+        for mutant in random_mutants(files, options.count, options.seed, options.first):
             if survives(mutant):
                 program = build(folder, "driver.c", "driver", defines)
                 apart = 0.0 if program is None else difference(expected, answers(program))
@@ -226,7 +248,7 @@ def main() -> int:
                     equal += 1
             else:
                 killed += 1
-            (folder / mutant.file).write_text(exported.files[mutant.file])
+            (folder / mutant.file).write_text(files[mutant.file])
         print(f"random mutants: {killed} die, {len(seen)} observable ones live, {equal} behave as the original")
         for what in seen:
             print(f"  alive: {what}")

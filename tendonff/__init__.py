@@ -50,6 +50,7 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.compensator.studies.design.run import design
     from tendonff.compensator.studies.experiment.result import ExperimentResult
     from tendonff.compensator.studies.experiment.run import experiment
+    from tendonff.compensator.studies.opti.run import opti
     from tendonff.compensator.studies.tables.result import Tables
     from tendonff.compensator.studies.tables.run import make_tables as make_table
     from tendonff.compensator.studies.watch.output import Watch
@@ -70,6 +71,8 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.ocp.joint.invert import invert_joint
     from tendonff.ocp.joint.simulate import simulate_joint
     from tendonff.ocp.joint.start import joint_problem
+    from tendonff.ocp.opti.joint import JointFormulation
+    from tendonff.ocp.opti.tendon import Formulation, OptiSolution
     from tendonff.ocp.tendon.batch import SimulationJob, simulate_batch
     from tendonff.ocp.tendon.inverse import invert
     from tendonff.ocp.tendon.simulate import simulate
@@ -95,6 +98,7 @@ __all__ = [
     "FmiVersion",
     "FmuKind",
     "ForceLimits",
+    "Formulation",
     "Friction",
     "Identification",
     "InputError",
@@ -102,6 +106,7 @@ __all__ = [
     "JointAdaptationStudy",
     "JointComparison",
     "JointDesign",
+    "JointFormulation",
     "JointIdentification",
     "JointScenario",
     "Level",
@@ -112,6 +117,7 @@ __all__ = [
     "Observation",
     "Observer",
     "ObserverStatus",
+    "OptiSolution",
     "ParameterError",
     "Path",
     "Plant",
@@ -158,6 +164,7 @@ __all__ = [
     "load_scenario",
     "make_table",
     "mechanism_equations",
+    "opti",
     "read_centreline",
     "sample_reference",
     "simulate",
@@ -208,6 +215,7 @@ _HOMES = {
     "compensator.scenario.sampled.sampling": ("Reference", "sample_reference"),
     "compensator.scenario.scenario": ("Scenario",),
     "compensator.scenarios": ("load_scenario",),
+    "compensator.studies.opti.run": ("opti",),
     "compensator.studies.tables.result": ("Tables",),
     "compensator.studies.tables.run": ("make_table:make_tables",),
     "compensator.studies.watch.output": ("Watch",),
@@ -230,6 +238,8 @@ _HOMES = {
     "ocp.joint.invert": ("invert_joint",),
     "ocp.joint.simulate": ("simulate_joint",),
     "ocp.joint.start": ("joint_problem",),
+    "ocp.opti.joint": ("JointFormulation",),
+    "ocp.opti.tendon": ("Formulation", "OptiSolution"),
     "ocp.tendon.simulate": ("simulate",),
     "ocp.tracking.limits": ("ForceLimits",),
     "ocp.tracking.options": ("TrackOptions",),

@@ -86,6 +86,15 @@ def of_one_joint(loaded: "Scenario | JointScenario | FingerScenario", why: str) 
     raise InputError(f"{loaded.source.name}: {why}")
 
 
+def of_fingers(loaded: "Scenario | JointScenario | FingerScenario", why: str) -> "FingerScenario":
+    """The scenario, if several joints are driven; else InputError with the reason."""
+    from tendonff.compensator.finger.scenario import FingerScenario
+
+    if isinstance(loaded, FingerScenario):
+        return loaded
+    raise InputError(f"{loaded.source.name}: {why}")
+
+
 @contextmanager
 def opened(
     scenario: Path, out: Path, *, follows_reference: bool = True, strict: bool = False, yes: bool = False

@@ -12,6 +12,7 @@ import numpy as np
 
 from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.compensators.profile import FloatArray, Profile
+from tendonff.compensator.compensators.sent import sent
 from tendonff.compensator.compensators.uncertain import Doubt
 from tendonff.compensator.files.notices import Remark
 from tendonff.compensator.files.progress import Parts, Progress, silent
@@ -24,6 +25,7 @@ from tendonff.models.cached import cached_property
 from tendonff.models.errors import TendonffError
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
+from tendonff.models.parameters.drive import Drive
 from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.errors import SolveError
@@ -262,6 +264,9 @@ def answers_of(problem: Problem, compensators: Sequence[Compensator], parts: Par
     return found
 
 
+FOLLOWED = ("inverse", "optimal")
+"""Compensators whose held commands are improved on the design model, which takes seconds."""
+
 SLOW_PARTS = 8
 """A slow compensator takes about as long as so many other parts of a design."""
 
@@ -278,7 +283,21 @@ def limit_warnings(name: str, before_N: FloatArray, after_N: FloatArray) -> tupl
 
 
 def with_motion(problem: Problem, name: str, profile: Profile) -> Profile:
-    """A profile with the travel on the design model and, for a position drive, the command.
+    """A profile with the travel on the design model and the command, from which what the drive adds is taken back.
+
+    "none" knows of no drive either: it commands the reference.
+    """
+    moved, actuator = with_travel(problem, name, profile), problem.transmission.actuator
+    if actuator.servo.is_ideal or (actuator.drive is Drive.POSITION and moved.command_m is None):
+        return moved
+    if name == "none":
+        return moved if actuator.drive is Drive.POSITION else replace(moved, command_N=moved.force_N)
+    plant = Plant(problem.transmission, problem.level, joints=problem.chain.motion)
+    return sent(plant, moved, problem.reference, live=problem.live, improve=name in FOLLOWED)
+
+
+def with_travel(problem: Problem, name: str, profile: Profile) -> Profile:
+    """A profile with the travel on the design model and, for a position drive, the command if that is ideal.
 
     A force F and a command x_c1 behind the servo's stiffness k_c1 are two names of one motion, x_c1 = q_a + F/k_c1: so
     every compensator returns a force, and here it becomes the command, relative to the start at rest. "none" knows

@@ -236,7 +236,7 @@ def error_bands(
         return response.delivered(reference), response.slack is not None
 
     def given(profile: Profile) -> bytes:
-        return (profile.force_N if profile.command_m is None else profile.command_m).tobytes()
+        return profile.given.tobytes()
 
     return bands_of(doubt, reference.wanted, profiles, respond, given)
 

@@ -24,6 +24,9 @@ from tendonff.ocp.tendon.simulate import Outcome, Simulation, simulate
 FINE_SEGMENTS = 40
 """Masses of the plants that profiles are judged on."""
 
+CYCLES = 3
+"""After which a drive follows a command that repeats in its steady cycle."""
+
 FINE_REFINEMENT = 10
 """Steps to a row of the profile where a design is verified."""
 
@@ -126,8 +129,7 @@ class Plant:
     @classmethod
     def by_force(cls, transmission: Transmission, level: Level, joints: JointMotion | None = None) -> "Plant":
         """Plant in front of its servo: whatever its drive, its input is a force."""
-        actuator = replace(transmission.actuator, drive=Drive.FORCE, servo_stiffness_N_per_m=None)
-        return cls(replace(transmission, actuator=actuator), level, joints=joints)
+        return cls(replace(transmission, actuator=without_drive(transmission.actuator)), level, joints=joints)
 
     @property
     def chain(self) -> Chain:
@@ -148,13 +150,11 @@ class Plant:
         """
         own, actuator = self.chain, self.transmission.actuator
         step, start = reference.step_s / self.refinement, reference.initial_tension_N
-        chain, drive = own, profile.setpoint(actuator.drive)
+        setpoint = profile.setpoint(actuator.drive)
+        rows, between = len(setpoint), slice(None, None, self.refinement)
+        chain, drive = own, followed(actuator, setpoint, reference, self.refinement)
         if actuator.drive is Drive.POSITION:
             chain, drive = behind_servo(own, actuator, start, drive)
-        rows, between = len(drive), slice(None, None, self.refinement)
-        if self.refinement > 1:
-            fine = np.arange((rows - 1) * self.refinement + 1)
-            drive = np.interp(fine / self.refinement, np.arange(rows), drive)
         steadiness = None
         if reference.periodic:
             try:
@@ -181,6 +181,35 @@ class Plant:
             slack=_slack_of(run),
             steadiness=steadiness,
         )
+
+
+def without_drive(actuator: Actuator) -> Actuator:
+    """The actuator in front of its drive: what is commanded is its force, at once."""
+    return replace(
+        actuator,
+        drive=Drive.FORCE,
+        servo_stiffness_N_per_m=None,
+        servo_time_s=None,
+        delay_s=None,
+        command_interval_s=None,
+        command_hold=None,
+        resolution=None,
+        backlash_m=None,
+    )
+
+
+def followed(actuator: Actuator, setpoint: FloatArray, reference: Reference, refinement: int = 1) -> FloatArray:
+    """Output of the drive, so many rows to a row of the setpoint, of a periodic reference in its steady cycle."""
+    step, servo, rows = reference.step_s, actuator.servo, len(setpoint)
+    if servo.is_ideal:
+        if refinement == 1:
+            return setpoint
+        fine = np.arange((rows - 1) * refinement + 1)
+        return np.interp(fine / refinement, np.arange(rows), setpoint)
+    if not reference.periodic:
+        return servo.follow(setpoint, step, refinement)
+    cycles = np.concatenate([*(setpoint[:-1] for _ in range(CYCLES - 1)), setpoint])
+    return servo.follow(cycles, step, refinement)[-((rows - 1) * refinement + 1) :]
 
 
 def behind_servo(

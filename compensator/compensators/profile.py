@@ -32,6 +32,8 @@ class Profile:
     travel_m, command_m : ndarray, shape (n,), or None
         Travel of the actuator's end from rest that belongs to the force, where the compensator knows it, and command of
         a position drive relative to the start [m].
+    command_N : ndarray, shape (n,), or None
+        Command of a force drive that is not ideal [N]; None where the command is the force.
     message : str
         Why the status is not good; empty where it is.
     warnings : tuple of str
@@ -45,6 +47,7 @@ class Profile:
     force_N: FloatArray
     travel_m: FloatArray | None = None
     command_m: FloatArray | None = None
+    command_N: FloatArray | None = None
     status: ProfileStatus = ProfileStatus.GOOD
     message: str = ""
     warnings: tuple[str, ...] = ()
@@ -57,13 +60,19 @@ class Profile:
             return cls(force_N=np.full(len(values), np.nan), command_m=values)
         return cls(force_N=values)
 
+    @property
+    def given(self) -> FloatArray:
+        """What is sent to the drive, shape (n,): a command where there is one, else the force [N]."""
+        commands = (values for values in (self.command_m, self.command_N) if values is not None)
+        return next(commands, self.force_N)
+
     def setpoint(self, drive: Drive) -> FloatArray:
         """Setpoint of the drive, shape (n,): the force [N], or the command of a position drive [m].
 
         SolveError where there is no command, because the motion could not be simulated.
         """
         if drive is not Drive.POSITION:
-            return self.force_N
+            return self.force_N if self.command_N is None else self.command_N
         if self.command_m is None:
             raise SolveError("the profile has no command for the position drive: its motion could not be simulated")
         return self.command_m

@@ -186,8 +186,17 @@ def export_project(
         choice=choice,
         modules=modules,
     )
-    warnings = (*warnings, *faults, *loss_warnings(losses))
+    warnings = (*warnings, *faults, *loss_warnings(losses), *_late(problem))
     return Exported(files=texts, built=built, profile_N=profile_N, judged=judged, warnings=warnings, notes=notes)
+
+
+def _late(problem: Problem) -> tuple[str, ...]:
+    """The time by which the output stays late, since exported modules but the profile do not know the drive."""
+    late = problem.transmission.actuator.servo.lag_s(problem.reference.step_s)
+    if late == 0:
+        return ()
+    text = f"the drive is late by {1e3 * late:.3g} ms (lag, delay and hold), and the output of modules that read a "
+    return (text + "reference live with it; the module profile runs ahead of it",)
 
 
 def _observer_test(

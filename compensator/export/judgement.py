@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from tendonff.compensator.compensators.base import CModule, Problem, with_motion
+from tendonff.compensator.compensators.base import CModule, Problem, with_travel
 from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.compensators.profile import Profile
 from tendonff.compensator.compensators.registry import compensator
@@ -48,7 +48,7 @@ def judge(problem: Problem, profiles: Mapping[str, Profile]) -> tuple[Judged, ..
     """Simulate each module's profile on the plant that a design is verified on; none comes first."""
     plain = compensator(UNCOMPENSATED)
     unit = problem.reference.unit
-    nothing = _score(problem, with_motion(problem, UNCOMPENSATED, plain.profile(problem)))
+    nothing = _score(problem, with_travel(problem, UNCOMPENSATED, plain.profile(problem)))
     if nothing is None:
         raise SolveError(
             "the reference itself as force cannot be simulated on this chain, so no module can be judged; "
@@ -92,10 +92,10 @@ def profiles_of(
 def driven(problem: Problem, name: str, profile: Profile) -> Profile:
     """Profile of a module as applied by the actuator, within the limits of its motion, which modules do not include.
 
-    A position drive takes the command unchanged.
+    Lag, delay and hold of the drive remain, as in the exported code; a position drive takes the command unchanged.
     """
     if problem.transmission.actuator.drive is Drive.POSITION:
-        return profile if profile.command_m is not None else with_motion(problem, name, profile)
+        return profile if profile.command_m is not None else with_travel(problem, name, profile)
     return replace(profile, force_N=problem.limited(profile.force_N), travel_m=None)
 
 

@@ -1,12 +1,14 @@
-"""Tables [run], [stream] and [adaptation], and messages for removed keys of [optimal]."""
+"""Tables [run], [stream], [adaptation] and [feedback], and messages for removed keys of [optimal]."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import StrEnum
 from types import MappingProxyType
 
-from tendonff.models.errors import ParameterError, require, require_whole
+from tendonff.models.errors import ParameterError, require, require_given, require_whole
 from tendonff.models.fidelity import Level
 from tendonff.ocp.adaptation.tuning import MAX_DELAY, Sensor, Tunable, check_parameters
+from tendonff.ocp.feedback.tune import Requirement
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,3 +125,59 @@ class Adaptation:
                 f"integral_gain_per_s must be 0 for actuator_position, got {self.integral_gain_per_s}; "
                 "integral action needs the output tension"
             )
+
+
+class FeedbackSensor(StrEnum):
+    """Measured quantity of a feedback.
+
+    Attributes
+    ----------
+    JOINT_ANGLE
+        Angle of each driven joint that has a reference, by encoders at the joints.
+    OUTPUT_TENSION
+        Tension at the far end of the tendon.
+    MOTOR_ANGLE_AND_TORQUE
+        Angle and torque of the motor, from which an observer estimates the joint.
+    """
+
+    JOINT_ANGLE = "joint_angle"
+    OUTPUT_TENSION = "output_tension"
+    MOTOR_ANGLE_AND_TORQUE = "motor_angle_and_torque"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Feedback:
+    """Feedback beside the feedforward.
+
+    Parameters
+    ----------
+    sensor : FeedbackSensor
+        "joint_angle" of driven joints, "output_tension" of one tendon.
+    delay_s : float, optional
+        Age of a measurement when the controller has it [s], >= 0. Default 0.
+    sample_s : float, optional
+        Time between two calls of the controller [s], > 0, a multiple of step_s. Default step_s.
+    resolution : float, optional
+        Step of the measurement [rad or N], >= 0: 2 pi/4096 for 12 bits a turn. Default 0.
+    gain_margin : float, optional
+        Factor on the gain up to instability that every linearisation must have [-], > 1. Default 2.
+    phase_margin_deg : float, optional
+        Angle to −180° that it must have where the gain of the loop is 1 [deg], > 0 and < 90. Default 45.
+    limit : float, optional
+        Largest correction of a command [rad, N or m], > 0. Default: one and a half times what is necessary.
+    """
+
+    sensor: FeedbackSensor
+    delay_s: float = 0.0
+    sample_s: float | None = None
+    resolution: float = 0.0
+    gain_margin: float = 2.0
+    phase_margin_deg: float = 45.0
+    limit: float | None = None
+
+    def __post_init__(self) -> None:
+        require("delay_s", self.delay_s, least=0, hint="the age of a measurement when it arrives, 0.01 for 10 ms")
+        require_given("sample_s", self.sample_s, above=0, hint="the time between two calls, 0.005 for 200 Hz")
+        require("resolution", self.resolution, least=0, hint="leave it out for none")
+        require_given("limit", self.limit, above=0, hint="leave it out for what the design finds necessary")
+        Requirement(gain_margin=self.gain_margin, phase_margin_deg=self.phase_margin_deg)

@@ -11,7 +11,6 @@ Use these to close a loop around the chain or to look at its poles.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import casadi as ca
 import control
@@ -21,7 +20,7 @@ from tendonff.models.errors import ParameterError
 from tendonff.models.layout import Array, ChainState
 from tendonff.models.mechanism.chain import chain_equations
 from tendonff.models.mechanism.equations import MechanismEquations
-from tendonff.models.mechanism.linearise import Lineariser
+from tendonff.models.mechanism.linearise import Lineariser, MechanismLineariser, Signals, signals_of
 from tendonff.models.tendon.chain import Chain
 from tendonff.models.turns import in_turn
 
@@ -69,7 +68,7 @@ def as_iosystem(
     (1, 30)
     """
     if isinstance(system, MechanismEquations):
-        return _nonlinear(_signals_of(system), name)
+        return _nonlinear(signals_of(system), name)
     equations = chain_equations(system)
     x, u = equations.state, ca.SX.sym("inputs", len(END_INPUTS) if both_ends else 1)
     full = u if both_ends else ca.vertcat(u, ca.SX.zeros(len(END_INPUTS) - 1))
@@ -79,7 +78,7 @@ def as_iosystem(
         [equations.inputs, equations.place, equations.place_rate],
         [full, place, ca.DM.zeros(place.numel())],
     )
-    signals = _Signals(
+    signals = Signals(
         x=x,
         u=u,
         rate=derivative,
@@ -91,33 +90,7 @@ def as_iosystem(
     return _nonlinear(signals, name)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Signals:
-    """States, inputs, rates and outputs as CasADi columns, and the names of their rows."""
-
-    x: ca.SX
-    u: ca.SX
-    rate: ca.SX
-    y: ca.SX
-    states: tuple[str, ...]
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-
-
-def _signals_of(page: MechanismEquations) -> _Signals:
-    """A mechanism whose led bodies have their speeds as inputs and their places as states."""
-    return _Signals(
-        x=ca.vertcat(page.state, page.place),
-        u=ca.vertcat(page.inputs, page.place_rate),
-        rate=ca.vertcat(page.rate, page.place_rate),
-        y=ca.vertcat(page.tension_N, page.effort, page.position),
-        states=(*page.state_names, *page.place_names),
-        inputs=(*page.input_names, *(f"{name}_per_s" for name in page.place_names)),
-        outputs=(*page.tension_names, *page.effort_names, *page.position_names),
-    )
-
-
-def _nonlinear(signals: _Signals, name: str) -> control.NonlinearIOSystem:
+def _nonlinear(signals: Signals, name: str) -> control.NonlinearIOSystem:
     rate = ca.Function("rate", [signals.x, signals.u], [signals.rate])
     output = ca.Function("output", [signals.x, signals.u], [signals.y])
 
@@ -173,7 +146,7 @@ def linear_system(
     (1, 9)
     """
     if isinstance(system, MechanismEquations):
-        return _linear(_signals_of(system), np.asarray(state, dtype=np.float64), name)
+        return _linear(system, np.asarray(state, dtype=np.float64), name)
     if not isinstance(state, ChainState):
         raise ParameterError("a chain is linearised at a ChainState, got an array; take chain.rest_state(T0)")
     linear = Lineariser(system).at(state)
@@ -190,16 +163,11 @@ def linear_system(
     )
 
 
-def _linear(signals: _Signals, state: Array, name: str) -> control.StateSpace:
-    if state.shape != (len(signals.states),):
-        raise ParameterError(
-            f"state must have {len(signals.states)} numbers, the mechanism's states and the places of its led bodies, "
-            f"got shape {state.shape}"
-        )
-    jacobians = [ca.densify(ca.jacobian(of, by)) for of in (signals.rate, signals.y) for by in (signals.x, signals.u)]
-    found = ca.Function("linear", [signals.x, signals.u], jacobians).call([state, np.zeros(len(signals.inputs))])
+def _linear(page: MechanismEquations, state: Array, name: str) -> control.StateSpace:
+    lineariser = MechanismLineariser(page)
+    linear, signals = lineariser.at(state), lineariser.signals
     return control.StateSpace(
-        *(np.asarray(each) for each in found),
+        *(linear.a, linear.b, linear.c, linear.d),
         remove_useless_states=False,
         inputs=list(signals.inputs),
         outputs=list(signals.outputs),

@@ -1,4 +1,4 @@
-"""The chain linearised at a state, in numpy: small changes of the force to small changes of tensions and positions."""
+"""The chain, or any mechanism, linearised at a state, in numpy: small changes of inputs to small changes of outputs."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -7,8 +7,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from tendonff.models.errors import ParameterError
 from tendonff.models.layout import INPUT_NAMES, Array, ChainState, StateLayout
 from tendonff.models.mechanism.chain import chain_equations
+from tendonff.models.mechanism.equations import MechanismEquations
 from tendonff.models.tendon.chain import Chain
 
 
@@ -86,3 +88,68 @@ def _independent(layout: StateLayout, a: Array) -> tuple[Array, list[int]]:
                 all_states[row, [*range(elongations + i, elongations + n + 1), q_l]] = a[row, i]
     kept = [k for k in range(size) if k not in dropped]
     return all_states[:, kept], kept
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Signals:
+    """States, inputs, rates and outputs as CasADi columns, and the names of their rows."""
+
+    x: ca.SX
+    u: ca.SX
+    rate: ca.SX
+    y: ca.SX
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+
+def signals_of(page: MechanismEquations) -> Signals:
+    """A mechanism whose led bodies have their speeds as inputs and their places as states."""
+    return Signals(
+        x=ca.vertcat(page.state, page.place),
+        u=ca.vertcat(page.inputs, page.place_rate),
+        rate=ca.vertcat(page.rate, page.place_rate),
+        y=ca.vertcat(page.tension_N, page.effort, page.position),
+        states=(*page.state_names, *page.place_names),
+        inputs=(*page.input_names, *(f"{name}_per_s" for name in page.place_names)),
+        outputs=(*page.tension_names, *page.effort_names, *page.position_names),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinearMechanism:
+    """Small deviations of a mechanism: dx/dt = A x + B u, y = C x + D u; signals are those of `signals_of`."""
+
+    a: Array
+    b: Array
+    c: Array
+    d: Array
+
+
+class MechanismLineariser:
+    """Linearises one mechanism at many states."""
+
+    def __init__(self, page: MechanismEquations) -> None:
+        self.signals = signals = signals_of(page)
+        jacobians = [
+            ca.densify(ca.jacobian(of, by)) for of in (signals.rate, signals.y) for by in (signals.x, signals.u)
+        ]
+        self._matrices = ca.Function("linear", [signals.x, signals.u], jacobians)
+        speeds = [name.endswith(("m_per_s", "rad_per_s")) for name in signals.states]
+        self._speeds = np.array(speeds, dtype=np.bool_)
+
+    def at(self, state: Array, *, sticking: bool = False) -> LinearMechanism:
+        """Linearise at a state, shape (states,), of the mechanism and the places of its led bodies.
+
+        Sticking, all speeds are taken as zero: bristles act as springs. Inputs act linearly and do not matter.
+        """
+        x = np.array(state, dtype=np.float64)
+        if x.shape != (len(self._speeds),):
+            raise ParameterError(
+                f"state must have {len(self._speeds)} numbers, the mechanism's states and the places of its led "
+                f"bodies, got shape {x.shape}"
+            )
+        if sticking:
+            x[self._speeds] = 0.0
+        a, b, c, d = (np.asarray(each) for each in self._matrices.call([x, np.zeros(len(self.signals.inputs))]))
+        return LinearMechanism(a=a, b=b, c=c, d=d)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from tendonff.models.errors import LARGEST, ParameterError, require, require_given, require_whole
 from tendonff.models.parameters.drive import Drive, Motor
 from tendonff.models.path import JointMotion, Section, above_static
+from tendonff.models.servo import CommandHold, Servo
 from tendonff.models.tendon.load_dependence import LARGEST_EXPONENT
 
 
@@ -235,6 +236,18 @@ class Actuator:
         Dry friction of motor and gear, as a force at its end [N], >= 0; default: none.
     motor : Motor, optional
         Motor, gear and drum behind it, which give mass_kg, force_max_N and speed_max_m_per_s.
+    servo_time_s : float, optional
+        Time constant with which the drive follows its command [s], >= 0; default: none.
+    delay_s : float, optional
+        Dead time between a command and the drive's answer [s], >= 0; default: none.
+    command_interval_s : float, optional
+        Time between two commands [s], > 0; default: one a step.
+    command_hold : CommandHold, optional
+        What the drive makes of commands between their samples; default: a straight line.
+    resolution : float, optional
+        Step of the command, in its unit [N] or [m], >= 0; default: none.
+    backlash_m : float, optional
+        Play between a position drive and the tendon's end [m], >= 0; default: none.
     """
 
     mass_kg: float
@@ -249,6 +262,12 @@ class Actuator:
     servo_stiffness_N_per_m: float | None = None
     coulomb_N: float | None = None
     motor: Motor | None = None
+    servo_time_s: float | None = None
+    delay_s: float | None = None
+    command_interval_s: float | None = None
+    command_hold: CommandHold | None = None
+    resolution: float | None = None
+    backlash_m: float | None = None
 
     def __post_init__(self) -> None:
         require("mass_kg", self.mass_kg, above=0, hint="include the rotor's inertia over the drum radius squared")
@@ -275,6 +294,11 @@ class Actuator:
             if self.drive is not Drive.POSITION:
                 raise ParameterError('servo_stiffness_N_per_m is for drive = "position"; add it, or leave this out')
             require("servo_stiffness_N_per_m", self.servo_stiffness_N_per_m, above=0, hint="from its data sheet")
+        for name in ("servo_time_s", "delay_s", "resolution", "backlash_m"):
+            require_given(name, getattr(self, name), least=0, hint="leave it out for none")
+        require_given("command_interval_s", self.command_interval_s, above=0, hint="leave it out for one a step")
+        if self.backlash_m and self.drive is not Drive.POSITION:
+            raise ParameterError('backlash_m is for drive = "position"; a force is passed on across it: leave it out')
         self._check_motor()
 
     def _check_motor(self) -> None:
@@ -285,6 +309,18 @@ class Actuator:
                 raise ParameterError(
                     f"{name} must be {gives:g}, as the actuator's motor gives, got {value}; change the motor instead"
                 )
+
+    @property
+    def servo(self) -> Servo:
+        """The way from a command to the force [N], or to the position x_c1 [m]."""
+        return Servo(
+            servo_time_s=self.servo_time_s or 0.0,
+            delay_s=self.delay_s or 0.0,
+            command_interval_s=self.command_interval_s,
+            command_hold=self.command_hold or CommandHold.LINE,
+            resolution=self.resolution or 0.0,
+            play=self.backlash_m or 0.0,
+        )
 
     @property
     def largest_force_N(self) -> float:

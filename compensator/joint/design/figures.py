@@ -5,6 +5,7 @@ from dataclasses import asdict
 import numpy as np
 from matplotlib.figure import Figure
 
+from tendonff.compensator.feedback.figures import feedback_figures
 from tendonff.compensator.joint.design.result import JointDesign
 from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.reporting.colours import BLUE, GREY, INK
@@ -18,6 +19,8 @@ def joint_figures(result: JointDesign) -> dict[str, Figure]:
     with figure_style():
         figures = {"joint": joint_figure(result), "tension": tension_figure(result), "motor": motor_figure(result)}
         figures["contributions"] = contributions_figure(result.expectation, result.recommended.style)
+        if result.feedback is not None:
+            figures |= feedback_figures(result.feedback)
         if result.sheets:
             figures["pretension"] = pretension_figure(result)
         return figures

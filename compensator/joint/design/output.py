@@ -5,6 +5,7 @@ from dataclasses import asdict
 
 import numpy as np
 
+from tendonff.compensator.feedback.result import feedback_summary
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.writing import atomic_directory, write_csv
 from tendonff.compensator.joint.design.figures import joint_figures, motor_names
@@ -78,6 +79,8 @@ def summary(result: JointDesign) -> dict[str, object]:
         },
         "warnings": list(result.warnings),
     }
+    if result.feedback is not None:
+        found["feedback"] = feedback_summary(result.feedback)
     if result.sheet is not None:
         found["loop"] = asdict(result.sheet)
     return found

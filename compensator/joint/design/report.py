@@ -5,6 +5,8 @@ from collections.abc import Mapping
 
 from matplotlib.figure import Figure
 
+from tendonff.compensator.feedback.report import CAPTIONS as FEEDBACK_CAPTIONS
+from tendonff.compensator.feedback.report import feedback_section
 from tendonff.compensator.joint.design.result import JointDesign
 from tendonff.compensator.reporting.expected import robustness_table
 from tendonff.compensator.reporting.page import (
@@ -41,11 +43,12 @@ def joint_report(result: JointDesign, figures: Mapping[str, Figure]) -> Report:
             for p in (result.profiles[c.name],)
         ],
     )
-    pictures = pictures_of(figures, _CAPTIONS)
+    pictures = pictures_of(figures, _CAPTIONS | FEEDBACK_CAPTIONS)
     first = "Joint angle" if result.is_angle else "Torque of the joint"
     sections = [
         Section(title=first, blocks=(pictures["joint"], errors)),
         Section(title="Robustness to parameter uncertainty", blocks=(*_robustness(result), pictures["contributions"])),
+        *([feedback_section(result.feedback, pictures)] if result.feedback else []),
         *(
             [Section(title="Data sheet of the loop", blocks=(_sheet(result), pictures["pretension"]))]
             if result.sheet

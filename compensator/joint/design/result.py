@@ -8,6 +8,7 @@ import numpy as np
 
 from tendonff.compensator.compensators.expectation import Expectation
 from tendonff.compensator.compensators.next_step import next_step
+from tendonff.compensator.feedback.result import FeedbackResult
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.results import Result, views_of
 from tendonff.compensator.files.text import as_argument
@@ -82,6 +83,8 @@ class JointDesign(Result):
         Of a loop: the same over pre-tensions.
     expectation : Expectation
         What to expect on a rig, and the profile that does best there.
+    feedback : FeedbackResult or None
+        Feedback beside the feedforward, where the scenario has [feedback].
     middle : Mechanism or None
         What the robust profile is designed for; None where there is none.
     masses, refinement : int
@@ -99,6 +102,7 @@ class JointDesign(Result):
     sheet: DataSheet | None
     sheets: tuple[tuple[float, DataSheet], ...]
     expectation: Expectation
+    feedback: FeedbackResult | None
     middle: Mechanism | None
     masses: int
     refinement: int

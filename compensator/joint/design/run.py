@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from tendonff.compensator.feedback.run import design_feedback
 from tendonff.compensator.files.notices import Danger, by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.reading import InputError
@@ -13,6 +14,7 @@ from tendonff.compensator.joint.compensators import JointTask, compensators_of
 from tendonff.compensator.joint.design.figures import joint_figures
 from tendonff.compensator.joint.design.output import profile_columns, write_files
 from tendonff.compensator.joint.design.result import JointDesign, JointProfile
+from tendonff.compensator.joint.feedback import JointFeedbackTask
 from tendonff.compensator.joint.plant import REFINEMENT, joint_load, verifying_masses
 from tendonff.compensator.joint.scenario.doubts import joint_doubts
 from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint
@@ -77,6 +79,8 @@ def design_joint(scenario: JointScenario, *, strict: bool = True, progress: Prog
         )
         parts.done()
     expectation = task.expect(commands)
+    settings = scenario.feedback
+    feedback = None if settings is None else design_feedback(JointFeedbackTask.of(task, settings))
     sheet, sheets, warned = _data_sheet(scenario, sampled, inversion)
     warnings = [
         *map(str, joint_doubts(scenario)),
@@ -86,6 +90,7 @@ def design_joint(scenario: JointScenario, *, strict: bool = True, progress: Prog
         *_drive_warnings(drive, inversion, scenario.run.step_s),
     ]
     warnings += _ringing(mechanism, sampled)
+    warnings += () if feedback is None else feedback.warnings
     if inversion.status is not JointStatus.EXACT:
         warnings.append(Danger(inversion.message))
     parts.done(len(compensators) + 1)
@@ -99,6 +104,7 @@ def design_joint(scenario: JointScenario, *, strict: bool = True, progress: Prog
         sheet=sheet,
         sheets=sheets,
         expectation=expectation,
+        feedback=feedback,
         middle=task.middle,
         masses=plant.masses or 0,
         refinement=REFINEMENT,

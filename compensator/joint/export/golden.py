@@ -12,7 +12,9 @@ from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.joint.compensators import inverse_of
 from tendonff.compensator.joint.drive import commanded
+from tendonff.compensator.joint.export.observed import STEP_RAD, observed_motor
 from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint
+from tendonff.models.joint.parameters import DriveKind
 from tendonff.models.path import JointMotion
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import CodeError, SolveError
@@ -37,12 +39,14 @@ int run(int which, long n, const {prefix}_real *angle, const {prefix}_real *cont
     (void)other;
     for (k = 0; k < n; k++) {{
         (void){prefix}_joint_step(&self, angle[k], contact[k]{each});
-        out[6 * k] = self.motor_rad[0];
-        out[(6 * k) + 1] = self.motor_rad[1];
-        out[(6 * k) + 2] = self.command_rad[0];
-        out[(6 * k) + 3] = self.command_rad[1];
-        out[(6 * k) + 4] = self.tension_N[0];
-        out[(6 * k) + 5] = self.tension_N[1];
+        out[8 * k] = self.motor_rad[0];
+        out[(8 * k) + 1] = self.motor_rad[1];
+        out[(8 * k) + 2] = self.command_rad[0];
+        out[(8 * k) + 3] = self.command_rad[1];
+        out[(8 * k) + 4] = self.tension_N[0];
+        out[(8 * k) + 5] = self.tension_N[1];
+        out[(8 * k) + 6] = self.motor_torque_N_m[0];
+        out[(8 * k) + 7] = self.motor_torque_N_m[1];
     }}
     return good;
 }}
@@ -69,6 +73,7 @@ class JointAnswers:
     motor_rad: FloatArray
     command_rad: FloatArray
     tension_N: FloatArray
+    motor_torque_N_m: FloatArray
 
 
 def golden_course(
@@ -151,13 +156,23 @@ def golden_context(
 ) -> dict[str, object]:
     """Values for the self test's template; what float loses is taken from the compiled code's answers."""
     drive, step = scenario.mechanism.drive, scenario.run.step_s
-    rad, command, newton = _DOUBLE_RAD, 4 * _DOUBLE_RAD, _DOUBLE_N
+    windings = np.array(problem.windings_m) / drive.gear_ratio
+    asked = np.maximum(course.inversion.drum_N, 0.0) * windings
+    asked = asked.sum(axis=1, keepdims=True) if problem.loop else asked
+    rad, command, newton, newton_metre = (
+        _DOUBLE_RAD,
+        4 * _DOUBLE_RAD,
+        _DOUBLE_N,
+        _DOUBLE_N * float(np.abs(windings).max()),
+    )
     if precision is Precision.FLOAT:
         # A reversal that rounding tells a sample later crosses the play that much later.
         rad, command, newton = _UNMEASURED_RAD, 4 * _UNMEASURED_RAD + drive.play_rad, _UNMEASURED_N
+        newton_metre = 4 * newton * float(np.abs(windings).max())
         if found is not None:
             rad = 1e-5 + 3 * float(np.abs(found.motor_rad - course.motor_rad).max())
             command = 1e-5 + 3 * float(np.abs(found.command_rad - course.command_rad).max())
+            newton_metre = 1e-6 + 3 * float(np.abs(found.motor_torque_N_m - asked).max())
             newton = 1e-3 + 3 * float(np.abs(found.tension_N - course.tension_N).max())
     seen = 0
     limit = drive.speed_max_rad_per_s
@@ -180,6 +195,10 @@ def golden_context(
         "motor_rad": course.motor_rad,
         "command_rad": course.command_rad,
         "tension_N": course.tension_N,
+        "motor_torque_N_m": asked,
+        "tolerance_N_m": f"{newton_metre:.3g}",
+        "torque_max_N_m": f"{drive.torque_max_N_m or 1e30:.9g}",
+        "observed_rad": f"{_observed_rad(scenario, course, rad):.3g}",
         "tolerance_rad": f"{rad:.3g}",
         "tolerance_command": f"{command:.3g}",
         "tolerance_N": f"{newton:.3g}",
@@ -187,6 +206,15 @@ def golden_context(
         "back_rad": f"{1e-3 + 2 * float(np.ptp(beyond)):.3g}",
         "seen": seen,
     }
+
+
+def _observed_rad(scenario: JointScenario, course: JointCourse, rad: float) -> float:
+    """What an observer may miss of the joint's angle when it is given the motor's; 0 where it takes no such motor."""
+    mechanism, step = scenario.mechanism, scenario.run.step_s
+    observed, fastest = observed_motor(scenario, course.angle_rad)
+    quick = float(np.abs(np.diff(course.motor_rad, axis=0)).max(initial=0.0)) > STEP_RAD + fastest * step
+    pair = len(mechanism.tendons) > 1 and mechanism.drive.kind is not DriveKind.LOOP
+    return 0.0 if quick or pair else 20 * rad * max(1.0, abs(observed)) + 1e-8
 
 
 def run_courses(
@@ -206,7 +234,7 @@ def run_courses(
     call = code.function("run", ctypes.c_int, ctypes.c_long, *(code.reals,) * 4, result=ctypes.c_int)
     answers = []
     for course, number in zip(courses, which, strict=True):
-        out = np.empty((len(course.angle_rad), 6), dtype=code.real)
+        out = np.empty((len(course.angle_rad), 8), dtype=code.real)
         inputs = (code.array(each) for each in (course.angle_rad, course.contact_N_m, course.other_rad))
         if call(number, len(out), *inputs, out) != 1:
             raise CodeError(f"the exported code refuses the start of joint {number}")
@@ -217,6 +245,7 @@ def run_courses(
                 motor_rad=found[:, :motors],
                 command_rad=found[:, 2 : 2 + motors],
                 tension_N=found[:, 4 : 4 + tendons],
+                motor_torque_N_m=found[:, 6 : 6 + motors],
             )
         )
     return answers

@@ -11,6 +11,7 @@ from tendonff.compensator.export.modules import accepted_steps
 from tendonff.compensator.export.text.c_text import harmless
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.joint.adaptation import TunedJoint
+from tendonff.compensator.joint.export import observed
 from tendonff.compensator.joint.export.adaptive import adaptive_context
 from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint, sample_joint
 from tendonff.models.errors import ParameterError
@@ -23,7 +24,10 @@ from tendonff.ocp.joint.start import joint_problem
 from tendonff.ocp.joint.target import MOVES, joint_code, other_joints
 
 _TEMPLATES = environment("tendonff.compensator.export", "templates/joint")
+_LIBRARY = environment("tendonff.compensator.export", "templates/library")
 _PACKAGES = environment("tendonff.compensator.export", "templates/transmission")
+LIBRARY_FILES = ("Makefile.j2", "CMakeLists.txt.j2")
+"""Templates that take `modules` and `headers`, whatever these are."""
 _PUSH_N = -1e-6
 """Tensions of a loop that count as pushing: those of rounding do not."""
 
@@ -63,6 +67,7 @@ def module_text(
     context |= {"records": records, "joints": records[: len(scenarios)]}
     context |= adaptive_context(scenarios, tuned, prefix, precision)
     modules = ["joint", *(["joint_adaptive"] if more else [])]
+    context |= {"modules": modules, "headers": [f"{prefix}_{m}.h" for m in modules]}
     return {f"{prefix}_{m}.{end}": render(f"{m}.{end}.j2", context) for m in modules for end in ("h", "c")}, context
 
 
@@ -130,12 +135,18 @@ def _context(
         "masses": masses,
         "states": layout.size,
         "memory": memory,
-        "state_bytes": 8 * -(-((2 * (2 * layout.size + memory) + 48) * size + 36) // 8),
+        "state_bytes": 8 * -(-((2 * (2 * layout.size + memory) + 55) * size + 36) // 8),
         "others": others,
         "other_parameter": f", const {prefix}_real other_rad[]" if others else "",
         "re_entry": max(1, round(RE_ENTRY_S / step)),
         "steps": accepted_steps(step),
-        "observe_moves": 40,
+        "observe_moves": observed.MOVES,
+        "observe_width_rad": 1e-13 if precision is Precision.DOUBLE else 2e-7,
+        "observe_step_rad": observed.STEP_RAD,
+        "observe_lost_s": max(observed.LOST_S, 10 * step),
+        "observe_speed": f"{observed.SPEED:g}",
+        "observe_speed_of_course": f"{observed.SPEED_OF_COURSE:g}",
+        "halvings": 45 if precision is Precision.DOUBLE else 22,
         "observe_rad": 1e-11 if precision is Precision.DOUBLE else 2e-6,
         "push": _PUSH_N if precision is Precision.DOUBLE else 100 * _PUSH_N,
         "moves": MOVES[precision],
@@ -204,6 +215,7 @@ def _described(
         *(text(drive.pretension_N or 0.0), text(drive.least_tension_N or 0.0), both(compliance), both(scale)),
         *(text(change), text(drive.torque_max_N_m or 1e30), text(drive.servo_time_s / step)),
         *(text(scale[0] / mechanism.arms_at(float(sampled.angle_rad[0]))[0]),),
+        *(text(observed.observed_motor(scenario, sampled.angle_rad)[1]),),
         *(text(drive.play_rad / 2), text(drive.turning_rad)),
     ]
     if others:
@@ -247,4 +259,4 @@ def transmission_files(context: dict[str, Any], others: Sequence[str]) -> dict[s
 
 def render(template: str, context: dict[str, Any]) -> str:
     """Text of a template of joints."""
-    return _TEMPLATES.get_template(template).render(context)
+    return (_LIBRARY if template in LIBRARY_FILES else _TEMPLATES).get_template(template).render(context)

@@ -20,7 +20,7 @@ from tendonff.compensator.scenario.joints import Joint, read_joints
 from tendonff.compensator.scenario.reference import Shape, along_waypoints
 from tendonff.compensator.scenario.sampled.joint_motion import joint_angles
 from tendonff.compensator.scenario.scenario import SCHEMA, path_keys, spread_keys, with_spread
-from tendonff.compensator.scenario.settings import Run
+from tendonff.compensator.scenario.settings import Feedback, Run
 from tendonff.compensator.scenario.tables import ROPE_KEYS, check_names, expand, read_kind, read_table, show
 from tendonff.compensator.scenario.toml import toml_of
 from tendonff.models.errors import ParameterError
@@ -31,7 +31,7 @@ from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.models.path import JointMotion
 
 _PARTS: dict[str, type] = {"path": TendonPath, "tendon": Tendon, "friction": Friction}
-_TABLES = ("joints", "tendons", "drive", "reference", "run", "robust", "adaptation", "observer", *_PARTS)
+_TABLES = ("joints", "tendons", "drive", "reference", "run", "robust", "adaptation", "feedback", "observer", *_PARTS)
 _TENDON_KEYS = ("name", "moment_arm_m", "lengths", *_PARTS)
 _NOT_FOR_A_JOINT = {
     "actuator": "the motors stand in [drive]",
@@ -60,6 +60,8 @@ class JointScenario:
         Laws of angle and torque from the motor, where `identify` has fitted them.
     adaptation : JointAdaptation or None
         Self-tuning, where the file has the table.
+    feedback : Feedback or None
+        Feedback beside the feedforward, where the file has the table.
     source : Path
         The file it was read from.
     text : str
@@ -80,6 +82,7 @@ class JointScenario:
     observer: ObserverTable | None = None
     inputs: tuple[Path, ...] = field(default=())
     adaptation: JointAdaptation | None = None
+    feedback: Feedback | None = None
 
     def reference_file(self) -> Path | None:
         """The file of a CSV reference, resolved; None for the other kinds."""
@@ -208,6 +211,7 @@ def parse_joint_scenario(text: str, source: str | os.PathLike[str] = "scenario.t
             if "adaptation" in raw
             else None
         ),
+        feedback=read_table(Feedback, raw["feedback"], file=file, table="feedback") if "feedback" in raw else None,
         source=source,
         text=text,
         observer=read_table(ObserverTable, raw["observer"], file=file, table="observer") if "observer" in raw else None,

@@ -11,7 +11,7 @@ from tendonff.compensator.compensators.expectation import (
     expectation_of,
 )
 from tendonff.compensator.compensators.optimal import Optimal
-from tendonff.compensator.compensators.plant import Plant, Slack, delivered_of
+from tendonff.compensator.compensators.plant import Plant, Slack, delivered_of, followed
 from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import ignored_motion, slack_warnings
@@ -100,8 +100,7 @@ def compare(
             warnings.append(Remark(_NOT_SEARCHED))
         for plant in PLANTS:
             for name, profile in profiles.items():
-                command = b"" if profile.command_m is None else profile.command_m.tobytes()
-                key = (profile.force_N.tobytes() + command, plant)
+                key = (profile.force_N.tobytes() + profile.given.tobytes(), plant)
                 if key not in seen:  # none and capstan do not depend on the design level
                     replays = _outputs(transmission, plant, profile, reference, (name, plant), slack)
                     seen[key] = entry_of(
@@ -178,7 +177,9 @@ def _outputs(
     """Response of a plant with ever larger steps, then with a force that is a little different."""
     if plant == CAPSTAN_PLANT:
         # Exact for a force that is linear between rows: nothing to refine.
-        law, rows, start = CapstanLaw.of(transmission), profile.force_N, reference.initial_tension_N
+        law, start = CapstanLaw.of(transmission), reference.initial_tension_N
+        force = profile.command_N is not None
+        rows = followed(transmission.actuator, profile.given, reference) if force else profile.force_N
         if reference.periodic:  # the second period is that of the steady state
             rows = np.concatenate([rows[:-1], rows])
         tension = law.output_history_N(rows, start)[-len(profile.force_N) :]
@@ -196,6 +197,7 @@ def _outputs(
         profile,
         force_N=start + (profile.force_N - start) * (1 + NUDGE),
         command_m=None if profile.command_m is None else profile.command_m * (1 + NUDGE),
+        command_N=None if profile.command_N is None else start + (profile.command_N - start) * (1 + NUDGE),
     )
     yield (
         Plant(transmission, level, refinement=REFINEMENTS[0]).respond(nudged, reference).require().delivered(reference)

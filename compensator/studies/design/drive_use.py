@@ -69,12 +69,14 @@ def drive_use(result: Design) -> tuple[DriveUse, ...]:
 
 
 def drive_columns(result: Design) -> dict[str, FloatArray]:
-    """Columns of `profile.csv` beside the forces: travel, command of a position drive, motor torque and angle."""
+    """Columns of `profile.csv` beside the forces: travel, commands, motor torque and angle."""
     used, motor = drive_use(result), result.scenario.transmission.actuator.motor
     columns = {f"travel_{use.name}_m": use.travel_m for use in used}
     for name, profile in result.profiles.items():
         if profile.command_m is not None:
             columns[f"command_{name}_m"] = profile.command_m
+        if profile.command_N is not None:
+            columns[f"command_{name}_N"] = profile.command_N
     if motor is not None:
         columns |= {f"motor_torque_{use.name}_N_m": use.torque_N_m(motor) for use in used}
         columns |= {f"motor_angle_{use.name}_rad": use.angle_rad(motor) for use in used}

@@ -95,8 +95,7 @@ def design(
     plants = [*((Plant(transmission, each), verified) for each in Level), (Plant.fine(transmission, level), proof)]
     first: dict[bytes, str] = {}  # of equal profiles: they are tried once
     for name, profile in profiles.items():
-        commanded = profile.force_N if profile.command_m is None else profile.command_m
-        equal = first.setdefault(commanded.tobytes(), name)
+        equal = first.setdefault(profile.given.tobytes(), name)
         for plant, found in plants:
             tried = next((v for v in found if v.compensator == equal and v.plant is plant), None)
             found.append(verify(plant, name, profile, reference) if tried is None else replace(tried, compensator=name))

@@ -20,6 +20,7 @@ from tendonff.compensator.scenario.sampled.sampling import initial_tension
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs
+from tendonff.models.parameters import Actuator
 from tendonff.models.parameters.drive import Drive
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.errors import SolveError
@@ -61,15 +62,21 @@ class ForceProfile:
         return np.interp(time_s, self.time_s, self.force_N)
 
 
-def read_force(path: Path, column: str | None = None, drive: Drive = Drive.FORCE) -> ForceProfile:
+def read_force(path: Path, column: str | None = None, actuator: Actuator | None = None) -> ForceProfile:
     """Read what drives the actuator: columns time_s and force_N, or command_m for a position drive, first row at 0.
+
+    The file of a force drive with a lag or the like has its commands: force_N, or command_NAME_N in a profile.csv.
 
     In a `profile.csv` the optimal one is taken, unless a column is named. InputError where the file is refused, or its
     columns do not tell which is the force.
     """
+    drive = Drive.FORCE if actuator is None else actuator.drive
     word, unit, units = ("force", "N", FORCE_UNITS) if drive is Drive.FORCE else ("command", "m", LENGTH_UNITS)
     plain, usual = f"{word}_{unit}", f"{word}_optimal_{unit}"
     names = table_dialect(path, ("time_s", plain, *([column] if column else []))).names
+    if drive is Drive.FORCE and actuator is not None and not actuator.servo.is_ideal:
+        word = "command" if any(re.fullmatch(r"command_\w+_N", name) for name in names) else word
+        usual = f"{word}_optimal_{unit}"
     profiles = [name for name in names if re.fullmatch(rf"{word}_\w+_{unit}", name)]
     note: tuple[str, ...] = ()
     if column is None and plain not in names and usual in profiles:
@@ -139,6 +146,10 @@ def simulate_force(
     start_tension, given = initial_tension(scenario), profile
     chain = Chain.of(moved(scenario, float(profile.time_s[-1])), level)
     actuator = scenario.transmission.actuator
+    if not actuator.servo.is_ideal:
+        grid: FloatArray = np.arange(total, dtype=np.float64) * step
+        reached = actuator.servo.follow(profile.at(grid), step)
+        profile = replace(profile, time_s=grid, force_N=reached)
     if profile.is_command:
         chain, drive = behind_servo(chain, actuator, start_tension, profile.force_N)
         profile = replace(profile, force_N=drive)

@@ -7,9 +7,7 @@ import numpy as np
 
 from tendonff.models.errors import ParameterError, require, require_given
 from tendonff.models.layout import Array
-
-TURNING = 0.05
-"""Share of its play by which a drum turns back before the motor crosses it [-]: rounding is no reversal."""
+from tendonff.models.servo import CommandHold, Servo
 
 
 class DriveKind(StrEnum):
@@ -57,8 +55,12 @@ class JointDrive:
         Time constant with which the motor follows its command [s], >= 0.
     resolution_rad : float, optional
         Step of the command at the motor [rad], >= 0: 2 pi/4096 for 12 bits a turn.
+    delay_s : float, optional
+        Dead time between a command and the motor's answer [s], >= 0.
     command_interval_s : float, optional
         Time between two commands [s], > 0; default: one a step.
+    command_hold : CommandHold, optional
+        What the drive makes of commands between their samples; default: a straight line.
     backlash_rad : float, optional
         Play of the gear, in series with the drum of a loop [rad of the commanded shaft], >= 0: the drum stands, held by
         its tendons, until the motor has crossed it. A pair's tensions keep its gears on one side.
@@ -78,17 +80,21 @@ class JointDrive:
     speed_max_rad_per_s: float | None = None
     torque_max_N_m: float | None = None
     servo_time_s: float = 0.0
+    delay_s: float = 0.0
     resolution_rad: float = 0.0
     command_interval_s: float | None = None
+    command_hold: CommandHold = CommandHold.LINE
     backlash_rad: float = 0.0
     homing_rad: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "kind", DriveKind(self.kind))
+        object.__setattr__(self, "command_hold", CommandHold(self.command_hold))
         for radius in self.drum_radius_m:
             require("drum_radius_m", radius, above=0, hint="half the drum's diameter plus half the tendon's")
         require("gear_ratio", self.gear_ratio, above=0, hint="turns of the motor for one of the drum")
-        for name in ("inertia_kg_m2", "coulomb_N_m", "servo_time_s", "resolution_rad", "backlash_rad", "homing_rad"):
+        least_zero = ("inertia_kg_m2", "coulomb_N_m", "servo_time_s", "delay_s", "resolution_rad", "backlash_rad")
+        for name in (*least_zero, "homing_rad"):
             require(name, getattr(self, name), least=0, hint="leave it out for none")
         for name in ("torque_constant_N_m_per_A", "speed_max_rad_per_s", "torque_max_N_m", "command_interval_s"):
             require_given(name, getattr(self, name), above=0, hint="leave it out if it is not known")
@@ -125,6 +131,18 @@ class JointDrive:
         return self.backlash_rad if self.kind is DriveKind.LOOP else 0.0
 
     @property
+    def servo(self) -> Servo:
+        """The way from a command to the drum, both as angles of the commanded shaft."""
+        return Servo(
+            servo_time_s=self.servo_time_s,
+            delay_s=self.delay_s,
+            command_interval_s=self.command_interval_s,
+            command_hold=self.command_hold,
+            resolution=self.resolution_rad,
+            play=self.play_rad,
+        )
+
+    @property
     def turning_rad(self) -> float:
         """Way back of a drum from where it went furthest that counts as a reversal [rad of the commanded shaft]."""
-        return max(TURNING * self.play_rad, self.resolution_rad)
+        return self.servo.turning

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import tendonff as tf
+from benchmarks.joint_glitches import Course, Fault
 from tendonff.compensator.export.host import compile_on_host
 from tendonff.compensator.joint.compensators import linear_motor_rad
 from tendonff.compensator.joint.export.project import export_joints
@@ -29,7 +30,7 @@ int observe(long n, const tff_real *motor, tff_real *angle)
         good = good && (tff_joint_observe(&self, TFF_STEP_S, motor[k], 0) == TFF_OK);
         angle[k] = self.angle_rad;
     }
-    return good && (tff_joint_observe(&self, TFF_STEP_S, 1e3, 0) == TFF_FAILED) && (self.angle_rad == angle[n - 1])
+    return good && (tff_joint_observe(&self, TFF_STEP_S, 1e3, 0) == TFF_INPUT_HELD) && (self.angle_rad == angle[n - 1])
         && (tff_joint_observe(&self, -TFF_STEP_S, 0, 0) == TFF_INPUT_HELD);
 }
 """
@@ -42,7 +43,7 @@ def hand(examples, tmp_path_factory):
 
 @pytest.mark.parametrize(("precision", "most_rad"), [(Precision.DOUBLE, 1e-8), (Precision.FLOAT, 3e-4)])
 def test_the_observer_says_where_the_forward_simulation_has_the_joint(hand, precision, most_rad):
-    """The motor goes by the ratio alone, which leaves the joint 0.8 deg behind. A motor out of reach is reported."""
+    """The motor goes by the ratio alone, which leaves the joint 0.8 deg behind. A motor that jumps is reported."""
     sampled = sample_joint(hand)
     motor = linear_motor_rad(hand, sampled)
     code = compile_on_host(joint_sources((hand,), precision=precision), DRIVER, precision)
@@ -52,6 +53,77 @@ def test_the_observer_says_where_the_forward_simulation_has_the_joint(hand, prec
     there = tf.simulate_joint(problem_of(hand, sampled), motor.reshape(-1, 1), hand.run.step_s).angle_rad
     assert np.abs(there - sampled.angle_rad).max() > 0.01
     assert np.abs(angle - there).max() < most_rad
+
+
+@pytest.fixture(scope="module")
+def course(examples):
+    return Course.of(tf.load_joint_scenario(examples / "hand_joint.toml"))
+
+
+@pytest.mark.parametrize(("samples", "jump_rad", "longest"), [(2, 2 * np.pi, 0), (20, 1.0, 0), (400, -2 * np.pi, 150)])
+@pytest.mark.parametrize("start", [0.2, 0.45, 0.7])
+def test_an_observer_comes_back_after_a_fault_of_the_encoder(course, start, samples, jump_rad, longest):
+    """At once, to 2 deg meanwhile; after 0.1 s without a good angle from rest at the nearest one, which is flagged."""
+    right, usual = course.observed(course.motor_rad)
+    assert not usual.any()
+    fault = Fault(start=start, samples=samples, jump_rad=jump_rad)
+    angle, status = course.observed(course.faulty(fault))
+    at = round(start * len(angle))
+    assert np.all(status[at : at + min(samples, 40)] == 1)
+    later = at + samples + longest
+    assert np.abs(angle - right)[later:].max() < np.deg2rad(0.2)
+    assert not status[later:].any()
+    assert np.any(status == 2048) == (longest > 0)
+    if not longest:
+        assert np.abs(angle - right).max() < np.deg2rad(2)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e9])
+def test_a_contact_that_is_no_number_holds_the_observer(course, bad):
+    contact = np.zeros_like(course.motor_rad)
+    contact[400:410] = bad
+    right, _ = course.observed(course.motor_rad)
+    angle, status = course.observed(course.motor_rad, contact)
+    assert np.all(status[400:410] == 1)
+    assert np.all(angle[400:410] == angle[399])
+    assert np.abs(angle - right)[410:].max() < 1e-3
+
+
+def test_noise_without_end_is_refused_and_starts_nothing_again(course):
+    motor = course.motor_rad + 5.0 * np.random.default_rng(1).standard_normal(len(course.motor_rad))
+    angle, status = course.observed(motor)
+    assert np.all(np.isfinite(angle))
+    assert np.mean(status == 1) > 0.5
+    assert np.ptp(angle) < 4
+
+
+INIT_AT = """#include <math.h>
+#include "tff_joint.h"
+int start(const tff_real *motor, tff_real *command, tff_real *plain)
+{
+    static tff_joint self, usual, none;
+    int k, good = tff_joint_init_at(&self, 0, 0.1, motor, 0) && tff_joint_init(&usual, 0, 0.1, 0);
+    *command = self.command_rad[0];
+    for (k = 0; k < 50; k++) {
+        (void)tff_joint_step(&self, 0.1 + (0.002 * k), 0);
+        (void)tff_joint_step(&usual, 0.1 + (0.002 * k), 0);
+    }
+    plain[0] = self.command_rad[0] - usual.command_rad[0];
+    good = good && tff_joint_init_at(&none, 0, 0.1, motor, 0);
+    good = good && (tff_joint_observe(&none, TFF_STEP_S, *motor, 0) == TFF_OK) && (fabs(none.angle_rad - 0.1) < 1e-9);
+    good = good && (tff_joint_init_at(&none, 0, 0.1, &plain[1], 0) == 0);
+    return good && (tff_joint_step(&none, 0.1, 0) == TFF_FAILED);
+}
+"""
+
+
+def test_a_joint_starts_from_where_its_motor_is(hand):
+    code = compile_on_host(joint_sources((hand,)), INIT_AT, Precision.DOUBLE)
+    command, plain = code.array(np.zeros(1)), code.array(np.array([0.0, np.nan]))
+    call = code.function("start", *(code.reals,) * 3, result=ctypes.c_int)
+    assert call(code.array(np.array([3.5])), command, plain) == 1
+    assert command[0] == pytest.approx(3.5, abs=1e-12)
+    assert plain[0] == pytest.approx(3.5, abs=1e-9)
 
 
 def test_a_pair_has_no_observer(examples):

@@ -26,6 +26,8 @@ OTHER_RULES = (
     "travel_min_m",
     "travel_max_m",
     "servo_stiffness_N_per_m",
+    "command_hold",
+    "backlash_m",
 )
 PARTS = ("path", "tendon", "friction", "actuator", "load")
 
@@ -44,7 +46,7 @@ def test_every_number_is_refused_by_name_when_negative_or_nan(generic: Transmiss
                 with pytest.raises(ParameterError, match=f"{field.name} must be .*got {bad}"):
                     changed(generic, part, **{field.name: bad})
                 seen += 1
-    assert seen == 3 * 30
+    assert seen == 3 * 34
 
 
 def test_a_number_too_large_for_any_transmission_is_refused_instead_of_overflowing(generic: Transmission) -> None:

@@ -140,7 +140,10 @@ def _design_motors(
     with progress("writing"):
         result.write(folder)
     warn(*result.warnings)
-    say(result.headline, result.fine_print, f"report: {out / 'report.html'}")
+    say(result.headline, result.fine_print)
+    if isinstance(result, JointDesign) and result.feedback is not None:
+        say(result.feedback.sentence)
+    say(f"report: {out / 'report.html'}")
     if check is not None and isinstance(result, JointDesign):
         from tendonff.compensator.joint.design.check import check_joint_design
 

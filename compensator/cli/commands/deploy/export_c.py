@@ -12,6 +12,7 @@ from tendonff.compensator.cli.options import (
     PrefixOption,
     YesOption,
     looked_at,
+    of_fingers,
     of_one_joint,
     opened,
 )
@@ -20,9 +21,11 @@ from tendonff.compensator.files.text import InputError
 from tendonff.ocp.codegen.precision import Precision
 
 if TYPE_CHECKING:
+    from tendonff.compensator.finger.scenario import FingerScenario
+    from tendonff.compensator.joint.export.judgement import JudgedJoint
     from tendonff.compensator.joint.scenario.scenario import JointScenario
 
-_SEVERAL = "no C is exported for several joints yet; tf.Runtime gives their motor angles step by step"
+_APART = "a project holds single joints or fingers, each kind in a folder of its own; give one kind at a time"
 
 
 def export_c(
@@ -43,11 +46,12 @@ def export_c(
 ) -> None:
     """Write C99 for the controller.
 
-    Inverse, capstan law, table, optimal profile, and the chain itself for tests; of driven joints the inverse, one copy
-    of the code for all of them.
+    Inverse, capstan law, table, optimal profile, and the chain itself for tests; of driven joints and
+    fingers the inverse, one copy of the code for all of them.
     """
     scenario = scenarios[0]
     with opened(scenario, out, yes=yes) as (loaded, folder):
+        from tendonff.compensator.finger.scenario import FingerScenario
         from tendonff.compensator.scenario.scenario import Scenario
 
         if not isinstance(loaded, Scenario):
@@ -55,9 +59,11 @@ def export_c(
                 raise InputError(
                     f"{scenario.name}: --level is for the tension of one tendon; set [run] level in the file"
                 )
-            joints = [
-                of_one_joint(each, _SEVERAL) for each in (loaded, *(looked_at(p, yes=yes) for p in scenarios[1:]))
-            ]
+            every = [loaded, *(looked_at(p, yes=yes) for p in scenarios[1:])]
+            if isinstance(loaded, FingerScenario):
+                fingers = [of_fingers(each, _APART) for each in every]
+                return _export_fingers(fingers, folder, out, precision, prefix, force_export=force_export)
+            joints = [of_one_joint(each, _APART) for each in every]
             return _export_joints(joints, folder, out, precision, prefix, force_export=force_export)
         if len(scenarios) > 1:
             raise InputError(
@@ -86,9 +92,26 @@ def _export_joints(
     with progress("exporting"):
         exported = export_joints(loaded, precision=precision, prefix=prefix, force_export=force_export)
         exported.write(folder)
+    _say_joints(exported.judged, "ratio", exported.loss_rad)
     warn(*exported.warnings)
-    for each in exported.judged:
-        say(f"{each.name}: RMS error {each.text(each.rms)}, by the ratio alone {each.text(each.plain_rms)}")
-    if exported.loss_rad is not None:
-        say(f"compiled here, the code departs from the model by {exported.loss_rad:.2g} rad at most")
     say(f"{len(exported.files)} files in {out}; `make test` there compares them with the Python model")
+
+
+def _export_fingers(
+    loaded: list["FingerScenario"], folder: Path, out: Path, precision: Precision, prefix: str, *, force_export: bool
+) -> None:
+    from tendonff.compensator.finger.export.project import export_fingers
+
+    with progress("exporting"):
+        exported = export_fingers(loaded, precision=precision, prefix=prefix, force_export=force_export)
+        exported.write(folder)
+    _say_joints(exported.judged, "lengths", exported.loss_rad)
+    warn(*exported.warnings)
+    say(f"{len(exported.files)} files in {out}; `make test` there compares them with the Python model")
+
+
+def _say_joints(judged: tuple["JudgedJoint", ...], plain: str, loss_rad: float | None) -> None:
+    for each in judged:
+        say(f"{each.name}: RMS error {each.text(each.rms)}, by the {plain} alone {each.text(each.plain_rms)}")
+    if loss_rad is not None:
+        say(f"compiled here, the code departs from the model by {loss_rad:.2g} rad at most")

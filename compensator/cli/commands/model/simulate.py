@@ -58,7 +58,7 @@ def simulate(
     from tendonff.compensator.studies.simulate.run import doubts_of, notes_of, read_force, simulate_force
 
     loaded = loaded if joints is None else moved_by_file(loaded, joints)
-    profile = read_force(force, column, loaded.transmission.actuator.drive)
+    profile = read_force(force, column, loaded.transmission.actuator)
     say(*profile.notes)
     warn(*settle(doubts_of(loaded, profile), file=scenario.name, accept=yes), *notes_of(loaded, profile))
     if out.exists() and any(out.samefile(source) for source in (scenario, force, joints) if source):

@@ -24,7 +24,9 @@ from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters.drive import Drive, Motor
 from tendonff.models.parameters.uncertainty import Spread, Uncertainty
+from tendonff.models.servo import CommandHold
 from tendonff.ocp.tendon import periodic
+from tendonff.ocp.tracking.held import improve_samples
 from tests.independent_plant import respond
 
 pytestmark = pytest.mark.compiler
@@ -381,3 +383,70 @@ def test_a_joint_that_does_not_repeat_with_the_cycle_is_refused(exosuit):
     fading = SineJoint(amplitudes_rad=(0.2,), frequencies_Hz=(1.0,), fade_in_s=0.2)
     with pytest.raises(InputError, match="whole periods and fade_in_s = 0"):
         Problem.of(replace(exosuit, joints={**exosuit.joints, "knee": fading}))
+
+
+def behind(actuator, time_s, command, parts=20):
+    """Output of a drive with lag, delay and held commands, by the trapezoidal rule: times and values."""
+    fine = np.arange((len(command) - 1) * parts + 1) * (time_s[1] / parts)
+    late = fine - (actuator.delay_s or 0.0)
+    if actuator.command_interval_s:
+        late = np.floor(late / actuator.command_interval_s + 1e-9) * actuator.command_interval_s
+    given = np.interp(late, time_s, command)
+    if not actuator.servo_time_s:
+        return fine, given
+    found, half = given.copy(), 0.5 * fine[1] / actuator.servo_time_s
+    for row in range(1, len(given)):
+        found[row] = ((1 - half) * found[row - 1] + half * (given[row] + given[row - 1])) / (1 + half)
+    return fine, found
+
+
+def arrived(scenario, command, masses=12):
+    """RMS error on the independent plant behind its drive, % of range."""
+    reference = Problem.of(scenario).reference
+    time, force = behind(scenario.transmission.actuator, reference.time_s, command)
+    seen = respond(scenario.transmission, time, force, reference.initial_tension_N, masses=masses)
+    return percent(seen.output_N[::20] - reference.tension_N, reference)
+
+
+def test_lag_and_delay_of_a_force_drive_are_taken_back_on_an_independent_plant(examples, record_property):
+    """0.3 % of range; the force itself as command misses ten times that."""
+    slow = actuated(load_scenario(examples / "finger.toml"), servo_time_s=0.02, delay_s=0.005)
+    _, profile = answer(slow)
+    error, force = arrived(slow, profile.command_N), arrived(slow, profile.force_N)
+    record_property("figure", f"force drive with a lag of 20 ms and a delay of 5 ms: {error:.2g} % ({force:.2g} %)")
+    assert error < 0.3
+    assert force > 10 * error
+
+
+def test_the_expected_error_counts_a_lag_that_is_not_known_well(examples):
+    """What [robust.spread] states of the drive is simulated, and named where it is the largest."""
+    scenario = actuated(load_scenario(examples / "finger.toml"), servo_time_s=0.02)
+    spread = (Spread(keys=("actuator.servo_time_s",), low=0.01, high=0.03),)
+    scenario = replace(scenario, robust=Uncertainty(spread=spread, samples=3))
+    problem, profile = answer(scenario)
+    found = expect(problem.doubt, problem.level, {"inverse": profile}, problem.reference)
+    slower = actuated(scenario, servo_time_s=0.03)
+    assert found.best.worst.rmse_percent_of_range == pytest.approx(arrived(slower, profile.command_N), rel=0.1)
+    assert found.contributions[0].key == "actuator.servo_time_s"
+
+
+@pytest.mark.nightly
+def test_held_commands_are_nearly_the_best_at_their_rate(examples, record_property):
+    """At most 1.15 times what least squares over the judging plant itself finds."""
+    held = actuated(load_scenario(examples / "finger.toml"), command_interval_s=0.02, command_hold=CommandHold.HOLD)
+    problem, profile = answer(held)
+    reference = problem.reference
+    plant = Plant(held.transmission, problem.level, 12, 4)
+    at = np.arange(0.0, reference.time_s[-1] + 0.02, 0.02)
+
+    def output(samples):
+        tried = replace(profile, command_N=np.interp(reference.time_s, at, samples))
+        return plant.respond(tried, reference).output_N
+
+    start = np.interp(at, reference.time_s, profile.command_N)
+    best = improve_samples(output, start, reference.tension_N, 0.05)
+    least = arrived(held, np.interp(reference.time_s, at, best))
+    own, plain = arrived(held, profile.command_N), arrived(held, profile.force_N)
+    record_property("figure", f"commands held for 20 ms: {own:.2g} %, best {least:.2g} %, force itself {plain:.2g} %")
+    assert own < 1.15 * least
+    assert plain > 5 * own

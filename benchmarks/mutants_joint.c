@@ -1,0 +1,70 @@
+/* Answers of the exported joints to random courses and calls: drift, jumps, bad inputs, steps with and without a time,
+ * pauses, starts at other motor angles, and of an observer that is given the motor, with faults of its encoder. ANGLES are
+ * the accepted ones, ADAPTIVE is defined where the joint tunes itself. */
+#include <math.h>
+#include <stdio.h>
+#ifdef ADAPTIVE
+#include "tff_joint_adaptive.h"
+#else
+#include "tff_joint.h"
+#endif
+#define ROWS 3000
+static unsigned long seed = 1u;
+static double uniform(void) { seed = (seed * 1103515245u + 12345u) & 0x7fffffffu; return (double)seed / 2147483648.0; }
+static tff_joint joint, observer;
+#ifdef ADAPTIVE
+static tff_joint_adaptive tuned;
+#endif
+
+int main(void)
+{
+    double angle = START, target = START, rate = 0.0, lost = 0.0;
+    tff_real there[2] = { 0, 0 };
+    int k;
+    (void)tff_joint_init(&joint, 0, START, 0);
+    (void)tff_joint_init(&observer, 0, START, 0);
+#ifdef ADAPTIVE
+    (void)tff_joint_adaptive_init(&tuned, 0, START, 0);
+#endif
+    for (k = 0; k < ROWS; k++) {
+        const double what = uniform();
+        const double dt = (double)TFF_STEP_S * ((uniform() < 0.005) ? 100.0 : 0.2 + 2.0 * uniform());
+        const double contact = (what > 0.985) ? 0.02 * (uniform() - 0.5) : 0.0;
+        double wanted, motor;
+        if (uniform() < 0.01) {
+            target = LOW + (HIGH - LOW) * uniform();
+            rate = (HIGH - LOW) * pow(10.0, -3.5 + 1.5 * uniform());
+        }
+        angle += (fabs(target - angle) < rate) ? (target - angle) : ((target > angle) ? rate : -rate);
+        wanted = (uniform() < 0.004) ? NAN : ((uniform() < 0.002) ? 1e3 : angle);
+        if (what < 0.003) {
+            there[0] = (tff_real)(uniform() - 0.5);
+            there[1] = (tff_real)(uniform() - 0.5);
+            angle = LOW + (HIGH - LOW) * (0.2 + 0.6 * uniform());
+            target = angle;
+            printf("%d ", (int)tff_joint_init_at(&joint, 0, (tff_real)angle, there, 0));
+            printf("%d ", (int)tff_joint_init_at(&observer, 0, (tff_real)angle, there, 0));
+        }
+        if (what < 0.6) {
+            (void)tff_joint_step(&joint, (tff_real)wanted, (tff_real)contact);
+        } else {
+            (void)tff_joint_step_dt(&joint, (tff_real)((what > 0.998) ? NAN : dt), (tff_real)wanted, (tff_real)contact);
+        }
+        lost = (lost > 0.0) ? lost - 1.0 : ((uniform() < 0.002) ? ((uniform() < 0.5) ? 2.0 : 300.0) : 0.0);
+        motor = (double)joint.motor_rad[0] + ((lost > 0.0) ? 6.283185307179586 : 0.0);
+        (void)tff_joint_observe(&observer, (tff_real)((what < 0.6) ? (double)TFF_STEP_S : dt), (tff_real)((uniform() < 0.003) ? NAN : motor), (tff_real)contact);
+        printf("%.12g %.12g %.12g %.12g %.12g %.12g %.12g %.12g %.12g %u %u %.12g %u %u", (double)joint.command_rad[0], (double)joint.command_rad[1],
+            (double)joint.motor_rad[0], (double)joint.motor_rad[1], (double)joint.motor_torque_N_m[0], (double)joint.tension_N[0], (double)joint.tension_N[1],
+            (double)joint.least_N, (double)joint.slack_m, joint.status, joint.seen, (double)observer.angle_rad, observer.status, observer.seen);
+#ifdef ADAPTIVE
+        if (what < 0.6) {
+            (void)tff_joint_adaptive_step(&tuned, (tff_real)wanted, (tff_real)contact, (tff_real)(angle * ((k < 1500) ? 1.0 : 0.98)));
+        } else {
+            (void)tff_joint_adaptive_step_dt(&tuned, (tff_real)dt, (tff_real)wanted, (tff_real)contact, (tff_real)((what > 0.98) ? NAN : angle));
+        }
+        printf(" %.12g %.12g %u %u", (double)tuned.command_rad, (double)tuned.factor, tuned.status, tuned.seen);
+#endif
+        printf("\n");
+    }
+    return 0;
+}

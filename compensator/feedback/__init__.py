@@ -1,0 +1,1 @@
+"""Feedback beside the feedforward: its design, its page, and its module on a controller."""

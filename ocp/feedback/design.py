@@ -1,0 +1,318 @@
+"""Design of the feedback beside a feedforward: gains that every mechanism that may be the real one can bear."""
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tendonff.models.errors import ParameterError
+from tendonff.models.turns import in_turn
+from tendonff.ocp.errors import SolveError
+from tendonff.ocp.feedback.closed_loop import ClosedLoop, Course, samples_of, simulate_feedback
+from tendonff.ocp.feedback.law import MOST_SAMPLES, FeedbackLaw
+from tendonff.ocp.feedback.linear import Branch, branches
+from tendonff.ocp.feedback.system import FeedbackSystem
+from tendonff.ocp.feedback.tune import Margins, Requirement, Sampled, margins_of, tune
+from tendonff.ocp.mechanism.compiled import CompiledMechanism
+from tendonff.ocp.mechanism.problem import Array, MechanismMemory, rest
+
+_SLOW_RAD_PER_S = 1.0  # at which the gain of sliding is taken
+_INSTANTS = 7  # of a motion that are linearised
+_WIDTHS = (0.003, 0.006, 0.012, 0.025, 0.05)  # half widths of the play to try, over the range of the reference
+_NARROWER = (0.4, 0.15)  # times the width with the best shape: what may do better in the loop
+_SHAPED = 0.5  # share of a feedforward's error that the shape of friction must explain to be used
+_TURNED = 0.5  # share of the integral that then turns with the reference
+_PEAK = 1.05  # of the feedforward's peak, above which a peak has a price
+_PEAK_PRICE = 2.0
+_FLOORS = (0.0, 0.1)
+"""Shares of critical damping that oscillations have at least [-]: what friction adds, where all else leaves no gain."""
+_ENOUGH = 0.5  # of the feedforward's error: a feedback that leaves no more needs no floor of damping
+_CLAMP = 1.5  # times the largest correction that was needed
+STANDING_S = 1.0
+"""Time of standing still in which limit cycles are looked for [s]."""
+_SWING, _FADES = 1e-3, 0.5  # of the range: a swing that counts; share of the swing before, below which it dies out
+_WORSE = 1.5  # times the feedforward's RMS error: a loop that oscillates while it moves
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sensor:
+    """Sensor and timing of the loops.
+
+    Parameters
+    ----------
+    sample_s : float
+        Time between two calls of the controller [s], > 0.
+    delay_s : float
+        Age of a measurement when it arrives [s], >= 0.
+    resolution : float, optional
+        Step of the measurement [unit of the goal], >= 0.
+    limit : float, optional
+        Largest correction [unit of the command], > 0; default: what the design finds necessary.
+    """
+
+    sample_s: float
+    delay_s: float
+    resolution: float = 0.0
+    limit: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LoopDesign:
+    """Laws of the loops, and their margins.
+
+    Attributes
+    ----------
+    laws : tuple of FeedbackLaw
+        One for each goal.
+    plants : tuple of Sampled
+        Branches that were judged, of all mechanisms.
+    growing : tuple of str
+        Branches that are unstable without feedback, to which margins do not apply.
+    least_damping : float
+        Share of critical damping that every oscillation of the branches was given at least, for friction [-].
+    margins : tuple of Margins
+        Worst of each goal over the branches.
+    """
+
+    laws: tuple[FeedbackLaw, ...]
+    plants: tuple[Sampled, ...]
+    growing: tuple[str, ...]
+    least_damping: float
+    margins: tuple[Margins, ...]
+
+    def with_laws(self, laws: Sequence[FeedbackLaw]) -> "LoopDesign":
+        """The same with other laws of the same gains' ratio, and their margins."""
+        return replace(self, laws=tuple(laws), margins=worst_margins(self.plants, laws))
+
+
+def worst_margins(plants: Sequence[Sampled], laws: Sequence[FeedbackLaw]) -> tuple[Margins, ...]:
+    """Least margins of each loop over all branches, the others closed."""
+    found = []
+    for goal in range(len(laws)):
+        each = [margins_of(plant.rad_per_s, plant.opened(laws, goal)) for plant in plants]
+        gain = min(each, key=lambda margins: margins.gain)
+        phase_deg = min(margins.phase_deg for margins in each)
+        found.append(Margins(gain=gain.gain, phase_deg=phase_deg, oscillation_Hz=gain.oscillation_Hz))
+    return tuple(found)
+
+
+@in_turn
+def design_loops(
+    systems: Sequence[FeedbackSystem],
+    course: Course,
+    sensor: Sensor,
+    requirement: Requirement,
+    *,
+    scored: slice = slice(None),
+    learns_age: bool = True,
+    scales_with_reference: bool = False,
+) -> LoopDesign:
+    """Gains, filter, clamp and shape of the feedback beside a feedforward.
+
+    Parameters
+    ----------
+    systems : sequence of FeedbackSystem
+        The nominal one and all others that may be the real one.
+    course : Course
+        Reference and feedforward.
+    sensor : Sensor
+    requirement : Requirement
+        Margins on every branch of every system.
+    scored : slice, optional
+        Rows whose errors count.
+    learns_age : bool, optional
+        The age of the measurement is learned.
+    scales_with_reference : bool, optional
+        Friction is proportional to the reference: a tension.
+
+    Raises
+    ------
+    ParameterError
+        If no gain keeps the margins, or the sensor's times do not fit the step.
+    SolveError
+        If the mechanism cannot be simulated under the feedforward.
+    """
+    every = samples_of(sensor.sample_s, course.step_s)
+    if sensor.delay_s > MOST_SAMPLES * sensor.sample_s:
+        raise ParameterError(
+            f"delay_s must be at most {MOST_SAMPLES} samples of {sensor.sample_s:g} s, got {sensor.delay_s:g}"
+        )
+    delay_s = sensor.delay_s + systems[0].drive_delay_s
+    found: list[Branch] = []
+    errors: list[Array] = []
+    for number, system in enumerate(systems):
+        run = simulate_feedback(system, (), course)
+        if not run.complete:
+            raise SolveError(f"the feedforward cannot be simulated beyond t = {len(run.output) * course.step_s:.4g} s")
+        memories, names = _states(system, course)
+        places = [f"system {number}, {place}" for place in (*names, "sticking")]
+        sticking = [False] * len(memories) + [True]
+        found += branches(system, [*memories, memories[0]], places, sticking=sticking)
+        errors.append((run.output - course.reference)[scored])
+    slow = np.array([_SLOW_RAD_PER_S])
+    sliding = np.max([np.abs(b.response(slow, sensor.sample_s, 0.0)[0].diagonal()) for b in found], axis=0)
+    laws = tuple(
+        replace(
+            _shape(
+                goal, course, [error[:, goal] for error in errors], sensor, scored, learns_age, scales_with_reference
+            ),
+            gain=float(sliding[goal]),
+            lag_s=systems[0].lag_s,
+        )
+        for goal in range(len(systems[0].goals))
+    )
+    rms = [float(np.sqrt(np.mean(error**2))) for error in errors]
+    worst = sorted(range(len(errors)), key=lambda k: -rms[k])[:2]
+    peaks = [float(np.abs(errors[k]).max()) for k in worst]
+
+    def cost(tried: tuple[FeedbackLaw, ...]) -> float:
+        found = 0.0
+        for k, peak in zip(worst, peaks, strict=True):
+            run = simulate_feedback(systems[k], tried, course, resolution=sensor.resolution)
+            if not run.complete:
+                return math.inf
+            error = (run.output - course.reference)[scored]
+            over = max(float(np.abs(error).max()) - _PEAK * peak, 0.0)
+            found = max(found, float(np.sqrt(np.mean(error**2))) + _PEAK_PRICE * over)
+        return found
+
+    lag_s = delay_s + systems[0].lag_s + sensor.sample_s / 2
+    chosen: list[tuple[float, tuple[FeedbackLaw, ...], float, tuple[Sampled, ...]]] = []
+    for floor in _FLOORS:
+        stable = [each for each in (branch.damped(floor) for branch in found) if not each.grows]
+        plants = tuple(Sampled.of(each, sensor.sample_s, delay_s) for each in stable)
+        if plants and (best := tune(plants, laws, requirement, lag_s, cost)) is not None:
+            chosen.append((*best, floor, plants))
+        if chosen and chosen[-1][0] < _ENOUGH * max(rms):
+            break
+    if not chosen:
+        raise ParameterError(
+            "no feedback keeps the margins here; measure with less delay, or lower gain_margin and phase_margin_deg"
+        )
+    _, tuned, floor, plants = min(chosen, key=lambda each: each[0])
+    tuned = _narrowed(tuned, cost)
+    largest = np.zeros(len(tuned))
+    for k in worst:
+        run = simulate_feedback(systems[k], tuned, course, resolution=sensor.resolution)
+        largest = np.maximum(largest, np.abs(run.correction[max(scored.start or 0, 0) // every :]).max(axis=0))
+    clamped = [
+        replace(law, clamp=_CLAMP * float(most) if sensor.limit is None else sensor.limit)
+        for law, most in zip(tuned, largest, strict=True)
+    ]
+    return LoopDesign(
+        laws=tuple(clamped),
+        plants=plants,
+        growing=tuple(branch.name for branch in found if branch.damped(floor).grows),
+        least_damping=floor,
+        margins=worst_margins(plants, clamped),
+    )
+
+
+def _narrowed(
+    laws: tuple[FeedbackLaw, ...], cost: Callable[[tuple[FeedbackLaw, ...]], float]
+) -> tuple[FeedbackLaw, ...]:
+    """The laws with the width of their plays that costs least."""
+    if not any(law.friction_share for law in laws):
+        return laws
+    tried = [tuple(replace(law, width=share * law.width) for law in laws) for share in (1.0, *_NARROWER)]
+    return min(tried, key=cost)
+
+
+def _states(system: FeedbackSystem, course: Course) -> tuple[list[MechanismMemory], list[str]]:
+    """States of a run under the feedforward, and their names."""
+    problem = system.problem
+    memory, engine = rest(problem), CompiledMechanism(problem, course.step_s)
+    forced = np.array([not leads for leads in problem.leads[problem.known :]])
+    position = np.hstack([course.known, course.command])
+    effort = np.hstack([course.effort, np.where(forced, -course.command, 0.0)])
+    edges = np.unique(np.linspace(0, len(position) - 1, _INSTANTS + 2).astype(int))
+    memories, names = [], []
+    for before, after in itertools.pairwise(edges[:-1]):
+        engine.run(memory, position[before : after + 1], effort[before : after + 1])
+        memories.append(memory.copy())
+        names.append(f"at {after * course.step_s:.3g} s")
+    return memories, names
+
+
+def _shape(
+    goal: int,
+    course: Course,
+    own: Sequence[Array],
+    sensor: Sensor,
+    scored: slice,
+    learns_age: bool,
+    scales: bool,
+) -> FeedbackLaw:
+    """Law of a goal without gains: the play whose shape the errors of the feedforward, shape (rows,), have."""
+    reference = course.reference[:, goal]
+    span = float(np.ptp(reference)) or max(float(np.abs(reference).max()), 1e-9)
+    size = float(np.abs(reference).max()) if scales else 0.0
+    best, width = 0.0, _WIDTHS[1] * span
+    for share in _WIDTHS:
+        play = np.empty_like(reference)
+        now = reference[0]
+        for row, value in enumerate(reference):
+            play[row] = now = min(max(now, value - share * span), value + share * span)
+        shape = (reference - play) / (share * span) * (reference / size if scales else 1.0)
+        columns = np.column_stack([shape, np.ones_like(shape)])[scored]
+        explained = [_explained(columns, error) for error in own if np.abs(error).max() > 1e-6 * span]
+        if explained and (fit := float(np.median(explained))) > best:
+            best, width = fit, share * span
+    scale = max((float(np.sqrt(np.mean(error**2))) for error in own), default=0.0)
+    return FeedbackLaw(
+        sample_s=sensor.sample_s,
+        delay_s=sensor.delay_s,
+        proportional=1.0,
+        integral_per_s=1.0,
+        deadband=sensor.resolution / 2,
+        friction_share=_TURNED if best > _SHAPED else 0.0,
+        width=max(width, sensor.resolution),
+        scales_with_reference=size,
+        error_scale=max(scale, sensor.resolution) if learns_age and best > _SHAPED else 0.0,
+    )
+
+
+def _explained(columns: Array, values: Array) -> float:
+    """Share of the variance of values that columns explain [-]."""
+    fitted = columns @ np.linalg.lstsq(columns, values, rcond=None)[0]
+    spread = float(np.mean((values - values.mean()) ** 2))
+    return 1 - float(np.mean((values - fitted) ** 2)) / spread if spread > 0 else 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Standing:
+    """Rest or limit cycle of a loop under a constant reference.
+
+    Attributes
+    ----------
+    swing : float
+        Peak to peak of the output in the last half of the time, without its drift [unit of the goal].
+    hunts : bool
+        It goes on, or the loop oscillated on the way.
+    """
+
+    swing: float
+    hunts: bool
+
+
+def standing(run: ClosedLoop, course: Course, rows: int, resolution: float, feedforward_rms: float) -> Standing:
+    """Judge a run whose reference is constant over its last rows."""
+    if not run.complete:
+        return Standing(swing=math.inf, hunts=True)
+    error = run.output - course.reference
+    moving = float(np.sqrt(np.mean(error[:-rows] ** 2)))
+    quarter = rows // 4
+    before, last = (_swing(error[slice(*ends)]) for ends in ((-2 * quarter, -quarter), (-quarter, None)))
+    span = float(np.ptp(course.reference, axis=0).max())
+    counts = max(_SWING * span, 2 * resolution)
+    goes_on = last > counts and last > _FADES * before
+    return Standing(swing=max(before, last), hunts=goes_on or moving > _WORSE * feedforward_rms + counts)
+
+
+def _swing(error: Array) -> float:
+    """Largest peak to peak of columns without their straight trend."""
+    time = np.arange(len(error))
+    slope, offset = np.polyfit(time, error, 1)
+    return float(np.ptp(error - time[:, None] * slope - offset, axis=0).max())

@@ -1,0 +1,289 @@
+r"""Law of the feedback: proportional and integral action on the error against the reference as old as the measurement.
+
+::
+
+    reference --[ delay_s ]--> (+) --[ deadband ]--[ 1/(filter_s s + 1) ]--> e
+    measured, delay_s old ----> (-)
+    correction = Kp e + Ki int e + s Kf int s e, within +-clamp
+
+The correction is added to the command that the feedforward computes. s is the shape that friction gives to the error of
+a feedforward: reference less its play, over the half width of the play, -1 to 1. What was learned while pulling is
+thus inverted, without delay, where the reference turns. In steady sliding, either way, Ki + Kf is the integral gain,
+which margins are for.
+
+An error that is proportional to the rate of the reference is an age of the measurement that differs from delay_s. It
+is separated from friction by recursive least squares along strokes, where s is constant,
+
+    e + g u = alpha s + beta + Delta dr/dt,     g u: what the own correction does, as old as the measurement,
+
+and Delta dr/dt is taken off the error, up to delay_s either way.
+"""
+
+import math
+from collections import deque
+from dataclasses import dataclass, replace
+
+import casadi as ca
+
+from tendonff.models.errors import ParameterError, require
+from tendonff.models.tendon.bounds import at_least
+from tendonff.ocp.codegen.printer import Law
+
+MOST_SAMPLES = 255
+"""Age of a measurement in samples that the delay line of the reference holds."""
+
+AGE_STATES = tuple(f"age_{k}" for k in range(9))
+STATES = (
+    *("filtered", "integral", "friction", "correction", "lagged", "play", "aged_play", "stroke", "before"),
+    *AGE_STATES,
+)
+"""Memory of the law beside its delay lines: filtered error, integrals, correction and how far the drive has
+followed it, play of the reference and of the aged one, its stroke, the aged reference one sample before, and of the
+least squares three estimates and the lower triangle of their covariance."""
+NUMBERS = (
+    *("kp", "ki_h", "kf_h", "clamp", "filter_share", "deadband", "width", "shape_constant", "shape_per_unit"),
+    *("stroke_width", "lag_share", "gain", "delay", "sample", "scale", "noise"),
+)
+"""Constants of the law, in the order of `FeedbackLaw.numbers`."""
+MOST_AGE = 1.0
+"""Share of the stated delay by which a measurement may be older or younger."""
+
+_PRIOR = (3.0, 3.0, 0.5)  # standard deviations of alpha and beta over the scale, of Delta over the delay
+_NOISE = 0.25  # of the residual, over the scale
+_FAR = 1e30  # a width of a play that nothing crosses
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FeedbackLaw:
+    """Numbers of the law.
+
+    Parameters
+    ----------
+    sample_s : float
+        Time between two calls [s], > 0.
+    delay_s : float
+        Age of a measurement when it arrives [s], >= 0 and at most `MOST_SAMPLES` samples.
+    proportional : float
+        Kp: correction per error [unit of the command per unit of the goal], >= 0.
+    integral_per_s : float
+        Ki + Kf: its rate per error while the reference goes one way, >= 0.
+    clamp : float, optional
+        Largest correction [unit of the command], > 0; default: none.
+    filter_s : float, optional
+        Time constant of a low-pass filter of the error [s], >= 0; 0 for none.
+    deadband : float, optional
+        Error that is ignored [unit of the goal], >= 0: half a step of the sensor's resolution.
+    friction_share : float, optional
+        Kf/(Ki + Kf): share of the integral that turns with the reference [-], 0 to 1.
+    width : float, optional
+        Half width of the play that shapes friction [unit of the goal], > 0.
+    scales_with_reference : float, optional
+        Reference at which the shape is 1 where friction is proportional to it [unit of the goal]; 0: it is not.
+    gain : float, optional
+        What a unit of correction does to the goal while it slides [unit of the goal per unit of the command].
+    lag_s : float, optional
+        Time constant with which the drive follows [s], >= 0.
+    error_scale : float, optional
+        Size of errors that friction makes [unit of the goal]; 0: the age of the measurement is not learned.
+    """
+
+    sample_s: float
+    delay_s: float
+    proportional: float
+    integral_per_s: float
+    clamp: float = math.inf
+    filter_s: float = 0.0
+    deadband: float = 0.0
+    friction_share: float = 0.0
+    width: float = 1.0
+    scales_with_reference: float = 0.0
+    gain: float = 1.0
+    lag_s: float = 0.0
+    error_scale: float = 0.0
+
+    def __post_init__(self) -> None:
+        require("sample_s", self.sample_s, above=0, hint="the time between two calls of the controller")
+        require("width", self.width, above=0, hint="a hundredth of the reference's range")
+        for name in ("delay_s", "proportional", "integral_per_s", "filter_s", "deadband", "lag_s", "error_scale"):
+            require(name, getattr(self, name), least=0, hint="0 for none")
+        if not self.clamp > 0:
+            raise ParameterError(f"clamp must be > 0, got {self.clamp}; leave it out for none")
+        if not 0 <= self.friction_share <= 1:
+            raise ParameterError(f"friction_share must be 0 to 1, got {self.friction_share}; 0.5 is usual")
+        if self.delay_s > MOST_SAMPLES * self.sample_s:
+            raise ParameterError(
+                f"delay_s must be at most {MOST_SAMPLES} samples, {MOST_SAMPLES * self.sample_s:g} s, got "
+                f"{self.delay_s:g}; sample less often, or measure closer"
+            )
+
+    @property
+    def age(self) -> tuple[int, float]:
+        """Age of a measurement in whole samples, and the share of a further one [-]."""
+        samples = self.delay_s / self.sample_s
+        whole = math.floor(samples + 1e-9)
+        return whole, max(samples - whole, 0.0)
+
+    @property
+    def filter_share(self) -> float:
+        """Share of the way to the error that the filter goes in a sample [-]."""
+        return _share(self.sample_s, self.filter_s)
+
+    @property
+    def learns_age(self) -> bool:
+        """Whether the age of the measurement is learned."""
+        return self.error_scale > 0 and self.delay_s > 0
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """Values of `NUMBERS`."""
+        turned = self.friction_share
+        scaled = self.scales_with_reference
+        return (
+            self.proportional,
+            (1 - turned) * self.integral_per_s * self.sample_s,
+            turned * self.integral_per_s * self.sample_s,
+            min(self.clamp, _FAR),
+            self.filter_share,
+            self.deadband,
+            self.width,
+            0.0 if scaled else 1.0,
+            1 / scaled if scaled else 0.0,
+            max(10 * self.width, 2 * self.error_scale) if self.learns_age else _FAR,
+            _share(self.sample_s, self.lag_s),
+            self.gain,
+            self.delay_s,
+            self.sample_s,
+            self.error_scale or 1.0,
+            _NOISE**2,
+        )
+
+    def start(self, reference: float) -> tuple[float, ...]:
+        """Values of `STATES` at rest under a reference."""
+        covariance = [a**2 if i == j else 0.0 for i, a in enumerate(_PRIOR) for j in range(i + 1)]
+        return (*([0.0] * 5), *([reference] * 4), *([0.0] * 3), *covariance)
+
+    def scaled(self, gain: float) -> "FeedbackLaw":
+        """The same with both gains times a factor [-]."""
+        return replace(self, proportional=gain * self.proportional, integral_per_s=gain * self.integral_per_s)
+
+    def plain(self) -> "FeedbackLaw":
+        """The same gains as a plain PI: nothing turns with the reference, and no age is learned."""
+        return replace(self, friction_share=0.0, error_scale=0.0)
+
+
+def _share(sample_s: float, time_s: float) -> float:
+    return 1.0 if time_s == 0 else 1 - math.exp(-sample_s / time_s)
+
+
+def _play(play: ca.SX, value: ca.SX, half: ca.SX) -> ca.SX:
+    """Where a play of half width `half` is after it was moved to a value."""
+    return at_least(-at_least(-play, -(value + half)), value - half)
+
+
+def feedback_step() -> Law:
+    """A sample of the law: `STATES` from themselves, reference, aged values, measurement and `NUMBERS`.
+
+    `fresh` is 1, or 0 where the measurement is missing: then the error is held, and nothing is learned. Where the
+    correction is at its clamp, integrals go on only towards less of it (anti-windup).
+    """
+    inputs = ("reference", "aged", "lagged_aged", "measured", "fresh")
+    reference, aged, lagged_aged, measured, fresh = given = tuple(map(ca.SX.sym, inputs))
+    states, numbers = tuple(map(ca.SX.sym, STATES)), tuple(map(ca.SX.sym, NUMBERS))
+    s, n = dict(zip(STATES, states, strict=True)), dict(zip(NUMBERS, numbers, strict=True))
+
+    # shape of friction, now and as old as the measurement
+    play, aged_play = _play(s["play"], reference, n["width"]), _play(s["aged_play"], aged, n["width"])
+    size, aged_size = (n["shape_constant"] + n["shape_per_unit"] * at for at in (reference, aged))
+    shape, aged_shape = size * (reference - play) / n["width"], aged_size * (aged - aged_play) / n["width"]
+
+    # age: least squares along strokes, where friction stands still
+    stroke = _play(s["stroke"], aged, n["stroke_width"])
+    sliding = ca.fabs(aged - stroke) > 0.99 * n["stroke_width"]
+    rate = (aged - s["before"]) / n["sample"]
+    x = ca.vertcat(aged_shape, 1, rate * n["delay"] / n["scale"])
+    age = ca.vertcat(*(s[name] for name in AGE_STATES[:3]))
+    p11, p21, p22, p31, p32, p33 = (s[name] for name in AGE_STATES[3:])
+    p = ca.vertcat(ca.horzcat(p11, p21, p31), ca.horzcat(p21, p22, p32), ca.horzcat(p31, p32, p33))
+    px = p @ x
+    seen = (aged - measured + n["gain"] * lagged_aged) / n["scale"]
+    off = seen - ca.dot(x, age)
+    gain = ca.if_else(sliding, fresh, 0.0) / (n["noise"] + at_least(ca.dot(x, px), 0.0))
+    age_new, p_new = age + gain * off * px, p - gain * px @ px.T
+    older = n["delay"] * _within(age_new[2], MOST_AGE) * rate
+
+    # error, its filter, and the integrals
+    error = aged - measured - older
+    error = at_least(error - n["deadband"], 0.0) - at_least(-error - n["deadband"], 0.0)
+    filtered = s["filtered"] + fresh * n["filter_share"] * (error - s["filtered"])
+    integral = s["integral"] + fresh * n["ki_h"] * filtered
+    friction = s["friction"] + fresh * n["kf_h"] * aged_shape * filtered
+    wanted = n["kp"] * filtered + integral + friction * shape
+    correction = _within(wanted, n["clamp"])
+    outward = (wanted - correction) * filtered > 0
+    lower = [p_new[i, j] for i in range(3) for j in range(i + 1)]
+    found = (
+        *(filtered, ca.if_else(outward, s["integral"], integral), ca.if_else(outward, s["friction"], friction)),
+        *(correction, s["lagged"] + n["lag_share"] * (correction - s["lagged"])),
+        *(play, aged_play, stroke, aged, *ca.vertsplit(age_new), *lower),
+    )
+    return Law(
+        name="feedback_step",
+        comment="One sample of the feedback.",
+        inputs=(*given, *states, *numbers),
+        outputs=dict(zip((f"{name}_new" for name in STATES), found, strict=True)),
+    )
+
+
+def _within(value: ca.SX, most: ca.SX) -> ca.SX:
+    return -at_least(-at_least(value, -most), -most)
+
+
+_STEP: ca.Function = feedback_step().function()
+
+
+class FeedbackController:
+    """The law at work, from a reference at rest, in double precision.
+
+    Parameters
+    ----------
+    law : FeedbackLaw
+    reference : float, optional
+        At rest before the first call [unit of the goal].
+    """
+
+    def __init__(self, law: FeedbackLaw, reference: float = 0.0) -> None:
+        self.law = law
+        whole, self._part = law.age
+        self._references = deque([reference] * (whole + 2), maxlen=whole + 2)
+        self._corrections = deque([0.0] * (whole + 2), maxlen=whole + 2)
+        self._states = law.start(reference)
+        self._numbers = law.numbers
+
+    @property
+    def correction(self) -> float:
+        """The last correction [unit of the command]."""
+        return self._states[STATES.index("correction")]
+
+    @property
+    def age_s(self) -> float:
+        """Age of the measurement as it has been learned [s]."""
+        share = self._states[STATES.index(AGE_STATES[2])]
+        return self.law.delay_s * (1 + min(max(share, -MOST_AGE), MOST_AGE))
+
+    def step(self, reference: float, measured: float) -> float:
+        """Correction of the command after one more sample; a missing (NaN) measurement holds the error.
+
+        Parameters
+        ----------
+        reference : float
+            Of this instant; one that is missing (NaN) is taken as the last one.
+        measured : float
+            That arrives now.
+        """
+        self._references.appendleft(reference if math.isfinite(reference) else self._references[0])
+        self._corrections.appendleft(self._states[STATES.index("lagged")])
+        aged, lagged = (past[-2] + self._part * (past[-1] - past[-2]) for past in (self._references, self._corrections))
+        fresh = math.isfinite(measured)
+        seen = (self._references[0], aged, lagged, measured if fresh else aged, float(fresh))
+        self._states = tuple(map(float, _STEP(*seen, *self._states, *self._numbers)))
+        return self.correction

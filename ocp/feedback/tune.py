@@ -1,0 +1,196 @@
+"""Gains of loops: as high as margins allow over all branches of the plant, in the ratio with the least error."""
+
+import math
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import control
+import numpy as np
+
+from tendonff.models.errors import ParameterError, require
+from tendonff.ocp.feedback.law import FeedbackLaw
+from tendonff.ocp.feedback.linear import Branch, Complex
+from tendonff.ocp.mechanism.problem import Array
+
+_RATIOS = (0.1, 0.4, 1.5)
+"""Ki/Kp to try, over the inverse of all delays and lags, the filter's included [-]."""
+_FILTERS = (0.0, 0.5, 2.5)
+"""Time constants of the filter to try, over all other delays and lags [-]."""
+_WORTH_A_FILTER = 0.95  # of the error without one, below which a filter helps
+_ROUNDING = 1.001  # of the gain
+_ROUNDS = 8  # of the gain's reduction where loops disturb each other
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Requirement:
+    """Margins that every branch must have.
+
+    Parameters
+    ----------
+    gain_margin : float
+        Factor on the gain up to instability [-], > 1.
+    phase_margin_deg : float
+        Lag up to instability where the loop's gain is 1 [deg], > 0 and < 90.
+    """
+
+    gain_margin: float = 2.0
+    phase_margin_deg: float = 45.0
+
+    def __post_init__(self) -> None:
+        require("gain_margin", self.gain_margin, above=1, hint="2 is usual")
+        require("phase_margin_deg", self.phase_margin_deg, above=0, hint="45 is usual")
+        if not self.phase_margin_deg < 90:
+            raise ParameterError(f"phase_margin_deg must be < 90, got {self.phase_margin_deg}; 45 is usual")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Margins:
+    """Margins of one branch.
+
+    Attributes
+    ----------
+    gain : float
+        Factor on the gain up to instability [-]; infinite where there is none.
+    phase_deg : float
+        Smallest angle to −180° where the loop's gain is 1 [deg]; infinite where it never is.
+    oscillation_Hz : float
+        Frequency of the oscillation at the gain margin; NaN where there is none.
+    """
+
+    gain: float
+    phase_deg: float
+    oscillation_Hz: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sampled:
+    """A branch on its grid of frequencies.
+
+    Attributes
+    ----------
+    branch : Branch
+    rad_per_s : ndarray, shape (n,)
+    plant : ndarray, shape (n, goals, goals)
+        Measurements over held corrections.
+    """
+
+    branch: Branch
+    rad_per_s: Array
+    plant: Complex
+
+    @classmethod
+    def of(cls, branch: Branch, sample_s: float, delay_s: float) -> "Sampled":
+        """A branch sampled, with all delays of its loop."""
+        grid = branch.frequencies(sample_s)
+        return cls(branch=branch, rad_per_s=grid, plant=branch.response(grid, sample_s, delay_s))
+
+    def opened(self, laws: Sequence[FeedbackLaw], goal: int) -> Complex:
+        """Gain of one loop, opened while the others are closed, shape (n,)."""
+        own = controller_response(laws[goal], self.rad_per_s)
+        others = [k for k in range(len(laws)) if k != goal]
+        seen = self.plant[:, goal, goal]
+        if others:
+            act = np.stack([controller_response(laws[k], self.rad_per_s) for k in others], axis=1)
+            among = self.plant[:, others][:, :, others] * act[:, None, :]
+            answer = np.linalg.solve(np.eye(len(others)) + among, self.plant[:, others, goal][:, :, None])[:, :, 0]
+            seen = seen - np.einsum("wk,wk,wk->w", self.plant[:, goal][:, others], act, answer)
+        found: Complex = own * seen
+        return found
+
+
+def controller_response(law: FeedbackLaw, rad_per_s: Array) -> Complex:
+    """Correction over error between two samples, shape (n,), without deadband and clamp."""
+    z = np.exp(1j * np.asarray(rad_per_s) * law.sample_s)
+    share = law.filter_share
+    integral = law.integral_per_s * law.sample_s * z / (z - 1)
+    found: Complex = (law.proportional + integral) * share / (1 - (1 - share) / z)
+    return found
+
+
+def margins_of(rad_per_s: Array, opened: Complex) -> Margins:
+    """Margins of an open loop between samples, by python-control."""
+    system = control.FrequencyResponseData(opened, rad_per_s, smooth=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # it divides by zero where a loop has no crossing
+        gains, phases, _, at_gain, _, _ = control.stability_margins(system, returnall=True)
+    gains, phases, at_gain = (np.atleast_1d(each) for each in (gains, phases, at_gain))
+    least = int(np.argmin(gains)) if len(gains) else -1
+    return Margins(
+        gain=float(gains[least]) if least >= 0 else math.inf,
+        phase_deg=float(np.abs(phases).min()) if len(phases) else math.inf,
+        oscillation_Hz=float(at_gain[least]) / math.tau if least >= 0 else math.nan,
+    )
+
+
+def excess(opened: Complex, requirement: Requirement) -> float:
+    """Factor by which a loop's gain is above what its margins allow [-]; 1 where it is as high as it may be.
+
+    Within the phase margin of −180° the gain is kept below 1, at −180° below the inverse of the gain margin.
+    """
+    size, off = np.abs(opened), np.abs(np.angle(-opened, deg=True))
+    near = size[off < requirement.phase_margin_deg]
+    real, imag = opened.real, opened.imag
+    crossing = (imag[:-1] * imag[1:] < 0) & (real[:-1] + real[1:] < 0)
+    share = imag[:-1] / np.where(crossing, imag[:-1] - imag[1:], 1.0)
+    at = np.abs(real[:-1] + share * (real[1:] - real[:-1]))[crossing]
+    return max(float(near.max(initial=0.0)), requirement.gain_margin * float(at.max(initial=0.0)))
+
+
+def as_high_as_allowed(
+    plants: Sequence[Sampled], laws: Sequence[FeedbackLaw], requirement: Requirement
+) -> tuple[FeedbackLaw, ...] | None:
+    """Laws with their gains scaled, each alone and then all together, until every branch just has its margins.
+
+    None where no gain has them.
+    """
+    alone = []
+    for goal, law in enumerate(laws):
+        worst = max(
+            excess(each.plant[:, goal, goal] * controller_response(law, each.rad_per_s), requirement) for each in plants
+        )
+        if worst == 0:
+            return None  # nothing bounds the gain: there is no loop
+        alone.append(law.scaled(1 / worst))
+    if len(laws) == 1:
+        return tuple(alone)
+    for _ in range(_ROUNDS):
+        worst = max(excess(each.opened(alone, goal), requirement) for each in plants for goal in range(len(laws)))
+        if worst <= _ROUNDING:
+            return tuple(alone)
+        alone = [law.scaled(1 / worst) for law in alone]
+    return None
+
+
+def tune(
+    plants: Sequence[Sampled],
+    laws: Sequence[FeedbackLaw],
+    requirement: Requirement,
+    lag_s: float,
+    cost: Callable[[tuple[FeedbackLaw, ...]], float],
+) -> tuple[float, tuple[FeedbackLaw, ...]] | None:
+    """Gains and filter of all loops with the least cost, and that, within the margins; None where no gain keeps them.
+
+    Parameters
+    ----------
+    plants : sequence of Sampled
+        All branches of all mechanisms that may be the real one.
+    laws : sequence of FeedbackLaw
+        One for each goal; all but their gains and filter are kept.
+    requirement : Requirement
+    lag_s : float
+        All delays and lags of the loop [s], which set what to try.
+    cost : callable
+        Of laws to compare.
+    """
+    best: tuple[float, tuple[FeedbackLaw, ...]] | None = None
+    for filter_s in (share * lag_s for share in _FILTERS):
+        for rate in (ratio / (lag_s + filter_s) for ratio in _RATIOS):
+            shapes = [replace(law, proportional=1.0, integral_per_s=rate, filter_s=filter_s) for law in laws]
+            if (found := as_high_as_allowed(plants, shapes, requirement)) is None:
+                continue
+            costs = cost(found)
+            worth = 1.0 if best is None or best[1][0].filter_s == filter_s else _WORTH_A_FILTER
+            if best is None or costs < worth * best[0]:
+                best = costs, found
+    return best
