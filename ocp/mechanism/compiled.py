@@ -14,6 +14,7 @@ from tendonff.models.tendon.chain import Chain
 from tendonff.models.turns import out_of_turn
 from tendonff.ocp.joint.laws import JOINT_NUMBERS, joint_torque, link_back, path_mass_back, representative
 from tendonff.ocp.mechanism.problem import Array, MechanismMemory, MechanismProblem
+from tendonff.ocp.step.blocks import in_blocks
 from tendonff.ocp.step.c_engine import CORE, ReportStruct, chain_struct, host_source, library_of, pointer
 from tendonff.ocp.step.laws import ElementLaws
 
@@ -244,6 +245,24 @@ class CompiledMechanism:
 
         `led`, shape (bodies,): which are led; default: those that a drive leads.
         """
+
+        def advance(block: slice) -> RunRows:
+            part = slice(block.start, block.stop + 1)
+            return self._run(memory, position[part], effort[part], led)
+
+        found = in_blocks(len(position) - 1, advance, lambda each: len(each.lowest_N), lambda each: each.iterations)
+        rows: dict[str, Any] = {
+            name: np.concatenate([getattr(each, name) for each in found])
+            for name in ("position", "torque", "tension_N", "drum_N", "lowest_N")
+        }
+        return RunRows(
+            **rows,
+            iterations=sum(each.iterations for each in found),
+            splits=sum(each.splits for each in found),
+            residual_N=found[-1].residual_N,
+        )
+
+    def _run(self, memory: MechanismMemory, position: Array, effort: Array, led: Array | None) -> RunRows:
         problem = self._problem
         rows, count, bodies = len(position) - 1, len(self._counts), problem.bodies
         given, efforts = (np.ascontiguousarray(each, dtype=np.float64) for each in (position, effort))

@@ -3,7 +3,7 @@
 import json
 import os
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
@@ -20,10 +20,12 @@ from tendonff.compensator.finger.export.golden import (
     largest_departure,
     run_courses,
 )
+from tendonff.compensator.finger.export.judgement import judge_finger
 from tendonff.compensator.finger.export.text import finger_module, render
 from tendonff.compensator.finger.scenario import FingerScenario
-from tendonff.compensator.joint.export.judgement import JudgedJoint
+from tendonff.compensator.joint.export.judgement import JudgedJoint, judgement_lines
 from tendonff.compensator.joint.plant import verifying_masses
+from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import SolveError
@@ -53,6 +55,16 @@ class ExportedFingers:
     loss_rad: float | None
     warnings: tuple[str, ...]
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """None so far."""
+        return ()
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The judgement in words."""
+        return judgement_lines(self.judged, "lengths", self.loss_rad)
+
     def write(self, folder: str | os.PathLike[str]) -> None:
         """Write every file, all or nothing; makes the folder."""
         with atomic_directory(folder) as partial:
@@ -62,21 +74,26 @@ class ExportedFingers:
 
 @in_turn
 def export_fingers(
-    scenarios: Sequence[FingerScenario],
+    scenario: FingerScenario,
     *,
+    further: Sequence[FingerScenario] = (),
     precision: Precision = Precision.DOUBLE,
     prefix: str = "tff",
+    level: Level | None = None,
     force_export: bool = False,
 ) -> ExportedFingers:
     """Print the whole folder.
 
     Parameters
     ----------
-    scenarios : sequence of FingerScenario
-        One for each finger, with the same step.
+    scenario : FingerScenario
+    further : sequence of FingerScenario, optional
+        Other fingers of the project, with the same step.
     precision : Precision, optional
     prefix : str, optional
         Prefix of every C name and file.
+    level : Level, optional
+        Default: the scenarios' own.
     force_export : bool, optional
         Export fingers all the same whose commands are worse than the lengths of the tendons alone.
 
@@ -88,8 +105,9 @@ def export_fingers(
         If a finger's inverse fails, or is worse than the lengths alone.
     """
     check_prefix(prefix)
-    _check_together(scenarios)
-    tasks = [FingerTask.of(scenario) for scenario in scenarios]
+    every = (scenario, *further)
+    _check_together(every)
+    tasks = [FingerTask.of(each, level) for each in every]
     for task in tasks:
         task.check_reach()
     module = finger_module(tasks, [task.problem(task.finger) for task in tasks], precision, prefix)
@@ -99,7 +117,7 @@ def export_fingers(
     judged = []
     for k, (task, each) in enumerate(zip(tasks, module.context["fingers"], strict=True)):
         command = runs[k].command_rad if found is None else found[len(tasks) + k].command_rad
-        judged.append(_judge(task, each["symbol"].lower(), command))
+        judged.append(judge_finger(task, each["symbol"].lower(), command))
         each |= {
             "golden": golden_context(task, courses[k], None if found is None else found[k], precision),
             "plain": judged[k].text(judged[k].plain_rms),
@@ -136,21 +154,6 @@ def _check_together(scenarios: Sequence[FingerScenario]) -> None:
                 f"{file} [run]: step_s = {scenario.run.step_s:g} differs from {scenarios[0].run.step_s:g} of "
                 f"{scenarios[0].source.name}; fingers of one project share their sample time"
             )
-
-
-def _judge(task: FingerTask, name: str, command_rad: np.ndarray) -> JudgedJoint:
-    """Errors of commands, and of those by lengths alone, on the mechanism that a design is verified on."""
-    masses, errors = verifying_masses(task.finger), []
-    plain = next(each for each in task.compensators if each.name == "linear").command_rad(task)
-    for command in (command_rad, plain):
-        run = task.respond(task.finger, command, masses, REFINEMENT)
-        errors.append(float(np.sqrt(np.mean((run.position[:, : task.scenario.wanted] - task.wanted_rad) ** 2))))
-    span = float(np.ptp(task.wanted_rad, axis=0).max())
-    judged = JudgedJoint(name=name, rms=errors[0], plain_rms=errors[1], range=span, is_angle=True, fault="")
-    if errors[0] < errors[1]:
-        return judged
-    fault = f"RMS error {judged.text(errors[0])}, not better than the lengths alone ({judged.text(errors[1])})"
-    return replace(judged, fault=fault)
 
 
 def _warnings(runs: Sequence[FingerCourse]) -> tuple[str, ...]:

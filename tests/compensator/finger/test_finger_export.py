@@ -9,9 +9,11 @@ import pytest
 
 import tendonff as tf
 from tendonff.compensator.cli import run
+from tendonff.compensator.export.kinds import FmiVersion
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.finger.compensators import FingerTask
 from tendonff.compensator.finger.export import project
+from tendonff.compensator.finger.export.fmu import build_finger_fmu
 from tendonff.compensator.finger.export.golden import followed_course, largest_departure, run_courses
 from tendonff.compensator.finger.export.project import export_fingers
 from tendonff.compensator.finger.export.text import finger_module
@@ -108,7 +110,7 @@ def springed() -> FingerScenario:
 @pytest.mark.parametrize("precision", list(Precision))
 def test_fingers_of_all_kinds_in_one_folder_pass_their_self_test_without_a_warning(precision, tmp_path):
     """N + 1 tendons, three loops, and one tendon on two springed joints: all of their numbers differ."""
-    exported = export_fingers([finger(), loops(), springed()], precision=precision, prefix="hand")
+    exported = export_fingers(finger(), further=(loops(), springed()), precision=precision, prefix="hand")
     assert exported.loss_rad < (1e-9 if precision is Precision.DOUBLE else 2e-3)
     exported.write(tmp_path / "c")
     optimised = "-O1" if precision is Precision.FLOAT else "-O0"
@@ -157,12 +159,44 @@ def test_the_command_writes_the_folder_and_states_the_errors(tmp_path, capsys):
 )
 def test_fingers_that_do_not_go_together_are_refused(changes, message):
     with pytest.raises(InputError, match=message):
-        export_fingers([finger(), finger("other" if changes else "three", *changes)])
+        export_fingers(finger(), further=(finger("other" if changes else "three", *changes),))
 
 
 def test_commands_that_are_worse_than_the_lengths_are_not_exported(monkeypatch):
-    judge = project._judge
-    monkeypatch.setattr(project, "_judge", lambda task, name, command_rad: judge(task, name, 0 * command_rad))
+    judge = project.judge_finger
+    monkeypatch.setattr(project, "judge_finger", lambda task, name, command_rad: judge(task, name, 0 * command_rad))
     with pytest.raises(SolveError, match="not better than the lengths alone"):
-        export_fingers([finger()])
-    assert "exported because of --force-export" in export_fingers([finger()], force_export=True).warnings[0]
+        export_fingers(finger())
+    assert "exported because of --force-export" in export_fingers(finger(), force_export=True).warnings[0]
+
+
+@pytest.mark.parametrize("fmi", list(FmiVersion))
+def test_a_unit_of_a_finger_is_valid_and_equals_the_runtime(fmi, tmp_path):
+    """FMPy records the input a row late: row k + 1 holds what step k used."""
+    fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
+    from fmpy.validation import validate_fmu
+
+    scenario = finger()
+    unit = build_finger_fmu(scenario, fmi)
+    assert "by the lengths alone" in unit.lines[0]
+    unit.write(tmp_path)
+    path = str(tmp_path / unit.name)
+    assert validate_fmu(path) == []
+    task = FingerTask.of(scenario)
+    angle = task.wanted_rad[:150]
+    names = [f"angle_{joint}" for joint in task.finger.names]
+    motors = [f"motor_{motor.name}" for motor in task.finger.motors]
+    rows = [(k * 1e-3, *row) for k, row in enumerate(angle)]
+    out = fmpy.simulate_fmu(
+        path,
+        stop_time=rows[-1][0],
+        step_size=1e-3,
+        output_interval=1e-3,
+        input=np.array(rows, dtype=[("time", float), *((name, float) for name in names)]),
+        output=[*names, *motors],
+        fmi_type="CoSimulation",
+    )
+    runtime = tf.Runtime(scenario)
+    live = np.array([runtime.step([row[name] for name in names]) for row in out[2:]])  # the first repeats the start
+    assert np.array([[row[name] for name in motors] for row in out[2:]]) == pytest.approx(live, abs=1e-9)
+    assert np.ptp(live, axis=0).max() > 0.01

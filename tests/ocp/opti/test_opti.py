@@ -144,7 +144,7 @@ def test_a_joint_follows_its_reference_by_its_motors(examples):
     task = JointTask.of(scenario)
     motor = answer.value(problem.motor_rad)
     rows = task.time_s
-    run = tf.simulate_joint(
+    run = tf.simulate(
         task.problem, np.column_stack([np.interp(rows, problem.time_s, c) for c in motor.T]), scenario.run.step_s
     )
     assert np.abs(run.angle_rad - task.wanted).max() < 0.01 * np.ptp(task.wanted)
