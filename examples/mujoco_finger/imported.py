@@ -3,7 +3,7 @@
     with ImportedTendons(model, data, scenario, motor_rad) as tendons:
         mujoco.mj_step(model, data)
 
-Each joint is pulled by the tension next to it, with friction on the way; motors go where they are told.
+Each joint is pulled by the tension next to it, with friction on the way; motors follow their commands.
 """
 
 from collections.abc import Callable
