@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.fidelity import Level
 from tendonff.ocp.adaptation.code import TunedChain
 from tendonff.ocp.adaptation.tuner import SelfTuner, SimulatedRig, TunerStatus

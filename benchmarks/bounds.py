@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.scenario.scenario import load_scenario
-from tendonff.compensator.studies.adapt.setup import BOUND_SPREAD, certified
+from tendonff.compensator.compensators.tuning import BOUND_SPREAD, certified
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.parameters import Transmission
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.tendon.simulate import simulate

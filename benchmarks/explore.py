@@ -7,7 +7,7 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.explore.run import Explorer
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"

@@ -29,7 +29,8 @@ from tendonff.compensator.identification.answer.result import Identification
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.identification.suggest import suggest
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
-from tendonff.compensator.scenario.scenario import Scenario, load_scenario
+from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.parameters import Transmission
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.tendon.inverse import invert

@@ -25,7 +25,8 @@ from identify import EXAMPLES, SAMPLE_S, drawn, strokes, truth_of
 from independent_plant import Plant
 
 from tendonff.compensator.identification.run import identify
-from tendonff.compensator.scenario.scenario import Scenario, load_scenario
+from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.errors import TendonffError
 
 FOLDER = Path(tempfile.gettempdir()) / "tendonff-coverage-logs"

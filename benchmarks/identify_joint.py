@@ -19,7 +19,7 @@ from tendonff.compensator.identification.joint.estimates import derived
 from tendonff.compensator.identification.joint.result import JointIdentification
 from tendonff.compensator.identification.joint.run import identify_joint
 from tendonff.compensator.joint.design.run import design_joint
-from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tests.hidden_loop import FINE_S, HiddenLoop, hidden, scenario, write_log
 
 
@@ -45,7 +45,7 @@ def truth(loop: HiddenLoop) -> dict[str, float]:
 def tracking_deg(loop: HiddenLoop, found: JointIdentification, folder: Path) -> tuple[float, float]:
     """RMS error of the joint on the hidden plant: exact inverse designed from fitted.toml, and the ratio alone."""
     found.write(folder)
-    design = design_joint(load_joint_scenario(folder / "fitted.toml"))
+    design = design_joint(load_scenario(folder / "fitted.toml"))
     time = design.sampled.run_time_s
     fine = np.arange(round(time[-1] / FINE_S) + 1) * FINE_S
     errors = []

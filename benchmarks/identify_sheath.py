@@ -26,7 +26,8 @@ from tendonff.compensator.identification.measured.reading import read_measuremen
 from tendonff.compensator.identification.parameters import ParametricChain
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenario.measurement import Explain
-from tendonff.compensator.scenario.scenario import Scenario, load_scenario
+from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.capstan.spread_bounds import middle_exponent
 from tendonff.models.parameters import Transmission

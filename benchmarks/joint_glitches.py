@@ -86,7 +86,7 @@ class Course:
 
 def main() -> None:
     """Print a line for each fault."""
-    scenario = tf.load_joint_scenario(Path(__file__).parents[1] / "examples" / "hand_joint.toml")
+    scenario = tf.load_scenario(Path(__file__).parents[1] / "examples" / "hand_joint.toml")
     course, step = Course.of(scenario), scenario.run.step_s
     right, _ = course.observed(course.motor_rad)
     print("start  samples  jump [rad]  back after [ms]  largest error [deg]")

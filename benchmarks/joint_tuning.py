@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import tendonff as tf
-from tendonff.compensator.joint.scenario.scenario import sample_joint
+from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
 from tendonff.models.parameters.numbers import with_numbers
 from tests.joint_plant import Plant
 
@@ -21,7 +21,7 @@ STUCK_S = 4.0
 
 
 def errors_deg(
-    scenario: tf.JointScenario, mu: float, tension: float, kind: str, *, stuck: bool = False
+    scenario: JointScenario, mu: float, tension: float, kind: str, *, stuck: bool = False
 ) -> tuple[np.ndarray, np.ndarray, bool]:
     """Errors of three strokes, shape (3, rows), the factors in use, and whether tuning froze."""
     once = sample_joint(scenario).angle_rad
@@ -50,7 +50,7 @@ def rms(error: np.ndarray) -> float:
 
 def main() -> None:
     """Print a row for each loop."""
-    scenario = tf.load_joint_scenario(SCENARIO)
+    scenario = tf.load_scenario(SCENARIO)
     print("| friction | pre-tension | inverse | self-tuning, first stroke | third stroke | factor |")
     print("|---|---|---|---|---|---|")
     for mu, tension in LOOPS:

@@ -27,7 +27,7 @@ from random_rigs import random_problem
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.capstan import held_within
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission

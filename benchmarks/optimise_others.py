@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.fidelity import Level
 from tendonff.models.mechanism.chain import chain_equations
 from tendonff.models.parameters import Transmission

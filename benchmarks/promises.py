@@ -14,7 +14,8 @@ import numpy as np
 
 from tendonff.compensator.compensators.closed_form import Frictionless, Inverse, Uncompensated
 from tendonff.compensator.scenario.reference import Shape, SineReference, WaypointReference
-from tendonff.compensator.scenario.scenario import Scenario, load_scenario
+from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.design.run import design
 from tendonff.models.parameters.drive import Drive, Motor
 from tendonff.models.parameters.numbers import with_numbers

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 
 import tendonff as tf
-from tendonff.compensator.joint.scenario.scenario import sample_joint
+from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
 
 JOINTS, CYCLES = 17, 1000
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
-def cycle_ms(scenario: tf.JointScenario) -> float:
+def cycle_ms(scenario: JointScenario) -> float:
     """Time of a cycle in which every joint is commanded once [ms], the median of ten parts."""
     angle = sample_joint(scenario).angle_rad[:CYCLES].tolist()
     hand = [tf.Runtime(scenario) for _ in range(JOINTS)]
@@ -27,7 +27,7 @@ def cycle_ms(scenario: tf.JointScenario) -> float:
     return 1e3 * float(np.median(spent))
 
 
-def jitter_deg(scenario: tf.JointScenario, least_s: float, most_s: float) -> float:
+def jitter_deg(scenario: JointScenario, least_s: float, most_s: float) -> float:
     """Largest difference between commands at random times and those at every sample [deg]."""
     sampled = sample_joint(scenario)
     every = tf.Runtime(scenario)
@@ -47,7 +47,7 @@ def jitter_deg(scenario: tf.JointScenario, least_s: float, most_s: float) -> flo
 def main() -> None:
     """Print the table."""
     for name in ("hand_joint", "instrument_pair"):
-        scenario = tf.load_joint_scenario(EXAMPLES / f"{name}.toml")
+        scenario = tf.load_scenario(EXAMPLES / f"{name}.toml")
         print(f"{name}: {JOINTS} joints {cycle_ms(scenario):.3f} ms a cycle")
         for least, most in ((1e-3, 3e-3), (5e-3, 15e-3), (15e-3, 25e-3)):
             off = jitter_deg(scenario, least, most)

@@ -23,8 +23,8 @@ import tendonff as tf
 from tendonff.compensator.compensators.score import scale_of
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.reference import Shape, SineReference, WaypointReference
-from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.compensator.scenario.settings import Adaptation, Stream
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.errors import ParameterError
 from tendonff.ocp.adaptation.tuning import Sensor, Tunable
 from tendonff.ocp.errors import SolveError

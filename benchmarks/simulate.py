@@ -56,8 +56,8 @@ from scipy.integrate import solve_ivp
 
 from benchmarks.adaptive import ADAPTIVE, by_method
 from tendonff.compensator.scenario.sampled.sampling import initial_tension, sample_reference
-from tendonff.compensator.scenario.scenario import Scenario, load_scenario
-from tendonff.compensator.scenarios import load_scenario as load_any
+from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs
 from tendonff.models.mechanism.chain import chain_equations
@@ -327,7 +327,7 @@ def euler_against_bdf2(rig: Transmission) -> None:
 def examples_error() -> None:
     """Error of the examples at their own step, under their reference as force and under its exact inverse."""
     print("\nError at the example's step against 10 us, rms in % of range (reference as force / inverse as force)")
-    for path in sorted(path for path in EXAMPLES.glob("*.toml") if isinstance(load_any(path), Scenario)):
+    for path in sorted(path for path in EXAMPLES.glob("*.toml") if isinstance(load_scenario(path), Scenario)):
         scenario = load_scenario(path)
         wanted, step, start = (
             sample_reference(scenario).tension_N[:4001],

@@ -12,10 +12,10 @@ from scipy.signal import butter, lfilter
 
 from tendonff.compensator.identification.joint.log import read_logs
 from tendonff.compensator.identification.joint.torque import TorqueFit, fit_torque
-from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
 from tendonff.compensator.reporting.colours import INK, VERMILION
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure
 from tendonff.compensator.scenario.measurement import Measurement
+from tendonff.compensator.scenarios import load_scenario
 
 ONSET_S, LATE_S, LOW_PASS_HZ = 0.3, 1.0, 5.0
 HOW = Measurement(
@@ -61,7 +61,7 @@ def draw(fit: TorqueFit, folder: Path, target: Path) -> None:
 
 def main(folder: Path, target: Path | None) -> None:
     """Print the errors, and draw them."""
-    scenario = load_joint_scenario(EXAMPLE)
+    scenario = load_scenario(EXAMPLE)
     files = {part: sorted((folder / part).glob("*.csv")) for part in ("identify", "validate")}
     seen, unseen = (read_logs(scenario, files[part], HOW) for part in ("identify", "validate"))
     fit = fit_torque(seen, unseen)

@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 from tendonff.compensator.files.reading import read_text
 from tendonff.compensator.joint.scenario.base import with_base
-from tendonff.compensator.scenario.doubts import settle
-from tendonff.compensator.scenario.sampled.first_look import first_look
 from tendonff.compensator.scenario.scenario import Scenario, parse_scenario
 from tendonff.compensator.scenario.toml import toml_of
 
@@ -65,28 +63,3 @@ def _driven(raw: Mapping[str, Any]) -> int:
     if driven > 1 or "motors" in raw:
         return 2
     return 1 if driven or {"tendons", "drive", "base"} & set(raw) else 0
-
-
-def look_at(
-    scenario: "Scenario | JointScenario | FingerScenario",
-    *,
-    follows_reference: bool = True,
-    strict: bool = False,
-    accept: bool = False,
-) -> tuple[str, ...]:
-    """Warnings about a scenario and the files it names, before any work; arguments and errors as of `first_look`."""
-    if isinstance(scenario, Scenario):
-        return first_look(scenario, follows_reference=follows_reference, strict=strict, accept=accept)
-    from tendonff.compensator.finger.doubts import finger_doubts
-    from tendonff.compensator.finger.scenario import FingerScenario, sample_finger
-    from tendonff.compensator.joint.scenario.doubts import joint_doubts
-    from tendonff.compensator.joint.scenario.scenario import sample_joint
-
-    file = scenario.source.name
-    if isinstance(scenario, FingerScenario):
-        found = settle(finger_doubts(scenario, follows_reference=follows_reference), file=file, accept=accept)
-        if follows_reference:  # one without meaning is refused at once
-            sample_finger(scenario)
-        return found
-    found = settle(joint_doubts(scenario, follows_reference=follows_reference), file=file, accept=accept)
-    return (*found, *sample_joint(scenario).warnings) if follows_reference else found

@@ -15,7 +15,7 @@ from tendonff.compensator.scenario.experiment import Experiment
 from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, SineJoint, WaypointJoint
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenario.reference import CsvReference, SineReference, WaypointReference
-from tendonff.compensator.scenario.settings import Adaptation, Feedback, Run, Stream
+from tendonff.compensator.scenario.settings import Adaptation, Compare, Feedback, Run, Stream
 from tendonff.models.joint.parameters import Arm, DrivenJoint, JointDrive, JointTendon
 from tendonff.models.parameters import Actuator, Friction, Load, Path, Tendon
 from tendonff.models.parameters.drive import Motor, Rope
@@ -113,6 +113,7 @@ TABLES = (
     ),
     Table(title="[optimal]", classes=(TrackOptions,), readers="`design`, and what designs within another command"),
     Table(title="[stream]", classes=(Stream,), readers="`design --online`, `export-c`, `export-fmu`"),
+    Table(title="[compare]", classes=(Compare,), readers="`compare`"),
     Table(title="[adaptation]", classes=(Adaptation,), readers="`adapt`, `export-c`, `export-fmu`"),
     Table(
         title="[feedback]",

@@ -14,25 +14,22 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.compensator.compensators.plant import Plant, Response
     from tendonff.compensator.compensators.profile import Profile
     from tendonff.compensator.compensators.registry import COMPENSATORS
-    from tendonff.compensator.export.c_project import export_project as export_c
-    from tendonff.compensator.export.fmu import build_fmu as export_fmu
+    from tendonff.compensator.door import (
+        adapt,
+        compare,
+        design,
+        export_c,
+        export_fmu,
+        identify,
+        make_table,
+        opti,
+        suggest,
+    )
     from tendonff.compensator.export.kinds import FmiVersion
     from tendonff.compensator.export.kinds import Kind as FmuKind
     from tendonff.compensator.files.reading import InputError
-    from tendonff.compensator.finger.scenario import FingerScenario
     from tendonff.compensator.identification.answer.result import Identification
-    from tendonff.compensator.identification.joint.result import JointIdentification
-    from tendonff.compensator.identification.joint.routine import suggest_routine
-    from tendonff.compensator.identification.joint.run import identify_joint
     from tendonff.compensator.identification.measured.centreline.run import read_centreline
-    from tendonff.compensator.identification.run import identify
-    from tendonff.compensator.identification.suggest import suggest
-    from tendonff.compensator.joint.design.result import JointDesign
-    from tendonff.compensator.joint.design.run import design_joint
-    from tendonff.compensator.joint.export.fmu import build_joint_fmu as export_joint_fmu
-    from tendonff.compensator.joint.export.project import ExportedJoints
-    from tendonff.compensator.joint.export.project import export_joints as export_joint_c
-    from tendonff.compensator.joint.scenario.scenario import JointScenario, load_joint_scenario
     from tendonff.compensator.observe.estimate import Estimate, Observation, ObserverStatus
     from tendonff.compensator.observe.observer import Observer
     from tendonff.compensator.runtime.kinds import RuntimeKind, RuntimeStatus
@@ -40,18 +37,12 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
     from tendonff.compensator.scenario.scenario import Scenario
     from tendonff.compensator.scenarios import load_scenario
-    from tendonff.compensator.studies.adapt.joint import JointAdaptationStudy, adapt_joint
     from tendonff.compensator.studies.adapt.result import AdaptationStudy
-    from tendonff.compensator.studies.adapt.run import adapt
-    from tendonff.compensator.studies.compare.joint import JointComparison, compare_joint
     from tendonff.compensator.studies.compare.result import Comparison
-    from tendonff.compensator.studies.compare.run import compare
     from tendonff.compensator.studies.design.result import Design
-    from tendonff.compensator.studies.design.run import design
     from tendonff.compensator.studies.experiment.result import ExperimentResult
     from tendonff.compensator.studies.experiment.run import experiment
     from tendonff.compensator.studies.tables.result import Tables
-    from tendonff.compensator.studies.tables.run import make_tables as make_table
     from tendonff.compensator.studies.watch.output import Watch
     from tendonff.compensator.studies.watch.run import watch
     from tendonff.models.capstan import Branch, CapstanLaw
@@ -67,12 +58,10 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.ocp.errors import CodeError, SolveError
     from tendonff.ocp.integrate.integrate import Integration, integrate
     from tendonff.ocp.integrate.method import Method
-    from tendonff.ocp.joint.invert import invert_joint
-    from tendonff.ocp.joint.simulate import simulate_joint
-    from tendonff.ocp.joint.start import joint_problem
+    from tendonff.ocp.opti.joint import JointFormulation
+    from tendonff.ocp.opti.tendon import Formulation, OptiSolution
+    from tendonff.ocp.systems import invert, simulate, system_of
     from tendonff.ocp.tendon.batch import SimulationJob, simulate_batch
-    from tendonff.ocp.tendon.inverse import invert
-    from tendonff.ocp.tendon.simulate import simulate
     from tendonff.ocp.tracking.limits import ForceLimits
     from tendonff.ocp.tracking.options import TrackOptions
     from tendonff.ocp.tracking.track import track
@@ -90,20 +79,15 @@ __all__ = [
     "Design",
     "Estimate",
     "ExperimentResult",
-    "ExportedJoints",
-    "FingerScenario",
     "FmiVersion",
     "FmuKind",
     "ForceLimits",
+    "Formulation",
     "Friction",
     "Identification",
     "InputError",
     "Integration",
-    "JointAdaptationStudy",
-    "JointComparison",
-    "JointDesign",
-    "JointIdentification",
-    "JointScenario",
+    "JointFormulation",
     "Level",
     "Load",
     "Mechanism",
@@ -112,6 +96,7 @@ __all__ = [
     "Observation",
     "Observer",
     "ObserverStatus",
+    "OptiSolution",
     "ParameterError",
     "Path",
     "Plant",
@@ -136,71 +121,55 @@ __all__ = [
     "Watch",
     "__version__",
     "adapt",
-    "adapt_joint",
     "as_iosystem",
     "compare",
-    "compare_joint",
     "design",
-    "design_joint",
     "experiment",
     "export_c",
     "export_fmu",
-    "export_joint_c",
-    "export_joint_fmu",
     "identify",
-    "identify_joint",
     "integrate",
     "invert",
-    "invert_joint",
-    "joint_problem",
     "linear_system",
-    "load_joint_scenario",
     "load_scenario",
     "make_table",
     "mechanism_equations",
+    "opti",
     "read_centreline",
     "sample_reference",
     "simulate",
     "simulate_batch",
-    "simulate_joint",
     "suggest",
-    "suggest_routine",
+    "system_of",
     "track",
     "watch",
 ]
 
 _HOMES = {
-    "compensator.studies.adapt.joint": ("JointAdaptationStudy", "adapt_joint"),
+    "compensator.door": (
+        "opti",
+        "adapt",
+        "compare",
+        "design",
+        "export_c",
+        "export_fmu",
+        "identify",
+        "make_table",
+        "suggest",
+    ),
     "compensator.studies.adapt.result": ("AdaptationStudy",),
-    "compensator.studies.adapt.run": ("adapt",),
     "compensator.studies.compare.result": ("Comparison",),
-    "compensator.studies.compare.run": ("compare",),
     "compensator.compensators.base": ("Compensator", "Problem"),
     "compensator.compensators.plant": ("Plant", "Response"),
     "compensator.compensators.profile": ("Profile",),
     "compensator.compensators.registry": ("COMPENSATORS",),
     "compensator.studies.design.result": ("Design",),
-    "compensator.studies.design.run": ("design",),
     "compensator.studies.experiment.result": ("ExperimentResult",),
     "compensator.studies.experiment.run": ("experiment",),
-    "compensator.export.c_project": ("export_c:export_project",),
-    "compensator.export.fmu": ("export_fmu:build_fmu",),
     "compensator.export.kinds": ("FmiVersion", "FmuKind:Kind"),
     "compensator.files.reading": ("InputError",),
-    "compensator.identification.joint.result": ("JointIdentification",),
-    "compensator.identification.joint.routine": ("suggest_routine",),
-    "compensator.identification.joint.run": ("identify_joint",),
     "compensator.identification.measured.centreline.run": ("read_centreline",),
-    "compensator.finger.scenario": ("FingerScenario",),
     "compensator.identification.answer.result": ("Identification",),
-    "compensator.identification.run": ("identify",),
-    "compensator.identification.suggest": ("suggest",),
-    "compensator.studies.compare.joint": ("JointComparison", "compare_joint"),
-    "compensator.joint.design.run": ("design_joint",),
-    "compensator.joint.export.fmu": ("export_joint_fmu:build_joint_fmu",),
-    "compensator.joint.export.project": ("ExportedJoints", "export_joint_c:export_joints"),
-    "compensator.joint.design.result": ("JointDesign",),
-    "compensator.joint.scenario.scenario": ("JointScenario", "load_joint_scenario"),
     "compensator.observe.estimate": ("Estimate", "Observation", "ObserverStatus"),
     "compensator.observe.observer": ("Observer",),
     "compensator.runtime.kinds": ("RuntimeKind", "RuntimeStatus"),
@@ -209,7 +178,6 @@ _HOMES = {
     "compensator.scenario.scenario": ("Scenario",),
     "compensator.scenarios": ("load_scenario",),
     "compensator.studies.tables.result": ("Tables",),
-    "compensator.studies.tables.run": ("make_table:make_tables",),
     "compensator.studies.watch.output": ("Watch",),
     "compensator.studies.watch.run": ("watch",),
     "models.capstan": ("Branch", "CapstanLaw"),
@@ -224,16 +192,14 @@ _HOMES = {
     "ocp.tendon.batch": ("SimulationJob", "simulate_batch"),
     "ocp.codegen.precision": ("Precision",),
     "ocp.errors": ("CodeError", "SolveError"),
-    "ocp.tendon.inverse": ("invert",),
     "ocp.integrate.integrate": ("Integration", "integrate"),
     "ocp.integrate.method": ("Method",),
-    "ocp.joint.invert": ("invert_joint",),
-    "ocp.joint.simulate": ("simulate_joint",),
-    "ocp.joint.start": ("joint_problem",),
-    "ocp.tendon.simulate": ("simulate",),
+    "ocp.opti.joint": ("JointFormulation",),
+    "ocp.opti.tendon": ("Formulation", "OptiSolution"),
     "ocp.tracking.limits": ("ForceLimits",),
     "ocp.tracking.options": ("TrackOptions",),
     "ocp.tracking.track": ("track",),
+    "ocp.systems": ("invert", "simulate", "system_of"),
 }
 _HOME_OF = {
     public: (f"tendonff.{module}", defined or public)

@@ -19,8 +19,7 @@ from selenium.webdriver.support.ui import WebDriverWait
 import tendonff as tf
 from tendonff.compensator.cli import app, run
 from tendonff.compensator.files.writing import write_csv
-from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.ocp.codegen.compiler import find_compiler
 from tests.compensator.identification.joint.own_log import write as write_log
 from tests.compensator.identification.synthetic import Faults, write_synthetic
@@ -171,7 +170,7 @@ def knuckle(folder, *logs):
     """Scenarios of a hand's joints, and logs of the first."""
     for name in ("knuckle", "middle"):
         assert run(["new", f"{name}.toml", "--for", "hand", "--joint", name]) == 0
-    scenario = load_joint_scenario(folder / "knuckle.toml")
+    scenario = load_scenario(folder / "knuckle.toml")
     for log in logs:
         write_log(folder, scenario.mechanism, scenario, encoder=True).rename(folder / log)
 

@@ -1,10 +1,13 @@
 """Docstrings of public names: examples that run, fields that are explained."""
 
+import ast
 import dataclasses
 import doctest
+import functools
 import inspect
 import os
 import re
+import sys
 import typing
 from pathlib import Path
 
@@ -13,7 +16,7 @@ import pytest
 import tendonff as tf
 
 ROOT = Path(__file__).resolve().parents[1]
-COMPILED = {"invert_joint", "suggest_routine"}  # the inverse of a joint runs in compiled C only
+COMPILED = {"invert", "suggest"}  # the inverse of a joint runs in compiled C only
 FUNCTIONS = [
     pytest.param(name, marks=pytest.mark.compiler if name in COMPILED else ())
     for name in tf.__all__
@@ -37,6 +40,16 @@ def test_the_example_of_every_public_function_runs(name: str, monkeypatch: pytes
     assert doctest.DocTestRunner(verbose=False).run(test, out=said.append).failed == 0, "".join(said)
 
 
+@functools.cache
+def annotated(module: str) -> dict[str, object]:
+    """Names that a module imports for its annotations alone."""
+    found: dict[str, object] = {}
+    for block in ast.parse(inspect.getsource(sys.modules[module])).body:
+        if isinstance(block, ast.If) and ast.unparse(block.test) == "TYPE_CHECKING":
+            exec(compile(ast.Module(block.body, []), module, "exec"), vars(sys.modules[module]) | {}, found)  # noqa: S102
+    return found
+
+
 def records() -> set[type]:
     """Records among the public names, in what public functions take and return, and in fields of such records."""
     found: set[type] = set()
@@ -46,7 +59,7 @@ def records() -> set[type]:
         each = todo.pop()
         todo += typing.get_args(each)
         if inspect.isfunction(each):
-            todo += typing.get_type_hints(each, localns=public).values()
+            todo += typing.get_type_hints(each, localns=annotated(each.__module__) | public).values()
         if inspect.isclass(each) and each.__module__.startswith("tendonff.") and each not in found:
             found.add(each)
             if dataclasses.is_dataclass(each):

@@ -19,7 +19,8 @@ from random_examples import tried_on
 from tendonff.compensator.cli import run
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.scenario.measurement import Measurement
-from tendonff.compensator.scenario.scenario import load_scenario, parse_scenario, scenario_to_toml
+from tendonff.compensator.scenario.scenario import parse_scenario, scenario_to_toml
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.compare.run import compare
 from tendonff.compensator.studies.design.output import summary
 from tendonff.compensator.studies.design.run import design
@@ -264,6 +265,45 @@ def test_a_stopped_design_leaves_what_was_there(examples, tmp_path, number):
         assert process.returncode in (130, -signal.SIGINT), said
         assert said.strip() == "interrupted; nothing was written"
         assert list(tmp_path.iterdir()) == [out]
+
+
+LONG = {
+    "design of a joint whose moment arm is 8 m": ("design", "arm", "--yes"),
+    "comparison of levels of a joint": ("compare", "hand_joint"),
+    "sweep of a joint": ("sweep", "hand_joint", "--samples", "2000"),
+    "design of a finger": ("design", "three_joint_finger"),
+    "comparison of a finger": ("compare", "three_joint_finger"),
+    "export of a tension": ("export-c", "bowden"),
+    "table of a tension": ("table", "bowden"),
+    "sweep of a tension": ("sweep", "bowden", "--samples", "2000"),
+    "experiment of a tension": ("experiment", "bowden"),
+    "study of self-tuning": ("adapt", "finger_adaptive"),
+}
+
+
+@pytest.mark.compiler
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+@pytest.mark.parametrize("name", [next(iter(LONG)), *(pytest.param(n, marks=pytest.mark.nightly) for n in [*LONG][1:])])
+def test_every_long_command_hears_ctrl_c(examples, tmp_path, name):
+    command, example, *options = LONG[name]
+    file = examples / f"{example}.toml"
+    if example == "arm":
+        file = tmp_path / "arm.toml"
+        text = (examples / "hand_joint.toml").read_text("utf-8")
+        file.write_text(text.replace("moment_arm_m = 0.008", "moment_arm_m = 8").replace("= -0.008", "= -8"), "utf-8")
+    arguments = [*TENDONFF, command, str(file), *options, "--out", str(tmp_path / "out")]
+    with subprocess.Popen(arguments, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as process:
+        try:
+            time.sleep(4.0)
+            if process.poll() is not None:
+                pytest.skip("done before it could be interrupted")
+            process.send_signal(signal.SIGINT)
+            said = process.communicate(timeout=60)[1]
+        finally:
+            process.kill()
+    assert process.returncode in (130, -signal.SIGINT), said
+    assert "Traceback" not in said
+    assert "interrupted; " in said
 
 
 @pytest.fixture(scope="module")

@@ -24,7 +24,7 @@ from tendonff.compensator.reporting.page import (
     write_report,
 )
 from tendonff.compensator.reporting.plots import new_figure
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 
 selenium = pytest.importorskip("selenium", reason="selenium is not installed")
 from selenium.webdriver.support.ui import WebDriverWait  # noqa: E402

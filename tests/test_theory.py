@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainState

@@ -61,29 +61,12 @@ def looked_at(
     A scenario that is not valid, a value that looks like another unit (unless `yes`), and a reference (where the
     command follows it) that is infeasible, if `strict` out of reach, are refused.
     """
-    from tendonff.compensator.scenarios import load_scenario, look_at
+    from tendonff.compensator.door import look_at
+    from tendonff.compensator.scenarios import load_scenario
 
     loaded = load_scenario(scenario)
     warn(*look_at(loaded, follows_reference=follows_reference, strict=strict, accept=yes))
     return loaded
-
-
-def of_tension(loaded: "Scenario | JointScenario | FingerScenario", why: str) -> "Scenario":
-    """The scenario, if it is of the tension of one tendon; else InputError with the reason."""
-    from tendonff.compensator.scenario.scenario import Scenario
-
-    if isinstance(loaded, Scenario):
-        return loaded
-    raise InputError(f"{loaded.source.name}: {why}")
-
-
-def of_one_joint(loaded: "Scenario | JointScenario | FingerScenario", why: str) -> "JointScenario":
-    """The scenario, if it is of one driven joint; else InputError with the reason."""
-    from tendonff.compensator.joint.scenario.scenario import JointScenario
-
-    if isinstance(loaded, JointScenario):
-        return loaded
-    raise InputError(f"{loaded.source.name}: {why}")
 
 
 @contextmanager

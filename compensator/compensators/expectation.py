@@ -146,6 +146,14 @@ class Expectation:
         ]
         return tuple(sorted(found, key=lambda each: -each.rmse))
 
+    @property
+    def error(self) -> str:
+        """Worst RMS error, its share of the range, and the peak."""
+        worst = self.best.worst
+        rmse, peak = (two_digits(self.unit.factor * value) for value in (worst.rmse, self.best.worst_peak))
+        percent = two_digits(worst.rmse_percent_of_range)
+        return f"{rmse} {self.unit.shown} RMS ({percent} % of {self.share_of}), peak {peak} {self.unit.shown}"
+
     def headline(self, label: str, next_command: str) -> str:
         """Expected error of the profile of that label, and the next command."""
         worst = self.best.worst
@@ -157,13 +165,10 @@ class Expectation:
             compared = "; friction compensation does not reduce it"
         elif without is not None:
             compared = f"; {two_digits(without)} % without friction compensation"
-        percent = two_digits(worst.rmse_percent_of_range)
         unfit = unfit_for(self.unit, worst.rmse_percent_of_range)
-        rmse, peak = (two_digits(self.unit.factor * value) for value in (worst.rmse, self.best.worst_peak))
         return (
-            f"{f'{unfit}: tracking' if unfit else 'Tracking'} error up to {rmse} {self.unit.shown} RMS "
-            f"({percent} % of {self.share_of}), peak {peak} {self.unit.shown}, with the {label}, for {self.doubt} "
-            f"on the {self.level} level{compared}. Largest contribution: {self.contributions[0].key}. "
+            f"{f'{unfit}: tracking' if unfit else 'Tracking'} error up to {self.error}, with the {label}, "
+            f"for {self.doubt} on the {self.level} level{compared}. Largest contribution: {self.contributions[0].key}. "
             f"Next: {next_command}"
         )
 

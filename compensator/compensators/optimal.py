@@ -21,6 +21,7 @@ from tendonff.models.parameters.uncertainty import Objective
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.reference.motion import tension_of_motion
 from tendonff.ocp.tracking.cycle import track_cycle
+from tendonff.ocp.tracking.problem import TrackingProblem
 from tendonff.ocp.tracking.result import Tracking, TrackStatus
 from tendonff.ocp.tracking.track import track_robust
 
@@ -69,6 +70,21 @@ def solve(problem: Problem, *, progress: Progress = silent) -> Tracking:
         inversion=problem.inversion,
         progress=progress,
         others_N=[_followed_N(problem, sample.system) for sample in samples],
+    )
+
+
+def posed(problem: Problem) -> TrackingProblem:
+    """The optimal-control problem from rest, as `solve` searches it."""
+    reference, samples = problem.reference, counted(problem)
+    return TrackingProblem.from_rest(
+        (problem.chain, *(Chain.of(sample.system, problem.level) for sample in samples)),
+        (problem.followed_N, *(_followed_N(problem, sample.system) for sample in samples)),
+        reference.step_s,
+        problem.limits,
+        problem.options,
+        start_N=reference.initial_tension_N,
+        inverse=problem.inversion,
+        objective=problem.uncertainty.objective,
     )
 
 

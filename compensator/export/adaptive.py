@@ -9,11 +9,11 @@ import numpy as np
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.compensators.score import scale_of
+from tendonff.compensator.compensators.tuning import Certified, tuned_chain, tuning_of
 from tendonff.compensator.export.golden import Course, easy_rows
 from tendonff.compensator.export.repeat import FLOAT_SHARE, Compared, repeated_rows
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.scenario.settings import Adaptation
-from tendonff.compensator.studies.adapt.setup import Certified, tuned_chain, tuning_of
 from tendonff.ocp.adaptation.code import TunedChain
 from tendonff.ocp.adaptation.target import tuner_code
 from tendonff.ocp.adaptation.tuner import INTEGRAL, REALS, SelfTuner, SimulatedRig

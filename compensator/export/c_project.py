@@ -10,15 +10,18 @@ import numpy as np
 
 from tendonff._version import __version__
 from tendonff.compensator.compensators.base import CModule, Problem, with_motion
+from tendonff.compensator.compensators.expectation import Expectation
+from tendonff.compensator.compensators.live import driven, expect_live, live_headline
 from tendonff.compensator.compensators.profile import FloatArray, Profile
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.score import scale_of
 from tendonff.compensator.compensators.stream import StreamChoice, choose_stream
 from tendonff.compensator.compensators.table import BuiltTable, table_of
+from tendonff.compensator.compensators.tuning import certified, check_tuning, learnt, tuning_of
 from tendonff.compensator.export.adaptive import NUDGES, AdaptiveGolden, adaptive_golden, adaptive_test
 from tendonff.compensator.export.golden import Golden, golden_vectors
 from tendonff.compensator.export.host import run_on_host
-from tendonff.compensator.export.judgement import Judged, chosen, driven, judge, judge_stream, profiles_of
+from tendonff.compensator.export.judgement import Judged, chosen, judge, judge_stream, profiles_of, score_lines
 from tendonff.compensator.export.modules import ADAPTIVE, BOUNDS, OBSERVER, c_modules, check_prefix
 from tendonff.compensator.export.observer import ObserverDesign, ObserverGolden, observer_golden
 from tendonff.compensator.export.repeat import FLOAT_SHARE, InFloat, compared
@@ -33,7 +36,6 @@ from tendonff.compensator.export.text.c_text import (
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.files.writing import atomic_directory, write_text
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
-from tendonff.compensator.studies.adapt.setup import certified, check_tuning, learnt, tuning_of
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
@@ -57,6 +59,10 @@ class Exported:
         Error of each module on the scenario's reference, no compensation first.
     warnings : tuple of str
         What the user should know.
+    expectation : Expectation
+        Of the exact inverse with a reference that arrives live, over what is uncertain.
+    headline : str
+        The same in a sentence.
     notes : tuple of str
         What the tuner can identify along the reference, and what it cannot; empty without one.
     """
@@ -66,7 +72,14 @@ class Exported:
     profile_N: FloatArray = field(repr=False)
     judged: tuple[Judged, ...]
     warnings: tuple[str, ...]
+    expectation: Expectation = field(repr=False)
+    headline: str
     notes: tuple[str, ...] = ()
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The judgement as a table for the terminal, and what to expect on a rig."""
+        return (*score_lines(self.judged), self.headline)
 
     def write(self, folder: str | os.PathLike[str]) -> None:
         """Write every file, all or nothing; makes the folder."""
@@ -157,8 +170,10 @@ def export_project(
     judged = judge(problem, profiles)
     judged = (*judged, judge_stream(judged, choice, problem))
     modules, faults = chosen(judged, c_modules(scenario, stream is not None), force_export=force_export)
+    expectation = expect_live(problem)
     further: dict[str, object] = {
         **numbers,
+        "headline": live_headline(expectation, scenario),
         **self_test_context(problem, table, profile_N, golden, precision, found),
         **_observer_test(seen, FLOAT_SHARE * scale_of(tension), precision, found),
         "measured": measured(precision),
@@ -172,8 +187,9 @@ def export_project(
         answers = [answer for run in found for answer in run.tuner]
         if ADAPTIVE in modules:  # not where the inverse that it tunes is left out
             further["adaptive"] = adaptive_test(problem, settings, golden.course, precision, tuned, answers)
-    texts = c_sources(scenario, problem, modules, precision, prefix, further)
-    texts |= folder_files(scenario, problem, modules, precision, prefix, further)
+    texts = c_sources(scenario, problem, modules, precision, prefix, further) | folder_files(
+        scenario, problem, modules, precision, prefix, further
+    )
     texts["design.json"] = _design_json(
         scenario,
         problem,
@@ -187,7 +203,16 @@ def export_project(
         modules=modules,
     )
     warnings = (*warnings, *faults, *loss_warnings(losses), *_late(problem))
-    return Exported(files=texts, built=built, profile_N=profile_N, judged=judged, warnings=warnings, notes=notes)
+    return Exported(
+        files=texts,
+        built=built,
+        profile_N=profile_N,
+        judged=judged,
+        warnings=warnings,
+        expectation=expectation,
+        headline=live_headline(expectation, scenario),
+        notes=notes,
+    )
 
 
 def _late(problem: Problem) -> tuple[str, ...]:

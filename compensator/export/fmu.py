@@ -3,7 +3,8 @@
 from tendonff._version import __version__
 from tendonff.compensator.compensators.base import CModule, Problem
 from tendonff.compensator.compensators.table import BuiltTable, accepted_range, table_of
-from tendonff.compensator.export.judgement import Judged, chosen, judge, profiles_of
+from tendonff.compensator.compensators.tuning import check_tuning
+from tendonff.compensator.export.judgement import Judged, chosen, judge, profiles_of, score_lines
 from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.export.modules import ADAPTIVE, OBSERVER, PLANT, c_modules, check_prefix
 from tendonff.compensator.export.observer import ObserverDesign
@@ -12,7 +13,6 @@ from tendonff.compensator.export.text.parameters import parameters_of
 from tendonff.compensator.export.unit import Fmu, Variable, pack
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
-from tendonff.compensator.studies.adapt.setup import check_tuning
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters.drive import Drive
 from tendonff.models.tendon.chain import Chain
@@ -73,7 +73,7 @@ def build_fmu(
     further = {} if built is None else table_context(built, Precision.DOUBLE)
     sources = c_sources(scenario, problem, (module,), Precision.DOUBLE, prefix, further)
     context = _context(scenario, problem, kind, prefix, identifier, compiled)
-    return pack(sources, context, fmi, everywhere=everywhere, judged=judged, warnings=warnings)
+    return pack(sources, context, fmi, everywhere=everywhere, lines=score_lines(judged), warnings=warnings)
 
 
 def _judged(

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from tendonff.compensator.compensators.base import CModule, Problem, with_travel
+from tendonff.compensator.compensators.live import driven
 from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.compensators.profile import Profile
 from tendonff.compensator.compensators.registry import compensator
@@ -12,7 +13,6 @@ from tendonff.compensator.compensators.stream import StreamChoice, stream_candid
 from tendonff.compensator.compensators.table import BuiltTable, CompensationTable
 from tendonff.compensator.export.modules import ADAPTIVE, BOUNDS, OBSERVER, PLANT, exportable
 from tendonff.compensator.scenario.unit import Unit
-from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.errors import SolveError
 
 UNCOMPENSATED = "none"
@@ -89,16 +89,6 @@ def profiles_of(
     return found
 
 
-def driven(problem: Problem, name: str, profile: Profile) -> Profile:
-    """Profile of a module as applied by the actuator, within the limits of its motion, which modules do not include.
-
-    Lag, delay and hold of the drive remain, as in the exported code; a position drive takes the command unchanged.
-    """
-    if problem.transmission.actuator.drive is Drive.POSITION:
-        return profile if profile.command_m is not None else with_travel(problem, name, profile)
-    return replace(profile, force_N=problem.limited(profile.force_N), travel_m=None)
-
-
 def chosen(
     judged: Sequence[Judged], every: Sequence[CModule], *, force_export: bool
 ) -> tuple[tuple[CModule, ...], tuple[str, ...]]:
@@ -136,15 +126,17 @@ def judge_stream(judged: Sequence[Judged], choice: StreamChoice | None, problem:
     return Judged(module="stream", score=own, fault=fault, unit=unit)
 
 
-def score_lines(judged: Sequence[Judged]) -> list[str]:
+def score_lines(judged: Sequence[Judged]) -> tuple[str, ...]:
     """The judgement as a table for the terminal."""
+    if not judged:
+        return ()
     unit = judged[0].unit
     lines = [f"{'module':<10} {'RMS error, % of range':>22} {f'largest error [{unit.shown}]':>18}"]
     for each in judged:
         score = each.score
         figures = ("-", "-") if score is None else (score.percent, f"{unit.factor * score.peak_error:.3g}")
         lines.append(f"{each.module:<10} {figures[0]:>22} {figures[1]:>18}{'  unfit' if each.fault else ''}")
-    return lines
+    return tuple(lines)
 
 
 def _score(problem: Problem, profile: Profile) -> Score | None:

@@ -11,9 +11,9 @@ import numpy as np
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.compensators.table import accepted_range
+from tendonff.compensator.compensators.tuning import BOUND_MASSES, BOUND_SPREAD
 from tendonff.compensator.export.golden import GROWTH, NUDGE, easy_rows, nudged
 from tendonff.compensator.export.text.table_index import rounded
-from tendonff.compensator.studies.adapt.setup import BOUND_MASSES, BOUND_SPREAD
 from tendonff.models.cached import cached_property
 from tendonff.models.capstan import CapstanLaw, held_within
 from tendonff.models.capstan.spread_bounds import play_exponents

@@ -13,7 +13,6 @@ from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
 
-from tendonff.compensator.export.judgement import Judged
 from tendonff.compensator.export.kinds import FmiVersion
 from tendonff.compensator.files.writing import atomic_file
 from tendonff.ocp.codegen.compiler import Target, cross_compile, find_compiler, run_compiler
@@ -54,8 +53,8 @@ class Fmu:
         The archive.
     has_binary : bool
         Whether it holds a binary for this machine; the sources are always there.
-    judged : tuple of Judged
-        Its error on the scenario's reference, after no compensation; empty for a plant.
+    lines : tuple of str
+        Its error on the scenario's reference in words; empty for a plant.
     warnings : tuple of str
         What the user should know.
     """
@@ -63,7 +62,7 @@ class Fmu:
     name: str
     content: bytes
     has_binary: bool
-    judged: tuple[Judged, ...]
+    lines: tuple[str, ...]
     warnings: tuple[str, ...]
 
     def write(self, folder: str | os.PathLike[str]) -> None:
@@ -79,7 +78,7 @@ def pack(
     *,
     model: str = "model",
     everywhere: bool = False,
-    judged: tuple[Judged, ...] = (),
+    lines: tuple[str, ...] = (),
     warnings: tuple[str, ...] = (),
 ) -> Fmu:
     """Wrap sources, texts by file name.
@@ -109,7 +108,7 @@ def pack(
         name=f"{identifier}_fmi{fmi.value[0]}.fmu",
         content=_archive(members),
         has_binary=any(suffix == ".so" for _, suffix in libraries),
-        judged=judged,
+        lines=lines,
         warnings=warnings,
     )
 

@@ -15,8 +15,8 @@ from tendonff.models.turns import in_turn
 from tendonff.ocp.feedback.closed_loop import Course, simulate_feedback
 from tendonff.ocp.feedback.design import STANDING_S, LoopDesign, Sensor, design_loops, standing
 from tendonff.ocp.feedback.law import FeedbackLaw
+from tendonff.ocp.feedback.requirement import Requirement
 from tendonff.ocp.feedback.system import FeedbackSystem, Quantity
-from tendonff.ocp.feedback.tune import Requirement
 
 FRICTION, DELAY = (0.5, 1.0, 1.5), (0.5, 1.0, 2.0)
 """Factors on friction and delay at which limit cycles are looked for."""

@@ -2,8 +2,8 @@
 
 import math
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -129,6 +129,8 @@ def _resolve(path: Path, dialect: Dialect, quantity: Quantity) -> tuple[str, flo
     """Column of a quantity, what its unit is in SI, and what to say about it."""
     names = dialect.names
     if quantity.column is not None and quantity.column not in names:
+        quantity = replace(quantity, column=with_unit(names, quantity.column))
+    if quantity.column is not None and quantity.column not in names:
         missing = f'{path.name}: column "{quantity.column}" is missing'
         raise InputError(f"{missing}{nearest_column(quantity.column, names)}", discreet=missing)
     if quantity.column is not None or quantity.name in names:
@@ -180,6 +182,15 @@ def _unknown_unit(path: Path, quantity: Quantity, column: str, unit: str) -> Inp
         f'{path.name}: column "{column}" has the unit {unit}, {known}',
         discreet=f"{path.name}: the column of {quantity.words[0]} has a unit {known}",
     )
+
+
+_BRACKET = re.compile(r"(.*?)\s*(?:\[[^\]]*\]|\([^)]*\))")
+
+
+def with_unit(names: Iterable[str], column: str) -> str:
+    """Column that is called `column` but for a unit in brackets, where there is one such; else `column` itself."""
+    meant = [name for name in names if (match := _BRACKET.fullmatch(name.strip())) and match[1] == column]
+    return meant[0] if len(meant) == 1 else column
 
 
 _NAME = re.compile(r"\s*(.+?)\s*(?:\[(.*?)\]|\((.*?)\)|/\s*(\S+)|[_ ]([^\s_]+))\s*")

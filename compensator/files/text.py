@@ -51,10 +51,13 @@ def is_moderate(size: int) -> bool:
     return size <= MOST_BYTES
 
 
-def require_moderate(path: Path, size: int) -> None:
-    """Refuse a packed file that unpacks to more bytes than can be meant, before it is unpacked."""
-    if not is_moderate(size):
-        most = f"{MOST_BYTES / 1e6:.0f} MB"
+def require_moderate(path: Path, size: int, part: int = 1) -> None:
+    """Refuse a packed file that unpacks to more bytes than can be meant, before it is unpacked.
+
+    A format that is read slowly may have a `part`-th of the others' bytes.
+    """
+    if not is_moderate(part * size):
+        most = f"{MOST_BYTES / part / 1e6:.0f} MB"
         raise InputError(f"{path.name} unpacks to more than {most}; give the part that is needed, or unpack it first")
 
 
@@ -154,6 +157,7 @@ def user_text(path: Path, encoding: str = "") -> Iterator[IO[str]]:
 
 
 def read_text(path: Path) -> str:
-    """Whole text of a user's UTF-8 file."""
-    with user_text(path, "utf-8-sig") as stream:
+    """Whole text of a user's file in UTF-8, or in UTF-16 with its mark."""
+    marked = path.is_file() and encoding_of(path) == "utf-16"
+    with user_text(path, "utf-16" if marked else "utf-8-sig") as stream:
         return stream.read()

@@ -6,18 +6,14 @@ import numpy as np
 
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.files.results import Views, register_views
 from tendonff.compensator.finger.compensators import REFINEMENT, FingerTask
 from tendonff.compensator.finger.doubts import finger_doubts
 from tendonff.compensator.finger.output import finger_figures, motor_torque_N_m, profile_columns, write_files
 from tendonff.compensator.finger.result import FingerDesign, FingerProfile
 from tendonff.compensator.finger.scenario import FingerScenario
 from tendonff.compensator.finger.sheet import joint_sheets, tendon_sheets
-from tendonff.compensator.joint.design.result import JointDesign
-from tendonff.compensator.joint.design.run import design_joint
 from tendonff.compensator.joint.plant import verifying_masses
-from tendonff.compensator.joint.scenario.scenario import JointScenario
-from tendonff.models.errors import TendonffError
+from tendonff.compensator.reporting.results import Views, register_views
 from tendonff.models.turns import in_turn
 
 register_views(FingerDesign, Views(write=write_files, columns=profile_columns, figures=finger_figures))
@@ -48,33 +44,25 @@ def design_finger(scenario: FingerScenario, *, strict: bool = False, progress: P
         raise InputError(f"{scenario.source.name}: {task.notes[0]}")
     masses, compensators = verifying_masses(finger), task.compensators
     parts = Parts(progress, 2 * len(compensators))
-    profiles, commands, failed = {}, {}, []
-    for each in compensators:
-        try:
-            command = each.command_rad(task)
-            run = task.respond(finger, command, masses, REFINEMENT)
-        except TendonffError as error:  # one that has no answer must not take the others along
-            if each.name == "inverse":
-                raise
-            failed.append(f"{each.label}: {error}")
-            continue
-        commands[each.name] = command
+    tried = task.tried(lambda command: task.respond(finger, command, masses, REFINEMENT), parts)
+    profiles = {}
+    for name, run in tried.responses.items():
         reached = run.position[:, : scenario.wanted]
-        profiles[each.name] = FingerProfile(
-            name=each.name,
-            motor_rad=command,
+        profiles[name] = FingerProfile(
+            name=name,
+            motor_rad=tried.commands[name],
             angle_rad=reached,
             tension_N=run.tension_N,
             error_rad=reached - task.wanted_rad,
         )
-        parts.done()
-    expectation = task.expect(commands)
+    expectation = task.expect(tried.commands)
     parts.done(len(compensators))
     result = FingerDesign(
         scenario=scenario,
         sampled=task.sampled,
-        compensators=compensators,
+        compensators=tuple(c for c in compensators if c.name in profiles),
         profiles=profiles,
+        failed=tried.failed,
         inversion=inversion,
         expectation=expectation,
         tendons=tendon_sheets(task),
@@ -82,18 +70,9 @@ def design_finger(scenario: FingerScenario, *, strict: bool = False, progress: P
         masses=masses,
         refinement=REFINEMENT,
         doubt_masses=task.doubt_masses(finger),
-        warnings=(*task.notes, *map(str, finger_doubts(scenario)), *failed),
+        warnings=(*task.notes, *map(str, finger_doubts(scenario)), *tried.warnings),
     )
     return _with_limits(result)
-
-
-def design_motors(
-    scenario: JointScenario | FingerScenario, *, strict: bool = False, progress: Progress = silent
-) -> JointDesign | FingerDesign:
-    """Design and verify the motor angles of driven joints, one or several; see `design_joint`, `design_finger`."""
-    if isinstance(scenario, JointScenario):
-        return design_joint(scenario, strict=strict, progress=progress)
-    return design_finger(scenario, strict=strict, progress=progress)
 
 
 def _with_limits(result: FingerDesign) -> FingerDesign:

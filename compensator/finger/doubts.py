@@ -3,7 +3,7 @@
 import numpy as np
 
 from tendonff.compensator.files.reading import read_csv
-from tendonff.compensator.finger.scenario import FingerScenario
+from tendonff.compensator.finger.scenario import FingerScenario, sample_finger
 from tendonff.compensator.joint.scenario.doubts import (
     course_doubts,
     drive_doubts,
@@ -11,7 +11,7 @@ from tendonff.compensator.joint.scenario.doubts import (
     moved_doubts,
     tendon_doubts,
 )
-from tendonff.compensator.scenario.doubts import UnitDoubt, angle_doubt, length_doubts, step_doubts, unaccepted
+from tendonff.compensator.scenario.doubts import UnitDoubt, angle_doubt, length_doubts, settle, step_doubts, unaccepted
 from tendonff.models.joint.parameters.finger import Finger
 
 
@@ -34,6 +34,21 @@ def finger_doubts(scenario: FingerScenario, *, follows_reference: bool = True) -
     if follows_reference:
         found += _of_reference(scenario, arms)
     return unaccepted(found, run)
+
+
+def look_at_finger(
+    scenario: FingerScenario,
+    *,
+    follows_reference: bool = True,
+    strict: bool = False,  # noqa: ARG001  what is out of reach shows in the design
+    accept: bool = False,
+) -> tuple[str, ...]:
+    """Warnings about a scenario before any work; arguments and errors as of `first_look`."""
+    doubts = finger_doubts(scenario, follows_reference=follows_reference)
+    found = settle(doubts, file=scenario.source.name, accept=accept)
+    if follows_reference:  # one without meaning is refused at once
+        sample_finger(scenario)
+    return found
 
 
 def _largest_arms_m(finger: Finger) -> dict[str, float]:

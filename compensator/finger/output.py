@@ -2,19 +2,23 @@
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from tendonff.compensator.compensators.expectation import two_digits
+from tendonff.compensator.compensators.expected import contributions_figure, expectation_summary, robustness_table
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.writing import atomic_directory, write_csv
 from tendonff.compensator.finger.result import FingerDesign
-from tendonff.compensator.reporting.colours import INK
-from tendonff.compensator.reporting.expected import contributions_figure, expectation_summary, robustness_table
+from tendonff.compensator.reporting.colours import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, Style
+from tendonff.compensator.reporting.interactive import Curves, zoomed
 from tendonff.compensator.reporting.page import (
     FileNote,
+    Interactive,
     Report,
     Section,
     Table,
@@ -25,6 +29,7 @@ from tendonff.compensator.reporting.page import (
     write_pages,
 )
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure, thinned
+from tendonff.compensator.reporting.terminal import print_scores
 
 _CAPTIONS = {
     "joints": "Errors of the joint angles on the verifying mechanism; below, the angles that were wanted.",
@@ -34,12 +39,15 @@ _CAPTIONS = {
 }
 
 
-def write_files(result: FingerDesign, folder: str | os.PathLike[str]) -> None:
+def write_files(
+    result: FingerDesign, folder: str | os.PathLike[str], *, interactive: bool = False, pdf: bool = False
+) -> None:
     """Write the files of `FingerDesign.write`."""
     figures = finger_figures(result)
+    view = interactive_panels(result) if interactive else None
     with atomic_directory(folder) as partial:
         write_csv(partial / "profile.csv", profile_columns(result))
-        write_pages(partial, summary(result), figures, _report(result, figures))
+        write_pages(partial, summary(result), figures, _report(result, figures, view), pdf=pdf)
 
 
 def finger_figures(result: FingerDesign) -> dict[str, Figure]:
@@ -155,7 +163,27 @@ def _motor_figure(result: FingerDesign) -> Figure:
     return figure
 
 
-def _report(result: FingerDesign, figures: Mapping[str, Figure]) -> Report:
+def interactive_panels(result: FingerDesign) -> Interactive:
+    """Angles, motors and errors of the exact inverse, to be zoomed."""
+    inverse, shades = result.profiles["inverse"], ("-", "--", ":", "-.")
+    colours = (INK, BLUE, ORANGE, GREEN, PURPLE, GREY)
+
+    def curves(names: Sequence[str], columns: FloatArray) -> Curves:
+        return {
+            name: (column, Style(color=colours[k % len(colours)], linestyle=shades[k // len(colours) % 4]))
+            for k, (name, column) in enumerate(zip(names, columns.T, strict=True))
+        }
+
+    motors = [motor.name for motor in result.scenario.mechanism.motors]
+    panels = {
+        "joint angle [deg]": curves(result.names, np.degrees(inverse.angle_rad)),
+        "motor [rad]": curves(motors, inverse.motor_rad),
+        "error [deg]": curves(result.names, np.degrees(inverse.error_rad)),
+    }
+    return zoomed(result.sampled.time_s, panels, f"Exact inverse, {result.masses} masses a tendon.")
+
+
+def _report(result: FingerDesign, figures: Mapping[str, Figure], view: Interactive | None = None) -> Report:
     names = result.names
     shown = [c for c in result.compensators if c.name in result.profiles]
     plant = f"{result.masses} masses a tendon and step/{result.refinement}"
@@ -179,6 +207,7 @@ def _report(result: FingerDesign, figures: Mapping[str, Figure]) -> Report:
         warnings=result.warnings,
         sections=(
             Section(title="Joint angles", blocks=(pictures["joints"], errors)),
+            *([] if view is None else [Section(title="Interactive view", blocks=(view,))]),
             Section(title="Robustness to parameter uncertainty", blocks=robustness),
             Section(title="Tensions", blocks=(pictures["tension"],)),
             Section(title="Data sheet", blocks=tuple(_sheets(result))),
@@ -231,3 +260,17 @@ def _sheets(result: FingerDesign) -> list[Table]:
     ]
     said = "" if reach else "; reachable torques appear here once every motor states torque_max_N_m"
     return [*tables, Table(caption=f"Joints at the start, the others at rest{said}", columns=head, rows=cells)]
+
+
+def show(result: FingerDesign, folder: Path) -> None:
+    """Print the error of each compensator, what to expect on a rig, and where the files are."""
+    worst = result.expectation.worst_percent
+    print_scores(
+        f"{result.scenario.name}: RMS error over all joints",
+        ("compensator", "worst case [% of range]", f"{result.masses} masses, step/{result.refinement} [deg]"),
+        [
+            (c.name, two_digits(worst[c.name]), f"{math.degrees(result.profiles[c.name].rms_of_all_rad):.2g}")
+            for c in result.compensators
+        ],
+        (result.headline, result.fine_print, f"written to {folder}"),
+    )

@@ -9,11 +9,11 @@ import numpy as np
 from tendonff.compensator.compensators.expectation import Expectation
 from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.files.reading import FloatArray
-from tendonff.compensator.files.results import Result, views_of
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.finger.compensators import FingerCompensator
 from tendonff.compensator.finger.scenario import FingerScenario, SampledFinger
 from tendonff.compensator.finger.sheet import JointSheet, TendonSheet
+from tendonff.compensator.reporting.results import Result, views_of
 from tendonff.ocp.mechanism.response import MechanismRun
 
 
@@ -70,6 +70,8 @@ class FingerDesign(Result):
         In the order in which they are shown.
     profiles : dict of str to FingerProfile
         By name of the compensator.
+    failed : dict of str to str
+        Why a compensator has no profile, by its name.
     inversion : MechanismRun
         The exact inverse before the drives.
     expectation : Expectation
@@ -89,6 +91,7 @@ class FingerDesign(Result):
     sampled: SampledFinger
     compensators: tuple[FingerCompensator, ...]
     profiles: dict[str, FingerProfile]
+    failed: dict[str, str]
     inversion: MechanismRun
     expectation: Expectation
     tendons: tuple[TendonSheet, ...]
@@ -122,9 +125,18 @@ class FingerDesign(Result):
         return (
             f"With exactly the design's parameters the RMS error over all joints is {best:.2g} deg "
             f"({self.recommended.label}, {self.masses} masses a tendon, step/{self.refinement}), {plain:.2g} deg with "
-            "the lengths of the tendons alone."
+            "the lengths of the tendons alone. Known in advance: profile.csv to the motors; known only at run "
+            "time: tf.Runtime."
         )
 
-    def write(self, folder: str | os.PathLike[str]) -> None:
-        """Write `profile.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
-        views_of(FingerDesign).write(self, folder)
+    @property
+    def is_usable(self) -> bool:
+        """No compensator failed."""
+        return not self.failed
+
+    def write(self, folder: str | os.PathLike[str], *, interactive: bool = False, pdf: bool = False) -> None:
+        """Write `profile.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder.
+
+        An interactive report has a view with zoom, hover and a legend that hides curves, and needs Bokeh.
+        """
+        views_of(FingerDesign).write(self, folder, interactive=interactive, pdf=pdf)

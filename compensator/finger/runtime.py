@@ -1,7 +1,6 @@
 """The exact inverse of a finger in a control loop, step by step."""
 
 import math
-import zlib
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -94,14 +93,13 @@ class FingerRuntime:
         return self._answer.command.copy()
 
     def content(self) -> bytes:
-        """Everything that is remembered, in this machine's byte order, behind a checksum."""
-        held = bytes([self._call.fresh.value]) + b"".join(each.tobytes() for each in self._whole)
-        return zlib.crc32(held).to_bytes(4, "big") + held
+        """Everything that is remembered, in this machine's byte order."""
+        return bytes([self._call.fresh.value]) + b"".join(each.tobytes() for each in self._whole)
 
-    def restore(self, content: bytes) -> bool:
+    def restore(self, held: bytes) -> bool:
         """Go on from what `content` gave; False, and nothing changed, where these are no such bytes."""
-        held, sizes = content[4:], [each.nbytes for each in self._whole]
-        if len(held) != 1 + sum(sizes) or zlib.crc32(held) != int.from_bytes(content[:4], "big"):
+        sizes = [each.nbytes for each in self._whole]
+        if len(held) != 1 + sum(sizes):
             return False
         values = np.frombuffer(held, dtype=np.float64, offset=1)
         if held[0] > 1 or not np.isfinite(values).all():

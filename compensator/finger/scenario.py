@@ -8,6 +8,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -16,6 +17,8 @@ from tendonff.compensator.joint.scenario.base import with_base
 from tendonff.compensator.joint.scenario.reference import JointQuantity, JointSine, JointWaypoints
 from tendonff.compensator.joint.scenario.scenario import tendon_part
 from tendonff.compensator.scenario.joints import Joint, read_joints
+from tendonff.compensator.scenario.kind import Kind
+from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenario.sampled.joint_motion import joint_angles
 from tendonff.compensator.scenario.scenario import SCHEMA, spread_keys, with_spread
 from tendonff.compensator.scenario.settings import Run
@@ -68,6 +71,7 @@ class FingerScenario:
         Files that it names.
     """
 
+    kind: ClassVar[Kind] = Kind.FINGER
     name: str
     mechanism: Finger
     others: dict[str, Joint]
@@ -81,6 +85,11 @@ class FingerScenario:
     source: Path
     text: str = field(repr=False)
     inputs: tuple[Path, ...] = field(default=())
+
+    @property
+    def measurement(self) -> Measurement:
+        """How measured files are read where nothing else is said."""
+        return Measurement()
 
     @property
     def is_complete(self) -> bool:

@@ -11,7 +11,6 @@ from threadpoolctl import threadpool_limits
 
 from tendonff.compensator.files.progress import DOUBT
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.files.results import Views, register_views
 from tendonff.compensator.identification.answer import messages
 from tendonff.compensator.identification.answer.figures import identification_figures
 from tendonff.compensator.identification.answer.output import write_files
@@ -43,7 +42,8 @@ from tendonff.compensator.identification.pace import Pace
 from tendonff.compensator.identification.parameters import Parameter
 from tendonff.compensator.identification.spread import with_spread
 from tendonff.compensator.identification.study import Stage, Study, attempted
-from tendonff.compensator.scenario.measurement import Explain
+from tendonff.compensator.reporting.results import Views, register_views
+from tendonff.compensator.scenario.measurement import Explain, Measurement
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import exponent_lines
 from tendonff.models.path import SectionKind
@@ -71,6 +71,7 @@ def identify(
     data: Sequence[str | os.PathLike[str]],
     validate: Sequence[str | os.PathLike[str]] = (),
     *,
+    how: Measurement | None = None,
     static_only: bool = False,
     conditions: Mapping[str, str] | None = None,
     say: Callable[[str], None] = lambda _: None,
@@ -88,6 +89,8 @@ def identify(
     validate : sequence of str or path, optional
         Files that decide which law is chosen; without them parts of `data` are held out in turn, of several files whole
         ones.
+    how : Measurement, optional
+        How the files are to be read, instead of that table.
     static_only : bool, optional
         Stop after the static stage.
     conditions : mapping of str to str, optional
@@ -107,6 +110,7 @@ def identify(
     >>> fit = tf.identify(scenario, ["log.csv"])  # doctest: +SKIP
     >>> print(fit.headline)  # doctest: +SKIP
     """
+    scenario = scenario if how is None else replace(scenario, measurement=how)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices are small: a second thread doubles the work
         study = _read(scenario, data, validate, static_only, conditions or {}, say, confirm)
         for stage in STAGES:

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -56,6 +57,11 @@ class Excitation:
     force_N: Array
     parts: tuple[str, ...]
     expected_percent: float | None = None
+
+    def lines(self, folder: Path) -> tuple[str, ...]:
+        """Its file in this folder, its parts and its benefit in words."""
+        head = f"{folder / 'suggested_force.csv'}: {self.time_s[-1]:.4g} s, up to {self.force_N.max():.4g} N"
+        return (head, *(f"  {part}" for part in self.parts), *filter(None, (self.gain,)))
 
     @property
     def gain(self) -> str:

@@ -129,6 +129,11 @@ class JointTask(MotorTask):
         """Mechanisms that may be the real one, by [robust] or, where it states nothing, assumed."""
         return Doubt.of(self.mechanism, self.scenario.robust, assumed(self.mechanism))
 
+    @property
+    def live_command_rad(self) -> FloatArray:
+        """Commands of the exact inverse step by step; see `MotorTask.live_command_rad`."""
+        return commanded(self.mechanism.drive, self.inversion.motor_rad, self.scenario.run.step_s, live=True)
+
     def plant(self, mechanism: Mechanism, level: Level, refinement: int = 1, masses: int | None = None) -> JointPlant:
         """A plant for its reference."""
         return JointPlant(

@@ -1,23 +1,28 @@
 """A reference of driven joints and the mechanism that designs know, as compensators and studies see them."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
 from tendonff.compensator.compensators.expectation import ErrorBand, Expectation, bands_of, expectation_of
 from tendonff.compensator.compensators.uncertain import Doubt
+from tendonff.compensator.files.progress import Parts
 from tendonff.compensator.files.reading import FloatArray, InputError, suggestion
 from tendonff.compensator.joint.plant import verifying_masses
 from tendonff.compensator.reporting.colours import Style
 from tendonff.compensator.scenario.unit import Unit
-from tendonff.models.errors import ParameterError
+from tendonff.models.errors import ParameterError, TendonffError
 from tendonff.models.fidelity import Level
 from tendonff.ocp.errors import SolveError
 
 K = TypeVar("K", bound=Hashable)
+R = TypeVar("R")
+
+NEEDED = ("linear", "inverse")
+"""Compensators without which there is no design: what the others are compared with, and what sizes the drives."""
 
 ASSUMED_SPREAD = 0.2
 """Relative half-width of what is unknown where [robust] says nothing: friction, stiffness and pre-tension."""
@@ -37,6 +42,30 @@ class Reached:
 
     values: FloatArray
     slack: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tried(Generic[R]):
+    """Compensators that were tried on the verifying mechanism.
+
+    Attributes
+    ----------
+    commands : dict of str to ndarray, shape (rows, motors)
+        By name of the compensator [rad].
+    responses : dict of str to object
+        Response to each.
+    failed : dict of str to str
+        Why others have none, by name.
+    """
+
+    commands: dict[str, FloatArray]
+    responses: dict[str, R]
+    failed: dict[str, str]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Failures in words."""
+        return tuple(f"{name}: failed: {reason}" for name, reason in self.failed.items())
 
 
 class MotorCompensator(ABC):
@@ -70,6 +99,11 @@ class MotorTask(ABC):
     """
 
     level: Level
+
+    @classmethod
+    @abstractmethod
+    def of(cls, scenario: Any, level: Level | None = None) -> "MotorTask":
+        """The task that a scenario poses; the level by default its own."""
 
     @property
     @abstractmethod
@@ -144,10 +178,44 @@ class MotorTask(ABC):
             )
         return self.compensators[known.index(name)]
 
+    def tried(self, respond: Callable[[FloatArray], R], parts: Parts) -> "Tried[R]":
+        """Commands of all compensators and what `respond` finds for them; one that fails does not end the others.
+
+        SolveError or InputError where one that every design needs has no answer.
+        """
+        found: Tried[R] = Tried(commands={}, responses={}, failed={})
+        for each in self.compensators:
+            try:
+                command = each.command_rad(self)
+                response = respond(command)
+            except (TendonffError, ArithmeticError, np.linalg.LinAlgError) as error:
+                if each.name in NEEDED:
+                    raise
+                found.failed[each.name] = (
+                    str(error) if isinstance(error, TendonffError) else f"{type(error).__name__}: {error}"
+                )
+            else:
+                found.commands[each.name], found.responses[each.name] = command, response
+            parts.done()
+        return found
+
     def expect(self, commands: Mapping[str, FloatArray]) -> Expectation:
         """Try commands, by name of the compensator, on all mechanisms that may be the real one."""
         bands = self.bands(commands)
         return expectation_of(self.doubt, self.level, bands, share_of=self.share_of, unit=self.unit)
+
+    @property
+    def live_command_rad(self) -> FloatArray:
+        """Commands of the exact inverse where the reference arrives live, shape (rows, motors)."""
+        return self.compensator("inverse").command_rad(self)
+
+    def expect_live(self) -> Expectation:
+        """Errors of the exact inverse over all mechanisms that may be the real one, the reference being known live."""
+        plain = self.compensator("linear").command_rad(self)
+        bands = self.bands({"inverse": self.live_command_rad, "linear": plain})
+        return expectation_of(
+            self.doubt, self.level, bands, share_of=self.share_of, unit=self.unit, recommended="inverse"
+        )
 
     def bands(self, commands: Mapping[K, FloatArray]) -> dict[K, ErrorBand]:
         """Errors of commands on all mechanisms that may be the real one."""

@@ -1,6 +1,7 @@
 """The observer of a joint that something else loads: fitted laws of its loop, step by step."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from tendonff.ocp.step.protocol import Array
 class LoopObserver:
     """Laws of [observer] with their memory."""
 
+    sees_motor = True
+    joints: tuple[str, ...] = ()
+
     def __init__(self, table: ObserverTable) -> None:
         self._table, self._angle, self._torque = table, table.angle, table.torque
         self._stretch: Array | None = None
@@ -20,7 +24,7 @@ class LoopObserver:
         self._last = Observation()
         self.status: tuple[ObserverStatus, ...] = ()
 
-    def step(self, motor_rad: float, motor_torque_N_m: float) -> Observation:
+    def step(self, _dt: float, motor_rad: float, motor_torque_N_m: float, _others: Sequence[float]) -> Observation:
         """Advance; the last answer is held where an input is no number, and the history is forgotten."""
         if not (math.isfinite(motor_rad) and math.isfinite(motor_torque_N_m)):
             self.status = (ObserverStatus.INPUT_HELD,)

@@ -83,6 +83,8 @@ unsigned tff_watch_step(void *memory, double dt, double motor, double torque, co
 class MechanismObserver:
     """The compiled joint at the scenario's friction, and at less and more of it."""
 
+    sees_motor = True
+
     def __init__(self, scenario: JointScenario, start: float | None) -> None:
         sampled = sample_joint(scenario)
         problem, mechanism = problem_of(scenario, sampled), scenario.mechanism
@@ -97,7 +99,8 @@ class MechanismObserver:
         )
         names = other_joints((problem,))
         columns = sampled.others(mechanism.joint.name)
-        self.joints, self._mechanism = tuple(names), mechanism
+        self.joints: tuple[str, ...] = tuple(names)
+        self._mechanism = mechanism
         self._others = np.array([*(float(columns[name][0]) for name in names), 0.0])
         largest = max(
             sum(s.angle_rad * (s.mu_dynamic or t.friction.mu_dynamic) for s in t.path.parts) for t in mechanism.tendons

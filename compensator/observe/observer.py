@@ -2,7 +2,8 @@
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.finger.scenario import FingerScenario
@@ -11,10 +12,22 @@ from tendonff.compensator.observe.estimate import Observation, ObserverStatus
 from tendonff.compensator.observe.joint import LoopObserver
 from tendonff.compensator.observe.mechanism import MechanismObserver
 from tendonff.compensator.observe.tendon import TendonObserver
+from tendonff.compensator.scenario.kind import Kind
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.errors import ParameterError
 from tendonff.models.turns import in_turn
+
+
+class ObserverCore(Protocol):
+    """What an observer runs: from tension and position of the near end, or from angle and torque of a motor."""
+
+    sees_motor: bool
+    joints: tuple[str, ...]
+    status: tuple[ObserverStatus, ...]
+
+    def step(self, dt: float, first: float, second: float, joint_rad: Sequence[float], /) -> Observation:
+        """Advance; NaN for what is not measured."""
 
 
 class Observer:
@@ -61,35 +74,15 @@ class Observer:
     @in_turn
     def __init__(
         self,
-        scenario: str | os.PathLike[str] | Scenario | JointScenario,
+        scenario: str | os.PathLike[str] | Scenario | JointScenario | FingerScenario,
         *,
         start: float | None = None,
         given: float | None = None,
     ) -> None:
         if isinstance(scenario, str | os.PathLike):
-            scenario = _observed(load_scenario(scenario))
-        self._tendon: TendonObserver | None = None
-        self._loop: LoopObserver | None = None
-        self._mechanism: MechanismObserver | None = None
-        self.joints: tuple[str, ...] = ()
-        self.step_s = scenario.run.step_s
-        if isinstance(scenario, JointScenario):
-            if given is not None or (scenario.observer is not None and start is not None):
-                raise InputError(
-                    f"{scenario.source.name}: an observer of a joint takes no {'start' if start else 'given'}"
-                )
-            if scenario.observer is not None:
-                self._loop = LoopObserver(scenario.observer)
-            else:
-                self._mechanism = MechanismObserver(scenario, start)
-                self.joints = self._mechanism.joints
-            return
-        if start is not None and math.isnan(start) and given is None:
-            raise InputError("start is NaN, so nothing is known of the output; state the input tension: given")
-        core = TendonObserver(scenario, start, given)
-        self._tendon, self.joints = core, core.joints
-        if ObserverStatus.INPUT_HELD in core.status:
-            raise InputError(f"an observer cannot start at {core.start:g} N: it is out of the scenario's range")
+            scenario = load_scenario(scenario)
+        self._core = core = _CORES[scenario.kind](scenario, start, given)
+        self.joints, self.step_s = core.joints, scenario.run.step_s
 
     def step(
         self,
@@ -123,23 +116,23 @@ class Observer:
             If an angle of a joint is missing.
         """
         length = self.step_s if dt is None else dt
-        motor, torque = (math.nan if x is None else float(x) for x in (motor_rad, motor_torque_N_m))
-        if self._tendon is None and (tension_N is not None or position_m is not None):
+        tension, position, motor, torque = (
+            None if x is None else float(x) for x in (tension_N, position_m, motor_rad, motor_torque_N_m)
+        )
+        core, of_motor = self._core, (motor, torque)
+        if core.sees_motor and (tension, position) != (None, None):
             raise ParameterError("an observer of a joint takes motor_rad and motor_torque_N_m, not a tension")
-        if self._loop is not None:
-            return self._loop.step(motor, torque)
-        if self._mechanism is not None:
-            return self._mechanism.step(length, motor, torque, self._given(joints))
-        if self._tendon is None or motor_rad is not None or motor_torque_N_m is not None:
+        if not core.sees_motor and of_motor != (None, None):
             raise ParameterError("an observer of a tendon takes tension_N and position_m, not the motor's angle")
-        tension, position = (math.nan if x is None else float(x) for x in (tension_N, position_m))
-        return self._tendon.step(length, tension, position, self._given(joints))
+        first, second = of_motor if core.sees_motor else (tension, position)
+        return core.step(
+            length, math.nan if first is None else first, math.nan if second is None else second, self._given(joints)
+        )
 
     @property
     def status(self) -> tuple[ObserverStatus, ...]:
         """Status of the last step; empty where nothing is to be said."""
-        core = self._tendon or self._loop or self._mechanism
-        return () if core is None else core.status
+        return self._core.status
 
     def _given(self, joints: Mapping[str, float] | Sequence[float] | None) -> Sequence[float]:
         if joints is None:
@@ -151,10 +144,30 @@ class Observer:
         return [joints[name] for name in names] if isinstance(joints, Mapping) else joints
 
 
-def _observed(scenario: Scenario | JointScenario | FingerScenario) -> Scenario | JointScenario:
-    if isinstance(scenario, FingerScenario):
-        raise InputError(
-            f"{scenario.source.name}: an observer knows one tendon or one joint; the motors of a finger do not "
-            "tell the far ends of its tendons apart"
-        )
-    return scenario
+def _of_tension(scenario: Scenario, start: float | None, given: float | None) -> ObserverCore:
+    if start is not None and math.isnan(start) and given is None:
+        raise InputError("start is NaN, so nothing is known of the output; state the input tension: given")
+    core = TendonObserver(scenario, start, given)
+    if ObserverStatus.INPUT_HELD in core.status:
+        raise InputError(f"an observer cannot start at {core.start:g} N: it is out of the scenario's range")
+    return core
+
+
+def _of_joint(scenario: JointScenario, start: float | None, given: float | None) -> ObserverCore:
+    if given is not None or (scenario.observer is not None and start is not None):
+        raise InputError(f"{scenario.source.name}: an observer of a joint takes no {'start' if start else 'given'}")
+    return MechanismObserver(scenario, start) if scenario.observer is None else LoopObserver(scenario.observer)
+
+
+def _of_several_joints(scenario: FingerScenario, _start: float | None, _given: float | None) -> ObserverCore:
+    raise InputError(
+        f"{scenario.source.name}: an observer knows one tendon or one joint; the motors of a finger do not tell the "
+        "far ends of its tendons apart"
+    )
+
+
+_CORES: Mapping[Kind, Callable[[Any, float | None, float | None], ObserverCore]] = {
+    Kind.TENSION: _of_tension,
+    Kind.JOINT: _of_joint,
+    Kind.FINGER: _of_several_joints,
+}

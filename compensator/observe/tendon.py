@@ -44,6 +44,8 @@ unsigned tff_observe_step(
 class TendonObserver:
     """The compiled observer of one tendon; the arguments are those of `Observer`."""
 
+    sees_motor = False
+
     def __init__(self, scenario: Scenario, start: float | None, given: float | None) -> None:
         problem = Problem.of(scenario)
         joints = Joints.of(problem.chain) if scenario.joints else None

@@ -7,11 +7,18 @@ import numpy as np
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.reporting.colours import Style
+from tendonff.compensator.reporting.page import Interactive
 
 _MOST_POINTS = 2000
 DASHES = {":": "dotted", "-.": "dashdot", "-": "solid", "--": "dashed"}
 
 Curves = Mapping[str, tuple[FloatArray, Style]]
+
+
+def zoomed(time_s: FloatArray, panels: Mapping[str, Curves], said: str) -> Interactive:
+    """The block of a report with these panels, and what is said of them."""
+    hint = "Drag a box to zoom, hover for values, click a name in a legend to hide its curve."
+    return Interactive(html=interactive_view(time_s, panels), caption=f"{hint} {said}")
 
 
 def interactive_view(time_s: FloatArray, panels: Mapping[str, Curves]) -> str:

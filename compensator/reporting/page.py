@@ -292,7 +292,13 @@ def _uri(kind: str, content: bytes) -> str:
 
 
 def file_hash(path: Path) -> str:
-    """First sixteen hexadecimal digits of a file's SHA-256."""
+    """First sixteen hexadecimal digits of a file's SHA-256; of a folder (a bag) that of its files and their names."""
+    if path.is_dir():
+        whole = hashlib.sha256()
+        for each in sorted(path.rglob("*")):
+            if each.is_file():
+                whole.update(f"{each.relative_to(path).as_posix()} {file_hash(each)}\n".encode())
+        return whole.hexdigest()[:16]
     with open_text(path):  # one kind of message for a file that cannot be read
         pass
     with path.open("rb") as stream:

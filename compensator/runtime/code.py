@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.stream import choose_stream, followed_range
 from tendonff.compensator.compensators.table import accepted_range
+from tendonff.compensator.compensators.tuning import check_tuning
 from tendonff.compensator.export.modules import ADAPTIVE, STREAM, c_modules
 from tendonff.compensator.export.text.c_text import c_sources
 from tendonff.compensator.files.reading import InputError
@@ -13,7 +14,6 @@ from tendonff.compensator.joint.scenario.reference import JointQuantity
 from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
 from tendonff.compensator.runtime.kinds import RuntimeKind
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
-from tendonff.compensator.studies.adapt.setup import check_tuning
 from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.joint.target import other_joints

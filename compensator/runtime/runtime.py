@@ -1,28 +1,32 @@
 """A compensator in a control loop in Python, step by step: `tf.Runtime`."""
 
-import ctypes
-import math
+import hashlib
+import hmac
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonff.compensator.export.host import compile_on_host
+from tendonff._version import __version__
+from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.expectation import Expectation
+from tendonff.compensator.compensators.live import expect_live
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.finger.runtime import FingerRuntime
 from tendonff.compensator.finger.scenario import FingerScenario
+from tendonff.compensator.finger.task import task_of
 from tendonff.compensator.joint.scenario.scenario import JointScenario
-from tendonff.compensator.runtime.code import joint_runtime, tendon_runtime
-from tendonff.compensator.runtime.kinds import RuntimeKind, RuntimeStatus, statuses
+from tendonff.compensator.runtime.core import RuntimeCore, of_joint, of_several_joints, of_tension
+from tendonff.compensator.runtime.kinds import RuntimeKind, RuntimeStatus
+from tendonff.compensator.scenario.kind import Kind
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenarios import load_scenario
-from tendonff.models.errors import ParameterError
+from tendonff.models.cached import cached_property
 from tendonff.models.turns import in_turn
-from tendonff.ocp.codegen.compiler import why_no_compiler
-from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.errors import CodeError
+
+_SEAL_BYTES = 32
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,7 +39,8 @@ class RuntimeState:
     digest : str
         Of the scenario: a state of another one is refused.
     content : bytes
-        Memory of the compiled code, for this version and this kind of machine.
+        Checksum, and the memory of the compiled code, for this version and this kind of machine. The checksum finds
+        damage, not intent: take states, like programs, only from where you trust.
     """
 
     kind: RuntimeKind
@@ -97,44 +102,10 @@ class Runtime:
     ) -> None:
         if isinstance(scenario, str | os.PathLike):
             scenario = load_scenario(scenario)
-        wanted = None if kind is None else _kind(kind)
-        self._finger: FingerRuntime | None = None
-        self.motors: tuple[str, ...] = ()
-        if isinstance(scenario, FingerScenario):
-            if wanted not in (None, RuntimeKind.JOINT) or start is not None:
-                raise InputError(
-                    f'{scenario.source.name}: a runtime of several joints has the kind "joint" and starts where their '
-                    "references do; leave kind and start out"
-                )
-            self._finger = finger = FingerRuntime(scenario)
-            self.kind, self.step_s, self.joints = RuntimeKind.JOINT, finger.step_s, finger.joints
-            self.motors, self.start, self._digest = finger.motors, math.nan, scenario.digest()
-            self.ranges = finger.ranges
-            return
-        if isinstance(scenario, JointScenario):
-            code = joint_runtime(scenario, wanted)
-        else:
-            code = tendon_runtime(scenario, wanted)
-        host = compile_on_host(code.sources, code.driver, Precision.DOUBLE, keep=True)
-        if host is None:
-            raise CodeError(f"a runtime runs the exported C, compiled here, and nothing else; {why_no_compiler()}")
-        self.kind, self.step_s, self.joints = code.kind, code.step_s, code.joints
-        self.start, self.ranges = code.start if start is None else start, code.ranges
-        self._digest, self._driven = code.digest, code.driven
-        size = host.function("tff_runtime_size", result=ctypes.c_long)()
-        self._memory = ctypes.create_string_buffer(size)
-        address, real = ctypes.c_void_p, ctypes.c_double
-        self._step = host.function(
-            "tff_runtime_step", address, real, real, real, address, address, result=ctypes.c_uint
-        )
-        self._angles = np.array([*code.joints_start_rad, 0.0])  # never empty
-        self._command = np.zeros(max(2, code.outputs))
-        self._command[1] = 1.0
-        self._outputs, self._status = code.outputs, 0
-        self._places = tuple(ctypes.c_void_p(a.ctypes.data) for a in (self._angles, self._command))
-        init = host.function("tff_runtime_init", address, real, address, result=ctypes.c_int)
-        if init(self._memory, self.start, self._places[0]) != 1:
-            raise InputError(f"a runtime cannot start at {self.start:g}: it is out of the scenario's range")
+        self._scenario = scenario
+        self._core = core = _CORES[scenario.kind](scenario, None if kind is None else _kind(kind), start)
+        self.kind, self.step_s, self.start = core.kind, core.step_s, core.start
+        self.joints, self.motors, self.ranges = core.joints, core.motors, core.ranges
 
     def step(
         self,
@@ -170,91 +141,76 @@ class Runtime:
         ParameterError
             If an angle of a joint is missing, or something else than a number is given.
         """
-        if self._finger is not None:
-            if joints or measured is not None or (dt is not None and not math.isclose(dt, self.step_s)):
-                raise ParameterError(
-                    f"several joints advance by step_s = {self.step_s:g} s to their references alone; set [run] step_s "
-                    "to your cycle, and leave measured and joints out"
-                )
-            if not isinstance(reference, Mapping | Sequence | np.ndarray | None) or isinstance(reference, str):
-                raise ParameterError(f"reference must hold an angle of each of {', '.join(self.joints)}")
-            return self._finger.step(reference)
-        for k, angle in enumerate(self._given(joints)):
-            self._angles[k] = _number("an angle of joints", angle)
-        self._status = self._step(
-            self._memory,
-            self.step_s if dt is None else _number("dt", dt),
-            _number("reference", reference),
-            _number("measured", measured),
-            *self._places,
-        )
-        return float(self._command[0]) if self._outputs == 1 else self._command[: self._outputs].copy()
+        return self._core.step(reference, dt, measured, joints)
 
     @property
     def status(self) -> tuple[RuntimeStatus, ...]:
         """Status of the last step; empty where nothing is to be said."""
-        if self._finger is not None:
-            return self._finger.status
-        return statuses(self._status, driven=self._driven)
+        return self._core.status
+
+    @cached_property
+    @in_turn
+    def expectation(self) -> Expectation:
+        """Expected error over what is uncertain, as `design` and `export-c` state it; simulated at the first use."""
+        return _EXPECT[self._scenario.kind](self._scenario)
 
     @property
     def factor(self) -> float:
         """Factor on the parameters that [adaptation] of a driven joint tunes, as it is used; 1 for other kinds."""
-        if self._finger is not None:
-            return 1.0
-        return float(self._command[1]) if self._driven and self.kind is RuntimeKind.ADAPTIVE else 1.0
+        return self._core.factor
 
     def state(self) -> RuntimeState:
         """Everything that is remembered, to go on from by `restore`."""
-        content = self._memory.raw if self._finger is None else self._finger.content()
-        return RuntimeState(kind=self.kind, digest=self._digest, content=content)
+        held = self._core.content()
+        return RuntimeState(kind=self.kind, digest=self._core.digest, content=self._seal(held) + held)
 
     def restore(self, state: RuntimeState) -> None:
-        """Go on from a state of the same scenario.
+        """Go on from a state of the same scenario, version and kind of machine.
 
         Raises
         ------
         InputError
-            If the state is of another scenario, kind or version.
+            If the state is of another scenario, kind or version, or not as it was written; nothing is changed then.
         """
-        same = (state.kind, state.digest) == (self.kind, self._digest)
-        if same and self._finger is not None:
-            if not self._finger.restore(state.content):
-                raise InputError("the content of this state is damaged, or of another version or machine; start anew")
-            return
-        if not same or len(state.content) != len(self._memory):
+        mine = f'"{self.kind}" and {self._core.digest}'
+        if f'"{state.kind}" and {state.digest}' != mine:
             raise InputError(
-                f'this is a state of kind "{state.kind}" and scenario {state.digest}, not of "{self.kind}" and '
-                f"{self._digest}; start a runtime of that scenario"
+                f'this is a state of kind "{state.kind}" and scenario {state.digest}, not of {mine}; start a runtime '
+                "of that scenario"
             )
-        self._memory.raw = state.content
+        content = bytes(state.content)
+        seal, held = content[:_SEAL_BYTES], content[_SEAL_BYTES:]
+        if not (hmac.compare_digest(seal, self._seal(held)) and self._core.restore(held)):
+            raise InputError("the content of this state is damaged, or of another version or machine; start anew")
 
-    def _given(self, joints: Mapping[str, float] | Sequence[float] | None) -> Sequence[float]:
-        if not self.joints and not joints:
-            return ()
-        if isinstance(joints, Mapping):
-            if missing := [name for name in self.joints if name not in joints]:
-                raise ParameterError(f"joints must hold an angle of each joint, got none of {', '.join(missing)}")
-            return [joints[name] for name in self.joints]
-        if joints is None or len(joints) != len(self.joints):
-            count = 0 if joints is None else len(joints)
-            raise ParameterError(
-                f"joints must be {len(self.joints)} angles ({', '.join(self.joints) or 'none'}), got {count}; pass a "
-                "mapping by name"
-            )
-        return joints
+    def _seal(self, held: bytes) -> bytes:
+        """Checksum of a memory and of the code whose it is."""
+        core = self._core
+        made = hashlib.sha256(f"{__version__} {core.kind} {core.digest} {core.code_digest}".encode())
+        made.update(held)
+        return made.digest()
 
 
-def _number(name: str, value: object) -> float:
-    """A value as a number, NaN for None; text is refused, that of a number too."""
-    if value is None:
-        return math.nan
-    try:
-        if not isinstance(value, str | bytes):
-            return float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        pass
-    raise ParameterError(f"{name} must be a number, got {value!r}; convert text by float() where it arrives")
+_CORES: Mapping[Kind, Callable[[Any, RuntimeKind | None, float | None], RuntimeCore]] = {
+    Kind.TENSION: of_tension,
+    Kind.JOINT: of_joint,
+    Kind.FINGER: of_several_joints,
+}
+
+
+def _of_motors(scenario: JointScenario | FingerScenario) -> Expectation:
+    return task_of(scenario).expect_live()
+
+
+def _of_tension(scenario: Scenario) -> Expectation:
+    return expect_live(Problem.of(scenario))
+
+
+_EXPECT: Mapping[Kind, Callable[[Any], Expectation]] = {
+    Kind.TENSION: _of_tension,
+    Kind.JOINT: _of_motors,
+    Kind.FINGER: _of_motors,
+}
 
 
 def _kind(kind: RuntimeKind | str) -> RuntimeKind:

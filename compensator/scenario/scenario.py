@@ -10,14 +10,16 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import ClassVar
 
 from tendonff.compensator.files.reading import InputError, read_text, suggestion
 from tendonff.compensator.scenario.experiment import Experiment
 from tendonff.compensator.scenario.joints import KINDS as JOINT_KINDS
 from tendonff.compensator.scenario.joints import Joint, read_joints
+from tendonff.compensator.scenario.kind import Kind
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenario.reference import CsvReference, ReferenceSpec, SineReference, WaypointReference
-from tendonff.compensator.scenario.settings import REMOVED_OPTIMAL, Adaptation, Run, Stream
+from tendonff.compensator.scenario.settings import REMOVED_OPTIMAL, Adaptation, Compare, Run, Stream
 from tendonff.compensator.scenario.tables import (
     ROPE_KEYS,
     check_names,
@@ -56,7 +58,7 @@ _OPTIONAL: dict[str, type] = {
     "measurement": Measurement,
     "stream": Stream,
 }
-_ON_REQUEST: dict[str, type] = {"adaptation": Adaptation}  # tables whose absence means that there is none of it
+_ON_REQUEST: dict[str, type] = {"adaptation": Adaptation, "compare": Compare}  # absent: there is none of it
 
 _HELD_BY_JOINT = {"mass_kg": 1e-3, "stiffness_N_per_m": 1e3, "damping_N_s_per_m": 0.0}
 """Numbers of a load without effect where a joint moves it."""
@@ -76,6 +78,8 @@ class Scenario:
         The desired tension at the far end.
     adaptation : Adaptation or None
         Self-tuning on the controller; None for none.
+    compare : Compare or None
+        A force of the user's own for `compare`; None for none.
     joints : dict of str to Joint
         What the joints of a moving path do, by name.
     source : Path
@@ -96,6 +100,7 @@ class Scenario:
         Limits of a live reference.
     """
 
+    kind: ClassVar[Kind] = Kind.TENSION
     name: str
     transmission: Transmission
     reference: ReferenceSpec
@@ -106,13 +111,14 @@ class Scenario:
     measurement: Measurement = field(default_factory=Measurement)
     stream: Stream = field(default_factory=Stream)
     adaptation: Adaptation | None = None
+    compare: Compare | None = None
     joints: dict[str, Joint] = field(default_factory=dict)
     source: Path = Path("scenario.toml")
 
     @property
     def inputs(self) -> tuple[Path, ...]:
-        """None: reports name the reference's file apart."""
-        return ()
+        """The user's own force, if there is one; reports name the reference's file apart."""
+        return () if self.compare is None else (self.source.parent / self.compare.force,)
 
     @property
     def is_complete(self) -> bool:
@@ -139,31 +145,12 @@ class Scenario:
         return None
 
 
-def load_scenario(path: str | os.PathLike[str]) -> Scenario:
-    """Read a scenario file; InputError is one message with file, table, key, value and the way out.
-
-    Examples
-    --------
-    >>> import tendonff as tf
-    >>> scenario = tf.load_scenario("examples/finger.toml")
-    >>> scenario.transmission.friction.mu_dynamic
-    0.2
-    """
-    path = Path(path)
-    return parse_scenario(read_text(path), path)
-
-
 def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") -> Scenario:
     """Read a scenario from its text; messages name the source, and a CSV reference is relative to its folder."""
     source = Path(source)
     file = source.name
     raw: Mapping[str, object] = toml_of(text, file)
     _check_schema(raw, file)
-    if {"tendons", "drive"} & raw.keys():
-        raise InputError(
-            f"{file} describes a driven joint between tendons, this command works on the tension of one; "
-            '"tendonff design", simulate, compare, sweep, table, explore, identify, watch and export-c take it'
-        )
     _check_names(raw, file)
     _check_removed(raw.get("optimal"), file)
     name = raw.get("name", source.stem)
@@ -370,6 +357,9 @@ def scenario_to_toml(scenario: Scenario, *, folder: str | os.PathLike[str] | Non
     """
     reference = scenario.reference
     kind = next(kind for kind, cls in _KINDS.items() if isinstance(reference, cls))
+    if scenario.compare is not None and folder is not None:
+        force = relative_to_folder(scenario.source.parent / scenario.compare.force, folder)
+        scenario = replace(scenario, compare=replace(scenario.compare, force=force))
     if isinstance(reference, CsvReference) and folder is not None:
         reference = replace(reference, file=relative_to_folder(scenario.source.parent / reference.file, folder))
     transmission = scenario.transmission
@@ -429,4 +419,6 @@ def scenario_hash(scenario: Scenario) -> str:
     digest = hashlib.sha256(scenario_to_toml(scenario).encode())
     if (file := scenario.reference_file()) is not None:
         digest.update(read_text(file).encode())
+    for path in scenario.inputs:
+        digest.update(read_text(path).encode())
     return digest.hexdigest()[:16]

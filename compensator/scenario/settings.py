@@ -8,7 +8,7 @@ from types import MappingProxyType
 from tendonff.models.errors import ParameterError, require, require_given, require_whole
 from tendonff.models.fidelity import Level
 from tendonff.ocp.adaptation.tuning import MAX_DELAY, Sensor, Tunable, check_parameters
-from tendonff.ocp.feedback.tune import Requirement
+from tendonff.ocp.feedback.requirement import Requirement
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,6 +69,26 @@ class Stream:
         require("lag_max_s", self.lag_max_s, least=0, hint="0.015 is a good start; 0 for no filter")
         require("preview_s", self.preview_s, least=0, hint="0 where nothing is known ahead")
         require("resolution_N", self.resolution_N, least=0, hint="0 where the reference is exact")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Compare:
+    """A force of the user's own, compared with the compensators.
+
+    Parameters
+    ----------
+    force : str
+        CSV file with the columns time_s and force_N over the whole reference, relative to the scenario.
+    column : str, optional
+        Column of the force, where the file has several.
+    """
+
+    force: str
+    column: str | None = None
+
+    def __post_init__(self) -> None:
+        if not self.force.strip() or "\0" in self.force:
+            raise ParameterError(f"force must name a CSV file, got {self.force!r}; it is relative to the scenario file")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

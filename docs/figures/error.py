@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from tendonff.compensator.reporting.colours import BLUE, GREY, VERMILION
 from tendonff.compensator.reporting.plots import figure_style, new_figure
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.fidelity import Level
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.tendon.inverse import invert

@@ -11,7 +11,7 @@ from tendonff.compensator.compensators.smoothed import Smoothed
 from tendonff.compensator.reporting.colours import BLUE, GREY, ORANGE, VERMILION
 from tendonff.compensator.reporting.plots import figure_style, new_figure
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.fidelity import Level
 from tendonff.models.tendon.chain import Chain

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from tendonff.compensator.reporting.colours import BLUE, GREY, ORANGE, VERMILION
 from tendonff.compensator.reporting.plots import figure_style, new_figure
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.capstan.two_ended import TwoEndedLaw
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs

@@ -4,7 +4,7 @@ import ctypes
 import tempfile
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.scenario.joints import SineJoint
 from tendonff.compensator.scenario.reference import SineReference
-from tendonff.compensator.scenario.scenario import Scenario, load_scenario
+from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.codegen.compiler import find_compiler, run_compiler
 from tendonff.ocp.errors import CodeError
@@ -56,7 +57,7 @@ double actuator(void) { return tff_plant_actuator_position(&self); }
 
 def scenario_of(rig: Transmission, start_N: float, step_s: float) -> Scenario:
     """The finger's flexor as a scenario; its reference and motion stand for what the controller will meet."""
-    base = load_scenario(Path(__file__).parents[1] / "finger_moving.toml")
+    base = cast("Scenario", load_scenario(Path(__file__).parents[1] / "finger_moving.toml"))
     swing = SineJoint(offset_rad=0.5, amplitudes_rad=(0.4,), frequencies_Hz=(0.9,), fade_in_s=0.5)
     return replace(
         base,

@@ -9,7 +9,7 @@ joint where the scenario's reference starts.
 import sys
 import time
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, cast
 
 import tendonff as tf
 
@@ -29,9 +29,9 @@ def follow(hand: Any, joint: str, runtime: tf.Runtime, angles_rad: Iterable[floa
 if __name__ == "__main__":
     from orca_core import OrcaHand
 
-    from tendonff.compensator.joint.scenario.scenario import sample_joint
+    from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
 
-    scenario = tf.load_joint_scenario(sys.argv[1])
+    scenario = cast("JointScenario", tf.load_scenario(sys.argv[1]))
     hand = OrcaHand()
     hand.connect()
     follow(hand, sys.argv[2], tf.Runtime(scenario), sample_joint(scenario).angle_rad, scenario.run.step_s)

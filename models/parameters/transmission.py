@@ -7,7 +7,9 @@ from tendonff.models.errors import LARGEST, ParameterError, require, require_giv
 from tendonff.models.parameters.drive import Drive, Motor
 from tendonff.models.path import JointMotion, Section, above_static
 from tendonff.models.servo import CommandHold, Servo
-from tendonff.models.tendon.load_dependence import LARGEST_EXPONENT
+
+LARGEST_EXPONENT = 0.5
+"""Largest load exponent n [-]: measured ones are at most 1/3."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

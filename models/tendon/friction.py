@@ -18,7 +18,6 @@ from tendonff.models.layout import fields_of
 from tendonff.models.path import Section, SectionKind
 from tendonff.models.tendon.assembly import NORMAL_FORCE_FLOOR_N, End
 from tendonff.models.tendon.bounds import at_least
-from tendonff.models.tendon.load_dependence import at_load
 
 COEFFICIENT_FLOOR = 1e-12
 """Least equivalent coefficient in the bristle law [-]: lets a frictionless path run through the same expression."""
@@ -28,6 +27,28 @@ _LOAD_MOVES = 3
 _LARGE_NORMAL_FORCE_N = 1e12
 
 States = tuple[ca.SX, ...]
+
+_LARGEST_COEFFICIENT = 1 - 1e-9  # of an element: tanh rounds to 1
+
+
+def at_load(coefficient: ca.SX, tension_N: ca.SX, exponent: ca.SX, reference_N: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Equivalent coefficient of an element at its mean tension, and minus its logarithmic slope over that [-].
+
+    mu phi of the element scales by (T/T_0)^-n, and the coefficient is tanh(mu phi/2), eqs. (8), (9), so that the law
+    does not depend on which T_0 it is stated at.
+
+    Parameters
+    ----------
+    coefficient : ca.SX
+        tanh(mu phi/2) at T_0 [-], >= 0.
+    tension_N : ca.SX
+        Mean tension of the element [N], > 0.
+    exponent, reference_N : ca.SX
+        n [-] and T_0 [N], > 0.
+    """
+    half = ca.atanh(ca.fmin(coefficient, _LARGEST_COEFFICIENT)) * (tension_N / reference_N) ** -exponent
+    there = ca.tanh(half)
+    return there, exponent * half * (1 - there * there) / there
 
 
 class FrictionLaw(Protocol):

@@ -1,4 +1,5 @@
-"""Friction coefficient that falls as the load rises, mu(T) = mu (T/T_0)^-n: the law, once, for chain and play.
+"""Friction coefficient that falls as the load rises, mu(T) = mu (T/T_0)^-n: the law of the play; that of an element
+is `models.tendon.friction.at_load`.
 
 Friction in proportion to the true area of contact gives F = a N^(1-n): n = 1/3 for an elastic contact of a fibre or
 polymer, 0 for a plastic one of metals, between them in measurements (Howell and Mazur, "Amontons' law and fibre
@@ -16,34 +17,8 @@ the play operator of the capstan law holds in ln L in the place of ln T. T inclu
 import math
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-
-LARGEST_EXPONENT = 0.5
-"""Largest load exponent n [-]: measured ones are at most 1/3."""
-
-_LARGEST_COEFFICIENT = 1 - 1e-9  # of an element: tanh rounds to 1
-
-
-def at_load(coefficient: ca.SX, tension_N: ca.SX, exponent: ca.SX, reference_N: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Equivalent coefficient of an element at its mean tension, and minus its logarithmic slope over that [-].
-
-    mu phi of the element scales by (T/T_0)^-n, and the coefficient is tanh(mu phi/2), eqs. (8), (9), so that the law
-    does not depend on which T_0 it is stated at.
-
-    Parameters
-    ----------
-    coefficient : ca.SX
-        tanh(mu phi/2) at T_0 [-], >= 0.
-    tension_N : ca.SX
-        Mean tension of the element [N], > 0.
-    exponent, reference_N : ca.SX
-        n [-] and T_0 [N], > 0.
-    """
-    half = ca.atanh(ca.fmin(coefficient, _LARGEST_COEFFICIENT)) * (tension_N / reference_N) ** -exponent
-    there = ca.tanh(half)
-    return there, exponent * half * (1 - there * there) / there
 
 
 def lifted_N(tension_N: ArrayLike, exponent: float, reference_N: float) -> Any:

@@ -13,8 +13,9 @@ from tendonff.ocp.errors import SolveError
 from tendonff.ocp.feedback.closed_loop import ClosedLoop, Course, samples_of, simulate_feedback
 from tendonff.ocp.feedback.law import MOST_SAMPLES, FeedbackLaw
 from tendonff.ocp.feedback.linear import Branch, branches
+from tendonff.ocp.feedback.requirement import Requirement
 from tendonff.ocp.feedback.system import FeedbackSystem
-from tendonff.ocp.feedback.tune import Margins, Requirement, Sampled, margins_of, tune
+from tendonff.ocp.feedback.tune import Margins, Sampled, margins_of, tune
 from tendonff.ocp.mechanism.compiled import CompiledMechanism
 from tendonff.ocp.mechanism.problem import Array, MechanismMemory, rest
 

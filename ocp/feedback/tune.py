@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import control
 import numpy as np
 
-from tendonff.models.errors import ParameterError, require
 from tendonff.ocp.feedback.law import FeedbackLaw
 from tendonff.ocp.feedback.linear import Branch, Complex
+from tendonff.ocp.feedback.requirement import Requirement
 from tendonff.ocp.mechanism.problem import Array
 
 _RATIOS = (0.1, 0.4, 1.5)
@@ -20,28 +20,6 @@ _FILTERS = (0.0, 0.5, 2.5)
 _WORTH_A_FILTER = 0.95  # of the error without one, below which a filter helps
 _ROUNDING = 1.001  # of the gain
 _ROUNDS = 8  # of the gain's reduction where loops disturb each other
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Requirement:
-    """Margins that every branch must have.
-
-    Parameters
-    ----------
-    gain_margin : float
-        Factor on the gain up to instability [-], > 1.
-    phase_margin_deg : float
-        Lag up to instability where the loop's gain is 1 [deg], > 0 and < 90.
-    """
-
-    gain_margin: float = 2.0
-    phase_margin_deg: float = 45.0
-
-    def __post_init__(self) -> None:
-        require("gain_margin", self.gain_margin, above=1, hint="2 is usual")
-        require("phase_margin_deg", self.phase_margin_deg, above=0, hint="45 is usual")
-        if not self.phase_margin_deg < 90:
-            raise ParameterError(f"phase_margin_deg must be < 90, got {self.phase_margin_deg}; 45 is usual")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

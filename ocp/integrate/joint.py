@@ -34,6 +34,35 @@ def _motion(chain: Chain) -> JointMotion:
     return chain.motion
 
 
+def page_state(problem: JointProblem, memory: JointMemory, *, led: bool = False) -> Array:
+    """State of `equations_of(cut_joint(problem))`, of a memory."""
+    dry = memory.z[2:] if problem.mechanism.joint.coulomb_N_m > 0 else np.empty(0)
+    own = np.empty(0) if led else np.concatenate([[memory.z[1], memory.z[0]], dry])
+    inner = [_of_tendon(x, chain.count) for x, chain in zip(memory.x, problem.chains, strict=True)]
+    return np.concatenate([own, *inner])
+
+
+def led_places(
+    problem: JointProblem,
+    cut: CutMechanism,
+    time_s: float,
+    step_s: float,
+    motor_rad: Array,
+    angle_rad: Array | None = None,
+) -> Array:
+    """Where the led bodies are, a row an instant from `time_s` on: motors, other joints, the joint where it is led.
+
+    `motor_rad`, shape (rows, motors), since the start; of a loop the first column counts.
+    """
+    motion = _motion(problem.chains[0])
+    names = [MOTOR] if problem.loop else [tendon.name for tendon in problem.mechanism.tendons]
+    times = time_s + step_s * np.arange(float(len(motor_rad)))
+    known = dict(zip(motion.names, motion.at(times).T, strict=True)) | dict(zip(names, motor_rad.T, strict=False))
+    if angle_rad is not None:
+        known[problem.mechanism.joint.name] = np.asarray(angle_rad, dtype=np.float64)
+    return np.column_stack([known[body.name] for body in cut.led])
+
+
 class IntegratedJoint:
     """Advance one mechanism by an integrator; see `protocol.JointRunner`."""
 
@@ -47,12 +76,12 @@ class IntegratedJoint:
         cut = cut_joint(problem, led=led)
         page = equations_of(cut)
         integrator = Integrator(page, self._step_s, self._method, self._accuracy)
-        places = self._places(cut, memory, travel_m, angle_rad)
+        motor = np.asarray(travel_m, dtype=np.float64) * problem.mechanism.drive.gear_ratio / problem.windings_m
+        places = led_places(problem, cut, memory.time_s, self._step_s, motor, angle_rad)
         contact = np.zeros((len(travel_m), 0)) if led else -np.asarray(contact_N_m, dtype=np.float64)[:, None]
-        dry = memory.z[2:] if problem.mechanism.joint.coulomb_N_m > 0 else np.empty(0)
-        own = np.empty(0) if led else np.concatenate([[memory.z[1], memory.z[0]], dry])
-        inner = [_of_tendon(x, chain.count) for x, chain in zip(memory.x, problem.chains, strict=True)]
-        states = integrator.advance(np.concatenate([own, *inner]), contact, places)
+        start = page_state(problem, memory, led=led)
+        own = len(start) - sum(chain.layout.size - 4 for chain in problem.chains)
+        states = integrator.advance(start, contact, places)
         done = len(states)
         rates = np.diff(places, axis=0)[:done] / self._step_s
         at = [page.state, page.place, page.place_rate]
@@ -63,8 +92,8 @@ class IntegratedJoint:
         angle = states[:, 0] if angle_rad is None else np.asarray(angle_rad, dtype=np.float64)[1 : done + 1]
         if done:
             speed = float(states[-1, 1]) if not led else float(rates[-1, 0])
-            joint = (speed, float(angle[-1]), *states[-1, 2 : len(own)].tolist())
-            self._moved(memory, states[-1, len(own) :], joint, travel_m[done])
+            joint = (speed, float(angle[-1]), *states[-1, 2:own].tolist())
+            self._moved(memory, states[-1, own:], joint, travel_m[done])
             memory.time_s, memory.tension_N = memory.time_s + done * self._step_s, tension[-1].copy()
         return JointRows(
             angle_rad=angle.copy(),
@@ -77,18 +106,6 @@ class IntegratedJoint:
             residual_N=np.nan,
             reason=None if done == len(travel_m) - 1 else gave_up(self._method),
         )
-
-    def _places(self, cut: CutMechanism, memory: JointMemory, travel_m: Array, angle_rad: Array | None) -> Array:
-        """Where the led bodies are, a row an instant: motors, other joints, and the joint itself where it is led."""
-        problem, motion = self._problem, _motion(self._problem.chains[0])
-        per_rad = np.array(problem.windings_m) / problem.mechanism.drive.gear_ratio
-        motors = np.asarray(travel_m, dtype=np.float64) / per_rad
-        names = [MOTOR] if problem.loop else [tendon.name for tendon in problem.mechanism.tendons]
-        times = memory.time_s + self._step_s * np.arange(float(len(travel_m)))
-        known = dict(zip(motion.names, motion.at(times).T, strict=True)) | dict(zip(names, motors.T, strict=False))
-        if angle_rad is not None:
-            known[problem.mechanism.joint.name] = np.asarray(angle_rad, dtype=np.float64)
-        return np.column_stack([known[body.name] for body in cut.led])
 
     def _moved(self, memory: JointMemory, inner: Array, joint: tuple[float, ...], travel: Array) -> None:
         """The memory at the end of a run; the compiled step goes on from there as from rest, by implicit Euler."""

@@ -11,6 +11,7 @@ from tendonff.models.tendon.chain import Chain
 from tendonff.models.turns import out_of_turn
 from tendonff.ocp.joint.laws import JOINT_NUMBERS, joint_torque, link_back, path_mass_back, representative
 from tendonff.ocp.joint.protocol import Array, JointInverseRows, JointMemory, JointProblem, JointRows
+from tendonff.ocp.step.blocks import in_blocks
 from tendonff.ocp.step.c_engine import ReportStruct, chain_struct, host_source, library_of, pointer
 from tendonff.ocp.step.laws import ElementLaws
 
@@ -139,6 +140,24 @@ class CompiledJoint:
 
     def run(self, memory: JointMemory, travel_m: Array, contact_N_m: Array, angle_rad: Array | None) -> JointRows:
         """See `protocol.JointEngine`."""
+
+        def advance(block: slice) -> JointRows:
+            part = slice(block.start, block.stop + 1)
+            return self._run(memory, travel_m[part], contact_N_m[part], None if angle_rad is None else angle_rad[part])
+
+        found = in_blocks(len(travel_m) - 1, advance, lambda each: len(each.angle_rad), lambda each: each.iterations)
+        rows: dict[str, Any] = {
+            name: np.concatenate([getattr(each, name) for each in found])
+            for name in ("angle_rad", "torque_N_m", "lowest_N", "tension_N", "drum_N")
+        }
+        return JointRows(
+            **rows,
+            iterations=sum(each.iterations for each in found),
+            splits=sum(each.splits for each in found),
+            residual_N=found[-1].residual_N,
+        )
+
+    def _run(self, memory: JointMemory, travel_m: Array, contact_N_m: Array, angle_rad: Array | None) -> JointRows:
         rows, count = len(travel_m) - 1, len(self._problem.chains)
         travel, contact = (np.ascontiguousarray(each, dtype=np.float64) for each in (travel_m, contact_N_m))
         angle = None if angle_rad is None else np.ascontiguousarray(angle_rad, dtype=np.float64)

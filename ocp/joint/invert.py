@@ -151,13 +151,13 @@ def invert_joint(
     >>> import numpy as np
     >>> import tendonff as tf
     >>> from tendonff.models.path import JointMotion
-    >>> mechanism = tf.load_joint_scenario("examples/hand_joint.toml").mechanism
+    >>> mechanism = tf.load_scenario("examples/hand_joint.toml").mechanism
     >>> time = 1e-3 * np.arange(501)
     >>> wanted = 0.2 * (1 - np.cos(2 * np.pi * time / 0.5))
     >>> motion = JointMotion(names=("knuckle",), time_s=time, angle_rad=wanted[:, None])
-    >>> problem = tf.joint_problem(mechanism, tf.Level.PRESLIDING, motion)
-    >>> motor = tf.invert_joint(problem, wanted, 1e-3).motor_rad
-    >>> run = tf.simulate_joint(problem, motor, 1e-3)
+    >>> problem = tf.system_of(mechanism, tf.Level.PRESLIDING, motion)
+    >>> motor = tf.invert(problem, wanted, 1e-3).motor_rad
+    >>> run = tf.simulate(problem, motor, 1e-3)
     >>> bool(abs(run.angle_rad - wanted).max() < 1e-6)
     True
     """

@@ -131,10 +131,10 @@ def simulate_joint(
     >>> import numpy as np
     >>> import tendonff as tf
     >>> from tendonff.models.path import JointMotion
-    >>> mechanism = tf.load_joint_scenario("examples/hand_joint.toml").mechanism
+    >>> mechanism = tf.load_scenario("examples/hand_joint.toml").mechanism
     >>> still = JointMotion(names=("knuckle",), time_s=np.zeros(1), angle_rad=np.zeros((1, 1)))
-    >>> problem = tf.joint_problem(mechanism, tf.Level.PRESLIDING, still)
-    >>> run = tf.simulate_joint(problem, np.zeros(100), 1e-3)
+    >>> problem = tf.system_of(mechanism, tf.Level.PRESLIDING, still)
+    >>> run = tf.simulate(problem, np.zeros(100), 1e-3)
     >>> bool(abs(run.angle_rad).max() < 1e-3)
     True
     """
@@ -190,10 +190,12 @@ def _outcome(rows: int, lowest: Array, last: JointRows, step_s: float) -> tuple[
     if len(lowest) < rows and last.reason is not None:
         return JointOutcome.FAILED, f"simulation stopped before t = {len(lowest) * step_s:.6g} s: {last.reason}"
     if len(lowest) < rows:
+        each = last.iterations / max(len(lowest), 1)
         return JointOutcome.FAILED, (
-            f"simulation stopped at t = {len(lowest) * step_s:.6g} s: the step did not converge although it was split; "
-            f"worst balance {last.residual_N:.3g} N; check the motor angle there for jumps, or use a step below "
-            f"{step_s:g} s"
+            f"simulation stopped at t = {len(lowest) * step_s:.6g} s: the step did not converge although it was split, "
+            f"or the run takes too long, {each:.3g} solves a step where ten are usual; worst balance "
+            f"{last.residual_N:.3g} N; check the motor angle there for jumps and the units of moment arms and masses, "
+            f"or use a step below {step_s:g} s"
         )
     slack = lowest <= 0
     if slack.any():

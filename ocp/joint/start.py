@@ -39,9 +39,9 @@ def joint_problem(
     >>> import numpy as np
     >>> import tendonff as tf
     >>> from tendonff.models.path import JointMotion
-    >>> mechanism = tf.load_joint_scenario("examples/hand_joint.toml").mechanism
+    >>> mechanism = tf.load_scenario("examples/hand_joint.toml").mechanism
     >>> range_rad = JointMotion(names=("knuckle",), time_s=np.arange(2.0), angle_rad=np.array([[0.0], [0.4]]))
-    >>> problem = tf.joint_problem(mechanism, tf.Level.PRESLIDING, range_rad)
+    >>> problem = tf.system_of(mechanism, tf.Level.PRESLIDING, range_rad)
     >>> len(problem.chains)
     2
     """

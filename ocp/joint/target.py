@@ -80,7 +80,7 @@ def joint_code(
         elements.contact(twins_of(model)),
     )
     weights = scheme_rows(step_s)
-    known = {name: (value,) * len(weights) for name, value in _shared(chains).items()}
+    known = {name: (value,) * len(weights) for name, value in shared_numbers(chains).items()}
     known["H"] = tuple(weight for weight, _ in weights)
     folder = PartialEvaluator(
         prefix=prefix, precision=precision, parameters=known, reorder=precision is Precision.FLOAT
@@ -111,7 +111,7 @@ def joint_code(
     )
     parts = [code.render("joint_target.h.j2"), *(law.code for law in folded.values()), folder.weigh().code]
     parts += [code.render(name) for name in ("reweigh.c.j2", "moving.c.j2", "links.c.j2", "finish.c.j2", "sides.c.j2")]
-    data = _Data(prefix, precision)
+    data = ConstantData(prefix, precision)
     rows = [
         (weight, carry, {k: v[j] for k, v in folder.coefficients.items()}) for j, (weight, carry) in enumerate(weights)
     ]
@@ -155,7 +155,7 @@ def _roots(precision: Precision) -> Roots:
     return Roots(moves=MOVES[precision], tolerance=2e-6 if single else 1e-10, loose_N=2e-4 if single else 1e-6)
 
 
-def _shared(chains: Sequence[Chain]) -> dict[str, float]:
+def shared_numbers(chains: Sequence[Chain]) -> dict[str, float]:
     """Numbers that are the same for every link and mass of all chains, wherever the joints stand."""
     bends = any(section.angle_per_rad for chain in chains for section in chain.elements.path.sections)
     found = {}
@@ -175,15 +175,16 @@ def _every(chain: Chain, name: str) -> Array:
     return np.asarray(getattr(records[where], field), dtype=np.float64)
 
 
-class _Data:
+class ConstantData:
     """Constant arrays in C; equal ones are written once."""
 
     def __init__(self, prefix: str, precision: Precision) -> None:
-        self._prefix, self._precision = prefix, precision
+        self.prefix, self._precision = prefix, precision
         self.lines: list[str] = []
         self._known: dict[str, str] = {}
 
     def number(self, value: float) -> str:
+        """Text of a number."""
         return literal(value, self._precision)
 
     def array(self, values: Iterable[float], *, integers: bool = False) -> str:
@@ -194,21 +195,22 @@ class _Data:
         kind = "int" if integers else self._precision.value
         text = f"{kind}:{', '.join(texts)}"
         if text not in self._known:
-            name = self._known[text] = f"{self._prefix}_{'which' if integers else 'data'}_{len(self._known) + 1}"
+            name = self._known[text] = f"{self.prefix}_{'which' if integers else 'data'}_{len(self._known) + 1}"
             lines = [", ".join(texts[k : k + 6]) for k in range(0, len(texts), 6)]
             body = ",\n    ".join(lines)
             self.lines.append(f"static const {kind} {name}[{len(texts)}] = {{\n    {body}\n}};")
         return self._known[text]
 
     def rows(self, kind: str, name: str, rows: Sequence[Sequence[str]]) -> str:
+        """Name of an array of records."""
         body = ",\n".join("    { " + ", ".join(row) + " }" for row in rows)
-        whole = f"{self._prefix}_{name}"
-        self.lines.append(f"static const {self._prefix}_{kind} {whole}[{len(rows)}] = {{\n{body}\n}};")
+        whole = f"{self.prefix}_{name}"
+        self.lines.append(f"static const {self.prefix}_{kind} {whole}[{len(rows)}] = {{\n{body}\n}};")
         return whole
 
 
 def _tendons(
-    data: _Data,
+    data: ConstantData,
     number: int,
     problem: JointProblem,
     weights: Sequence[tuple[float, float, dict[str, float]]],

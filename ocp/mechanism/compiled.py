@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tendonff.models.joint.balance import Followed
 from tendonff.models.layout import fields_of
@@ -13,10 +14,11 @@ from tendonff.models.tendon.chain import Chain
 from tendonff.models.turns import out_of_turn
 from tendonff.ocp.joint.laws import JOINT_NUMBERS, joint_torque, link_back, path_mass_back, representative
 from tendonff.ocp.mechanism.problem import Array, MechanismMemory, MechanismProblem
+from tendonff.ocp.step.blocks import in_blocks
 from tendonff.ocp.step.c_engine import CORE, ReportStruct, chain_struct, host_source, library_of, pointer
 from tendonff.ocp.step.laws import ElementLaws
 
-_MS = 1e-3
+MS = 1e-3
 """Time that `Sharing.change_weight` is for [s]."""
 
 
@@ -24,8 +26,7 @@ class _Effect(ctypes.Structure):
     _fields_ = (
         ("near_m", ctypes.c_double),
         *((name, ctypes.c_void_p) for name in ("per", "knots", "cubics")),
-        ("pieces", ctypes.c_int),
-        ("far_only", ctypes.c_int),
+        *((name, ctypes.c_int) for name in ("pieces", "mass", "masses", "link", "links")),
     )
 
 
@@ -142,32 +143,20 @@ class CompiledMechanism:
         self._kept: list[Any] = []
         pairs = list(zip(problem.mechanism.tendons, chains, strict=True))
         self._effects = [self._effects_of(tendon, chain) for tendon, chain in pairs]
-        self._homes = [_home(chain) for chain in chains]
+        self._homes = [home_of(chain) for chain in chains]
         bodies = ctypes.c_int(problem.bodies)
         self._work = [np.empty(self._library.tff_strand_reals(ctypes.c_int(n), bodies)) for n in self._counts]
 
     def _effects_of(self, tendon: Tendon, chain: Chain) -> Any:
         records = (_Effect * self._problem.bodies)()
-        near, far = ({arm.body: arm for arm in end.arms} for end in (tendon.near, tendon.far))
+        near = {arm.body: arm for arm in tendon.near.arms}
         for b, name in enumerate(self._problem.names):
-            followed, arm = Followed.of(chain, name), far.get(name)
-            per = np.concatenate(
-                [
-                    *(followed.angle_per_rad, followed.length_per_rad, followed.gained_per_rad_m),
-                    [arm.metres_per_unit if isinstance(arm, Arm) else 0.0],
-                ]
-            )
-            drum = near.get(name)
-            table = None if arm is None or isinstance(arm, Arm) else arm
-            knots = None if table is None else table.knots
-            cubics = None if table is None else np.ascontiguousarray(table.cubics)
-            touched = arm is not None or followed.any
-            self._kept += [per, knots, cubics]
+            part, drum = effect_parts(tendon, chain, name), near.get(name)
+            self._kept.append(part)
             records[b] = _Effect(
                 drum.metres_per_unit if isinstance(drum, Arm) else 0.0,
-                *(pointer(each).value for each in (per if touched else None, knots, cubics)),
-                0 if table is None else len(table.cubics),
-                not followed.any,
+                *(pointer(each).value for each in (part.per, part.knots, part.cubics if part.pieces else None)),
+                *(part.pieces, *part.masses, *part.links),
             )
         return records
 
@@ -235,7 +224,7 @@ class CompiledMechanism:
         call.tension_N[:1] = memory.tension_N
         sharing, closure = problem.sharing, np.zeros(count)
         how = _Sharing(
-            *(sharing.least_tension_N, sharing.smooth_N, sharing.change_weight * _MS / self._step_s),
+            *(sharing.least_tension_N, sharing.smooth_N, sharing.change_weight * MS / self._step_s),
             *(each.ctypes.data for each in (self._winding, self._partner, self._alone, closure)),
             *(None, None),  # at rest only
         )
@@ -256,6 +245,24 @@ class CompiledMechanism:
 
         `led`, shape (bodies,): which are led; default: those that a drive leads.
         """
+
+        def advance(block: slice) -> RunRows:
+            part = slice(block.start, block.stop + 1)
+            return self._run(memory, position[part], effort[part], led)
+
+        found = in_blocks(len(position) - 1, advance, lambda each: len(each.lowest_N), lambda each: each.iterations)
+        rows: dict[str, Any] = {
+            name: np.concatenate([getattr(each, name) for each in found])
+            for name in ("position", "torque", "tension_N", "drum_N", "lowest_N")
+        }
+        return RunRows(
+            **rows,
+            iterations=sum(each.iterations for each in found),
+            splits=sum(each.splits for each in found),
+            residual_N=found[-1].residual_N,
+        )
+
+    def _run(self, memory: MechanismMemory, position: Array, effort: Array, led: Array | None) -> RunRows:
         problem = self._problem
         rows, count, bodies = len(position) - 1, len(self._counts), problem.bodies
         given, efforts = (np.ascontiguousarray(each, dtype=np.float64) for each in (position, effort))
@@ -289,7 +296,43 @@ class CompiledMechanism:
             memory.tension_N = tension[done - 1].copy()
 
 
-def _home(chain: Chain) -> Array:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EffectParts:
+    """Effect of a body on a tendon's path, as the core takes it."""
+
+    per: Array | None  # shape (3 N + 3,): change of a row of the path per unit; None for none
+    # knots, cubics: of the far end's travel by a table, shape (pieces + 1,) and (pieces, 4)
+    knots: Array | None
+    cubics: Array
+    pieces: int
+    # masses, links: first and number of those whose angles and lengths it changes
+    masses: tuple[int, int]
+    links: tuple[int, int]
+
+
+def effect_parts(tendon: Tendon, chain: Chain, body: str) -> EffectParts:
+    """Effect of a body on a tendon's sections and far end."""
+    followed, arm = Followed.of(chain, body), {each.body: each for each in tendon.far.arms}.get(body)
+    straight = arm.metres_per_unit if isinstance(arm, Arm) else 0.0
+    table = None if arm is None or isinstance(arm, Arm) else arm
+    per = np.concatenate([followed.angle_per_rad, followed.length_per_rad, followed.gained_per_rad_m, [straight]])
+    return EffectParts(
+        per=per if arm is not None or followed.any else None,
+        knots=None if table is None else table.knots,
+        cubics=np.empty(0) if table is None else np.ascontiguousarray(table.cubics).ravel(),
+        pieces=0 if table is None else len(table.cubics),
+        masses=_range(followed.angle_per_rad != 0),
+        links=_range((followed.length_per_rad != 0) | (followed.gained_per_rad_m != 0)),
+    )
+
+
+def _range(touched: NDArray[np.bool_]) -> tuple[int, int]:
+    """First and number of what is touched, with what lies between."""
+    places = np.flatnonzero(touched)
+    return (int(places[0]), int(np.ptp(places)) + 1) if len(places) else (0, 0)
+
+
+def home_of(chain: Chain) -> Array:
     """The path with all bodies at zero, shape (3 N + 3,): angles, shares of the links, gained lengths, far end."""
     rows = chain.elements.path.at({})
     return np.concatenate([rows.angle_rad[0], 1 / rows.ratio[0], rows.gained_m[0], np.zeros(1)])

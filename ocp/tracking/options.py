@@ -2,8 +2,24 @@
 
 import math
 from dataclasses import dataclass
+from enum import StrEnum
 
 from tendonff.models.errors import ParameterError, require_whole
+
+
+class Solver(StrEnum):
+    """Method of the search.
+
+    Attributes
+    ----------
+    SQP
+        Single shooting, Gauss-Newton steps on knots; see `tracking.sqp`.
+    IPOPT
+        Direct collocation, an interior-point method on all intervals; see `ocp.opti`.
+    """
+
+    SQP = "sqp"
+    IPOPT = "ipopt"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,7 +42,10 @@ class TrackOptions:
         Cost of doubling the travel of the force, as a mean squared error relative to the squared range of the
         reference [-], >= 0. Default 1e-4.
     max_iterations : int
-        Largest number of quadratic programs for each window of the horizon, 3 to 10000. Default 60.
+        Largest number of quadratic programs for each window of the horizon, or of iterations of IPOPT, 3 to 10000.
+        Default 60.
+    solver : Solver
+        "sqp", or "ipopt": direct collocation on intervals of 5 ms, slower. Default "sqp".
     """
 
     minimum_tension_N: float = 0.0
@@ -35,6 +54,7 @@ class TrackOptions:
     effort_weight: float = 0.0
     travel_weight: float = 1e-4
     max_iterations: int = 60
+    solver: Solver = Solver.SQP
 
     def __post_init__(self) -> None:
         for name in ("stiffer_weight", "effort_weight", "travel_weight"):

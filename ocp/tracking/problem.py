@@ -30,6 +30,7 @@ from tendonff.models.layout import ChainInputs, ChainState
 from tendonff.models.parameters.uncertainty import Objective
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.step.protocol import Array, StepperMemory
+from tendonff.ocp.tendon.inverse import Inversion
 from tendonff.ocp.tendon.simulate import Simulator, simulate, tensions_of
 from tendonff.ocp.tracking.diagnosis import missed_N
 from tendonff.ocp.tracking.limits import ForceLimits, MotionLimits
@@ -190,6 +191,33 @@ class TrackingProblem:
             high_N=options.maximum_tension_N - margin,
             start_N=start_N,
             rest_N=initial_tension_N,
+        )
+
+    @classmethod
+    def from_rest(
+        cls,
+        chains: tuple[Chain, ...],
+        references_N: Sequence[Array],
+        step_s: float,
+        limits: ForceLimits,
+        options: TrackOptions,
+        *,
+        start_N: float,
+        inverse: Inversion,
+        objective: Objective = Objective.WORST,
+    ) -> "TrackingProblem":
+        """The problem of chains at rest under the tension `start_N`; `inverse` is that of the nominal one."""
+        return cls.of(
+            chains,
+            tuple(chain.rest_state(start_N) for chain in chains),
+            references_N,
+            step_s,
+            limits,
+            options,
+            initial_tension_N=start_N,
+            start_N=limits.start(start_N),
+            inverse_N=inverse.force_N,
+            objective=objective,
         )
 
     @cached_property

@@ -100,13 +100,18 @@ def _search_piece(
     problem: TrackingProblem, wanted_N: list[Array], spacing: int, iterations: int, tell: Callable[[], None]
 ) -> SqpResult:
     """The best start, and the descent from there."""
-    best = best_of_blocks(problem, [_taut(problem, problem.clipped(wanted)) for wanted in wanted_N])
+    best = best_start(problem, wanted_N)
     knots, trust = even_knots(len(problem.reference_N), spacing), _TRUST * float(np.ptp(problem.reference_N)) + 1e-6
     force = straightened(best[1], knots, problem.limits, problem.step_s)
     straight = (evaluate(problem, force), force)
     begun = straight if straight[0].beyond_N <= best[0].beyond_N else best
     found = solve_sqp(problem, begun, knots, iterations, trust, tell)
     return replace(found, force_N=best[1], evaluation=best[0]) if best[0].merit < found.evaluation.merit else found
+
+
+def best_start(problem: TrackingProblem, wanted_N: Sequence[Array]) -> Profile:
+    """The best of some profiles within the limits, between each two reversals of the reference."""
+    return best_of_blocks(problem, [_taut(problem, problem.clipped(wanted)) for wanted in wanted_N])
 
 
 def starts(problem: TrackingProblem, inverse_N: Array, law_N: Array) -> tuple[Array, ...]:

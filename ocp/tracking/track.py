@@ -10,6 +10,7 @@ from tendonff.models.parameters.uncertainty import Objective
 from tendonff.models.tendon.chain import Chain
 from tendonff.models.turns import in_turn
 from tendonff.ocp.errors import CodeError, SolveError
+from tendonff.ocp.opti.search import search_by_ipopt
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tendon.batch import Progress
 from tendonff.ocp.tendon.inverse import InverseStatus, Inversion, invert
@@ -18,10 +19,10 @@ from tendonff.ocp.tracking.cost import Evaluation, evaluate
 from tendonff.ocp.tracking.diagnosis import law_of, missed_N
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.motion import limit_motion
-from tendonff.ocp.tracking.options import TrackOptions
+from tendonff.ocp.tracking.options import Solver, TrackOptions
 from tendonff.ocp.tracking.problem import TrackingProblem
 from tendonff.ocp.tracking.result import Tracking, TrackStatus
-from tendonff.ocp.tracking.search import led_start, search, starts
+from tendonff.ocp.tracking.search import best_start, led_start, search, starts
 from tendonff.ocp.tracking.sqp import SqpResult
 
 _BEYOND = 5e-4  # of the reference's range, as `MotionBound` counts: half a percent of the speed
@@ -138,19 +139,20 @@ def track_robust(
     start = float(reference[0]) if initial_tension_N is None else initial_tension_N
     began = time.perf_counter()
     inverse = invert(chains[0], reference, step_s, initial_tension_N=start) if inversion is None else inversion
-    problem = TrackingProblem.of(
-        chains,
-        tuple(chain.rest_state(start) for chain in chains),
-        (reference, *others_N),
-        step_s,
-        limits,
-        options,
-        initial_tension_N=start,
-        start_N=limits.start(start),
-        inverse_N=inverse.force_N,
-        objective=objective,
+    problem = TrackingProblem.from_rest(
+        chains, (reference, *others_N), step_s, limits, options, start_N=start, inverse=inverse, objective=objective
     )
     return solve_tracking(problem, inverse, options, progress, build_s=time.perf_counter() - began)
+
+
+def first_guess(problem: TrackingProblem, inversion: Inversion) -> Array:
+    """The best of what the exact inverse of the nominal plant suggests, within the limits, shape (n,) [N]."""
+    nominal, inverse = problem.plants[0], inversion.force_N
+    law = law_of(nominal.chain).input_history_N(problem.reference_N, float(inverse[0]))
+    found = best_start(problem, starts(problem, inverse, law))[1]
+    return problem.clipped(
+        limit_motion(nominal.chain, found, problem.step_s, problem.limits, problem.rest_N, nominal.state)
+    )
 
 
 def solve_tracking(
@@ -198,7 +200,8 @@ def _solve(problem: TrackingProblem, inversion: Inversion, options: TrackOptions
             led = limited(led_start(problem, inverse, options.max_iterations))
             candidates.append((evaluate(problem, led), led))
             begun = (led, *begun)
-        force, results = search(problem, begun, options.max_iterations, progress)
+        find = search_by_ipopt if options.solver is Solver.IPOPT else search
+        force, results = find(problem, begun, options.max_iterations, progress)
         candidates.append((evaluate(problem, force), force))
         if limits.motion.binds:  # the search may end beyond a limit of the motion
             kept = limited(force)

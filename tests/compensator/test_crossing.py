@@ -16,6 +16,7 @@ from tendonff.compensator.compensators.plant import FINE_REFINEMENT, FINE_SEGMEN
 from tendonff.compensator.compensators.profile import Profile
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.table import CompensationTable
+from tendonff.compensator.compensators.tuning import tuning_of
 from tendonff.compensator.export.judgement import judge, profiles_of
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.observe.observer import Observer
@@ -26,7 +27,6 @@ from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenario.settings import Adaptation, Run
 from tendonff.compensator.studies.adapt.result import Scheme, Variation
 from tendonff.compensator.studies.adapt.run import _case, _extended, adapt
-from tendonff.compensator.studies.adapt.setup import tuning_of
 from tendonff.compensator.studies.compare.run import compare
 from tendonff.compensator.studies.design.run import design
 from tendonff.compensator.studies.design.sweep.run import sweep

@@ -15,7 +15,8 @@ import pytest
 
 from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
-from tendonff.compensator.scenario.scenario import Scenario, load_scenario
+from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.tendon.inverse import invert

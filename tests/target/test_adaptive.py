@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.tuning import tuned_chain, tuning_of
 from tendonff.compensator.export.modules import ADAPTIVE
 from tendonff.compensator.export.text.c_text import c_sources
-from tendonff.compensator.scenario.scenario import load_scenario
-from tendonff.compensator.studies.adapt.setup import tuned_chain, tuning_of
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.ocp.adaptation.tuner import SelfTuner, SimulatedRig
 from tendonff.ocp.adaptation.tuning import Sensor, Tunable
 from tendonff.ocp.codegen.precision import Precision

@@ -14,8 +14,8 @@ import pytest
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.export.modules import ADAPTIVE, ADAPTIVE_MODULES
 from tendonff.compensator.export.text.c_text import c_sources
-from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.compensator.scenario.settings import Adaptation
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.ocp.adaptation.tuning import Sensor, Tunable
 from tendonff.ocp.codegen.precision import Precision
 

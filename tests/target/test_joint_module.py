@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.joint.export.text import joint_sources
-from tendonff.compensator.joint.scenario.scenario import load_joint_scenario, sample_joint
+from tendonff.compensator.joint.scenario.scenario import sample_joint
+from tendonff.compensator.scenarios import load_scenario
 
 pytestmark = pytest.mark.compiler
 
@@ -18,7 +19,7 @@ def module(toolbox, examples, tmp_path):
     def folder(board, example):
         target = tmp_path / f"{board.machine}{example}"
         target.mkdir()
-        scenario = load_joint_scenario(examples / f"{example}.toml")
+        scenario = load_scenario(examples / f"{example}.toml")
         for name, text in joint_sources((scenario,), precision=board.precision).items():
             (target / name).write_text(text)
         angle = sample_joint(scenario).angle_rad

@@ -207,13 +207,13 @@ def _loop(case: Case, level: tf.Level) -> dict[str, Array]:
         drive=JointDrive(kind=DriveKind.LOOP, drum_radius_m=(raw["radius_m"],), pretension_N=raw["pretension_N"]),
     )
     motion = JointMotion(names=(name,), time_s=np.array([0.0, 1.0]), angle_rad=np.array([[0.0], [2.0]]))
-    problem = tf.joint_problem(mechanism, level, motion)
+    problem = tf.system_of(mechanism, level, motion)
     fine = np.interp(
         np.arange((len(case.time_s) - 1) * SUBSTEPS + 1) * raw["row_s"] / SUBSTEPS,
         raw["motor"]["time_s"],
         raw["motor"]["values"],
     )
-    found = tf.simulate_joint(problem, fine, raw["row_s"] / SUBSTEPS).require()
+    found = tf.simulate(problem, fine, raw["row_s"] / SUBSTEPS).require()
     drum = found.drum_N[::SUBSTEPS]
     return {"joint_rad": found.angle_rad[::SUBSTEPS], "drive_N": drum[:, 0] - drum[:, 1]}
 

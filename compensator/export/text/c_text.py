@@ -16,6 +16,7 @@ from tendonff.compensator.compensators.base import CModule, Problem
 from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.stream import RE_ENTRY_S, RE_ENTRY_SHARE, SLACK, StreamDesign
 from tendonff.compensator.compensators.table import BuiltTable, accepted_range
+from tendonff.compensator.compensators.tuning import Certified, certified
 from tendonff.compensator.export.adaptive import adaptive_code
 from tendonff.compensator.export.joint_jumps import FACTOR as JUMP_FACTOR
 from tendonff.compensator.export.joint_jumps import largest_starts_rad
@@ -24,7 +25,6 @@ from tendonff.compensator.export.observer import ObserverDesign, observer_code
 from tendonff.compensator.export.text.parameters import parameter_context, settable_inverse
 from tendonff.compensator.export.text.table_index import share_index
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
-from tendonff.compensator.studies.adapt.setup import Certified, certified
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.capstan.spread_bounds import PLAYS, play_exponents
 from tendonff.models.fidelity import Level

@@ -6,7 +6,7 @@ from typing import Any
 
 from tendonff.compensator.files.formats.reader import Reader
 from tendonff.compensator.files.formats.table import Table, of_vectors, resolved
-from tendonff.compensator.files.text import is_moderate, require_moderate
+from tendonff.compensator.files.text import InputError, is_moderate, require_moderate
 
 _MATRIX = 2
 
@@ -25,6 +25,8 @@ def read_hdf5(path: Path, expected: Sequence[str]) -> Table:
             # MATLAB keeps its own bookkeeping under "#", and texts as numbers.
             if not isinstance(item, h5py.Dataset) or name.startswith("#") or item.attrs.get("MATLAB_class") == b"char":
                 return
+            if item.external or item.is_virtual:
+                raise InputError(f"{path.name}: {name} keeps its numbers in other files; copy them into this one")
             if item.dtype.names:
                 found.update({f"{name}.{field}": (item, field) for field in item.dtype.names})
             elif item.dtype.kind in "fiub" and item.size > 1 and sum(n > 1 for n in item.shape) <= _MATRIX:

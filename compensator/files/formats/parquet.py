@@ -3,6 +3,7 @@
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,15 +15,31 @@ from tendonff.compensator.files.text import require_moderate
 _ELEMENT = re.compile(r"(.+)\[(\d+)\]")
 
 
+def _kind(of: Any, pa: Any) -> str:
+    """What a column holds: "text", "number", "list", or "" for what is not read."""
+    types = pa.types
+    if types.is_dictionary(of):
+        of = of.value_type
+    if types.is_string(of) or types.is_large_string(of):
+        return "text"
+    if types.is_list(of) or types.is_large_list(of) or types.is_fixed_size_list(of):
+        return "list" if _kind(of.value_type, pa) == "number" else ""
+    return "number" if types.is_primitive(of) or types.is_decimal(of) else ""
+
+
 def _read(path: Path, expected: Sequence[str]) -> Table:
-    import pandas as pd
-    from pyarrow.parquet import read_metadata
+    import pyarrow as pa
+    from pyarrow.parquet import read_metadata, read_schema, read_table
 
     size = read_metadata(path)
     require_columns(size.num_columns, path.name)
     groups = (size.row_group(k) for k in range(size.num_row_groups))
     require_moderate(path, 8 * sum(g.column(k).num_values for g in groups for k in range(g.num_columns)))
-    frame = pd.read_parquet(path)
+    kinds = {field.name: _kind(field.type, pa) for field in read_schema(path)}
+    texts = [name for name, kind in kinds.items() if kind == "text"]
+    # Texts as places in their dictionary: a row then takes no more than a number does, however long its text is.
+    frame = read_table(path, columns=[n for n, kind in kinds.items() if kind], read_dictionary=texts).to_pandas()
+    frame = frame.assign(**{name: frame[name].astype(object) for name in texts if name in frame})
     lists = [name for name in frame.columns if len(frame) and isinstance(frame[name].iloc[0], (list, np.ndarray))]
     offered = tuple(f"{name}[{k}]" for name in lists for k in range(len(frame[name].iloc[0])))
     elements = {}

@@ -8,13 +8,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from tendonff.compensator.files.results import Result, views_of
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.errors import FileError
 from tendonff.compensator.identification.fitting.sliding import SectionFriction, SlidingRatio
 from tendonff.compensator.identification.fitting.uncertainty import ByFile
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.reading import Finding
+from tendonff.compensator.reporting.results import Result, views_of
 from tendonff.compensator.scenario.measurement import Explain, Measurement
 from tendonff.compensator.scenario.scenario import Scenario
 
@@ -284,6 +284,10 @@ class Identification(Result):
             "gross_sliding": {str(g.branch): _gross(g) for g in self.sliding},
             "warnings": list(self.warnings),
         }
+
+    def lines(self, folder: str = "") -> Sequence[str]:
+        """The answer in a few lines of text, its files being in `folder`."""
+        return summary_lines(self, folder)
 
     def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
         """Write `fitted.toml`, `fit.json`, figures, the suggested excitation and `report.html`, all or nothing; makes

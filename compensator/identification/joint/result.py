@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from tendonff.compensator.files.results import Result, views_of
 from tendonff.compensator.identification.answer.result import Estimate
 from tendonff.compensator.identification.joint.first_look import FirstLook
 from tendonff.compensator.identification.joint.parameters import ANGLE_OR_PUSH, JointNumber
@@ -17,6 +16,7 @@ from tendonff.compensator.identification.joint.torque import TorqueFit
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.reading import Finding
 from tendonff.compensator.joint.scenario.scenario import JointScenario, parse_joint_scenario
+from tendonff.compensator.reporting.results import Result, views_of
 
 DESCRIBED_PERCENT = 10.0
 """A law with a larger RMS error of the torque, in % of its range, does not describe the device."""
@@ -199,6 +199,10 @@ class JointIdentification(Result):
     def scenario(self) -> JointScenario:
         """The scenario with what was identified put in."""
         return parse_joint_scenario(self.text, self.asked.source)
+
+    def lines(self, folder: str = "") -> Sequence[str]:
+        """The answer in a few lines of text, its files being in `folder`."""
+        return summary_lines(self, folder)
 
     def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
         """Write `fitted.toml`, `fit.json`, figures, the suggested routine and `report.html`, all or nothing; makes the

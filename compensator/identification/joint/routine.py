@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -47,6 +48,12 @@ class MotorRoutine:
     parts: tuple[str, ...]
     expected: MotorResponse
 
+    def lines(self, folder: Path) -> tuple[str, ...]:
+        """Its file in this folder and its parts in words."""
+        reach = f"{self.motor_rad.min():.3g} to {self.motor_rad.max():.3g} rad"
+        head = f"{folder / 'suggested_motor.csv'}: {self.time_s[-1]:.4g} s, {reach}"
+        return (head, *(f"  {part}" for part in self.parts))
+
 
 class _Pen:
     """Draws smooth moves and holds."""
@@ -88,8 +95,8 @@ def suggest_routine(scenario: JointScenario) -> MotorRoutine:
     Examples
     --------
     >>> import tendonff as tf
-    >>> scenario = tf.load_joint_scenario("examples/hand_joint.toml")
-    >>> routine = tf.suggest_routine(scenario)
+    >>> scenario = tf.load_scenario("examples/hand_joint.toml")
+    >>> routine = tf.suggest(scenario)
     >>> bool(10 <= routine.time_s[-1] <= 30)
     True
     """

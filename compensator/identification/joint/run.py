@@ -9,7 +9,6 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.files.results import Views, register_views
 from tendonff.compensator.identification.answer.result import estimate_columns
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.joint.estimates import Found, estimates_of
@@ -36,6 +35,7 @@ from tendonff.compensator.identification.joint.sensor import SensorFit, fit_sens
 from tendonff.compensator.identification.joint.torque import TorqueFit, fit_torque
 from tendonff.compensator.joint.observer_table import ObserverTable
 from tendonff.compensator.joint.scenario.scenario import JointScenario
+from tendonff.compensator.reporting.results import Views, register_views
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters import Mechanism
@@ -104,8 +104,8 @@ def identify_joint(
     Examples
     --------
     >>> import tendonff as tf
-    >>> scenario = tf.load_joint_scenario("examples/hand_joint.toml")
-    >>> fit = tf.identify_joint(scenario, ["log.csv"])  # doctest: +SKIP
+    >>> scenario = tf.load_scenario("examples/hand_joint.toml")
+    >>> fit = tf.identify(scenario, ["log.csv"])  # doctest: +SKIP
     >>> print(fit.headline)  # doctest: +SKIP
     """
     try:

@@ -15,6 +15,7 @@ from tendonff.compensator.files.quantities import (
     Quantity,
     guess,
     unit_of,
+    with_unit,
 )
 from tendonff.compensator.files.reading import InputError, nearest_column
 from tendonff.compensator.files.tables import Table, read_table
@@ -211,6 +212,7 @@ def _check_missing(path: Path, table: Table, names: Mapping[str, str], key: str)
 def _guessed(table: Table, names: Mapping[str, str], findings: Findings) -> tuple[dict[str, str], dict[str, float]]:
     """Columns for those that the file has by another name and with a unit, and what the units are in SI."""
     dialect = table.dialect
+    names = {key: name if name in table.columns else with_unit(table.columns, name) for key, name in names.items()}
     taken, factors, texts = dict(names), dict[str, float](), []
     for key, usual in _USUAL.items():
         if (

@@ -1,18 +1,19 @@
 """Result of the identification of a mechanism with several motors, as data and as `fit.json`."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tendonff.compensator.files.results import Result, views_of
 from tendonff.compensator.finger.scenario import FingerScenario, parse_finger_scenario
 from tendonff.compensator.identification.answer.result import Estimate
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.joint.scenario.scenario import JointScenario, parse_joint_scenario
+from tendonff.compensator.reporting.results import Result, views_of
+from tendonff.compensator.scenario.kind import Kind
 
 DESCRIBED_PERCENT = 10.0
 """A law with a larger RMS error of a torque, in % of its range, does not describe the device."""
@@ -33,6 +34,7 @@ class MotorsComparison:
     counted : ndarray of bool, shape (rows,)
         Rows that count: friction has forgotten what was before the file.
     findings : tuple of str
+        Data issues.
     """
 
     name: str
@@ -160,13 +162,21 @@ class MotorsIdentification(Result):
     @property
     def scenario(self) -> FingerScenario | JointScenario:
         """The scenario with what was identified put in."""
-        if isinstance(self.asked, FingerScenario):
-            return parse_finger_scenario(self.text, self.asked.source)
-        return parse_joint_scenario(self.text, self.asked.source)
+        return _PARSE[self.asked.kind](self.text, self.asked.source)
+
+    def lines(self, folder: str = "") -> Sequence[str]:
+        """The answer in a few lines of text, its files being in `folder`."""
+        return summary_lines(self, folder)
 
     def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
         """Write `fitted.toml`, `fit.json`, figures and `report.html`, all or nothing; makes the folder."""
         views_of(MotorsIdentification).write(self, folder, pdf=pdf)
+
+
+_PARSE: Mapping[Kind, Callable[[str, Path], FingerScenario | JointScenario]] = {
+    Kind.JOINT: parse_joint_scenario,
+    Kind.FINGER: parse_finger_scenario,
+}
 
 
 def _range(label: str, found: Sequence[Estimate], unit: str) -> str:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -50,6 +51,11 @@ class MotorsRoutine:
     names: tuple[str, ...]
     joints: tuple[str, ...]
     parts: tuple[str, ...]
+
+    def lines(self, folder: Path) -> tuple[str, ...]:
+        """Its file in this folder and its parts in words."""
+        head = f"{folder / 'suggested_motors.csv'}: {self.time_s[-1]:.4g} s"
+        return (head, *(f"  {part}" for part in self.parts))
 
 
 class _Pen:

@@ -2,7 +2,7 @@
 
 import os
 import tomllib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,6 @@ from scipy.stats import t as student
 from threadpoolctl import threadpool_limits
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.files.results import Views, register_views
 from tendonff.compensator.finger.scenario import FingerScenario, SampledFinger, sample_finger
 from tendonff.compensator.identification.answer.result import Estimate, estimate_columns, is_known
 from tendonff.compensator.identification.joint.fitted import to_toml
@@ -30,6 +29,8 @@ from tendonff.compensator.identification.motors.routine import MotorsRoutine, su
 from tendonff.compensator.joint.scenario.base import with_base
 from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
 from tendonff.compensator.joint.task import ASSUMED_SPREAD
+from tendonff.compensator.reporting.results import Views, register_views
+from tendonff.compensator.scenario.kind import Kind
 from tendonff.models.joint.parameters import DriveKind
 from tendonff.models.joint.parameters.finger import Finger, Motor
 from tendonff.models.mechanism.sharing import Sharing
@@ -86,7 +87,8 @@ def identify_motors(
     InputError
         If a file cannot be used.
     """
-    finger, start_rad = _mechanism(scenario), _sampled(scenario).angle_rad[0]
+    finger, sampled = mechanism_of(scenario)
+    start_rad = sampled.angle_rad[0]
     _require_friction(finger, scenario.source.name)
     files, judging = tuple(map(Path, data)), tuple(map(Path, validate))
     with threadpool_limits(limits=1, user_api="blas"):
@@ -105,19 +107,17 @@ def identify_motors(
 
 def suggest_motor_routine(scenario: FingerScenario | JointScenario) -> MotorsRoutine:
     """Motor angles for a log that identifies a finger or a pair; InputError where no tensions lead the joints so."""
-    return suggest_motors(_mechanism(scenario), _sampled(scenario), scenario.source.name)
+    return suggest_motors(*mechanism_of(scenario), scenario.source.name)
 
 
-def _mechanism(scenario: FingerScenario | JointScenario) -> Finger:
-    """Joints, tendons and motors; of a pair a motor for each tendon, called like it."""
-    if isinstance(scenario, FingerScenario):
-        return scenario.mechanism
+def _of_pair(scenario: JointScenario) -> tuple[Finger, SampledFinger]:
+    """A pair as a mechanism of a motor for each tendon, called like it, and its reference."""
     joint = scenario.mechanism
     drive = joint.drive
     if drive.kind is not DriveKind.PAIR:
         raise InputError(f"{scenario.source.name}: a loop has one motor; identify it as a joint")
     radii = drive.drum_radius_m * (len(joint.tendons) if len(drive.drum_radius_m) == 1 else 1)
-    return Finger(
+    finger = Finger(
         joints=joint.joints,
         tendons=joint.tendons,
         motors=tuple(
@@ -126,15 +126,25 @@ def _mechanism(scenario: FingerScenario | JointScenario) -> Finger:
         ),
         sharing=Sharing(least_tension_N=drive.least_tension_N or 0.0),
     )
-
-
-def _sampled(scenario: FingerScenario | JointScenario) -> SampledFinger:
-    if isinstance(scenario, FingerScenario):
-        return sample_finger(scenario)
     found = sample_joint(scenario)
     angle = found.angle_rad[:, None]
-    motion = JointMotion(names=(scenario.mechanism.joint.name,), time_s=found.time_s, angle_rad=angle)
-    return SampledFinger(time_s=found.time_s, angle_rad=angle, effort_N_m=np.zeros_like(angle), motion=motion)
+    motion = JointMotion(names=(joint.joint.name,), time_s=found.time_s, angle_rad=angle)
+    return finger, SampledFinger(time_s=found.time_s, angle_rad=angle, effort_N_m=np.zeros_like(angle), motion=motion)
+
+
+def _of_finger(scenario: FingerScenario) -> tuple[Finger, SampledFinger]:
+    return scenario.mechanism, sample_finger(scenario)
+
+
+_MECHANISM: Mapping[Kind, Callable[[Any], tuple[Finger, SampledFinger]]] = {
+    Kind.JOINT: _of_pair,
+    Kind.FINGER: _of_finger,
+}
+
+
+def mechanism_of(scenario: FingerScenario | JointScenario) -> tuple[Finger, SampledFinger]:
+    """Joints, tendons and motors of a scenario, and its reference."""
+    return _MECHANISM[scenario.kind](scenario)
 
 
 def _require_friction(finger: Finger, file: str) -> None:
@@ -271,24 +281,32 @@ def _fitted_text(scenario: FingerScenario | JointScenario, finger: Finger, estim
         if joint.gravity_N_m:
             raw["joints"][joint.name]["gravity_N_m"] = joint.gravity_N_m
     known = {e.name: e for e in estimates}
-    if isinstance(scenario, FingerScenario):
-        rows = raw.setdefault(
-            "motors", [{"name": m.name, "drums_m": dict(zip(m.winds, m.radii_m, strict=True))} for m in finger.motors]
-        )
-        for row, motor in zip(rows, finger.motors, strict=True):
-            row["coulomb_N_m"] = motor.drive.coulomb_N_m
-            if len(motor.winds) > 1:
-                row["pretension_N"] = motor.drive.pretension_N
-    else:
-        raw["drive"]["coulomb_N_m"] = float(np.mean([m.drive.coulomb_N_m for m in finger.motors]))
-    raw["robust"] = _robust(scenario, finger, known, raw.get("robust", {}))
+    _PUT[scenario.kind](raw, finger)
+    raw["robust"] = _robust(finger, known, raw.get("robust", {}))
     raw["run"]["level"] = "presliding"
     return to_toml(raw)
 
 
-def _robust(
-    scenario: FingerScenario | JointScenario, finger: Finger, known: dict[str, Estimate], stated: dict[str, Any]
-) -> dict[str, Any]:
+def _put_motors(raw: dict[str, Any], finger: Finger) -> None:
+    """Dry friction and pre-tension of every motor into [[motors]]."""
+    rows = raw.setdefault(
+        "motors", [{"name": m.name, "drums_m": dict(zip(m.winds, m.radii_m, strict=True))} for m in finger.motors]
+    )
+    for row, motor in zip(rows, finger.motors, strict=True):
+        row["coulomb_N_m"] = motor.drive.coulomb_N_m
+        if len(motor.winds) > 1:
+            row["pretension_N"] = motor.drive.pretension_N
+
+
+def _put_drive(raw: dict[str, Any], finger: Finger) -> None:
+    """Dry friction of a pair's motors, which state one, into [drive]."""
+    raw["drive"]["coulomb_N_m"] = float(np.mean([m.drive.coulomb_N_m for m in finger.motors]))
+
+
+_PUT: Mapping[Kind, Callable[[dict[str, Any], Finger], None]] = {Kind.JOINT: _put_drive, Kind.FINGER: _put_motors}
+
+
+def _robust(finger: Finger, known: dict[str, Estimate], stated: dict[str, Any]) -> dict[str, Any]:
     """[robust] with the widest interval of friction and of stiffness; what is not identified has the assumed width."""
 
     def widest(suffix: str) -> float:
@@ -299,7 +317,7 @@ def _robust(
         key: value for key, value in stated.get("spread", {}).items() if not key.endswith(("mu_dynamic", "N_per_m"))
     }
     for motor in finger.motors:
-        if len(motor.winds) > 1 and isinstance(scenario, FingerScenario):
+        if len(motor.winds) > 1:
             key = f"motors.{motor.name}.drive.pretension_N"
             spread[key] = _half_width(known[key])
     found = {**{k: v for k, v in stated.items() if k != "spread"}, "mu": widest(".mu_dynamic")}

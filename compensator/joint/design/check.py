@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from tendonff.compensator.compensators.method_check import MethodCheck
 from tendonff.compensator.joint.design.result import JointDesign
 from tendonff.compensator.joint.plant import JointPlant
-from tendonff.compensator.studies.design.check import MethodCheck
 from tendonff.ocp.integrate.method import Method
 
 

@@ -5,11 +5,11 @@ from dataclasses import asdict
 import numpy as np
 from matplotlib.figure import Figure
 
+from tendonff.compensator.compensators.expected import contributions_figure
 from tendonff.compensator.feedback.figures import feedback_figures
 from tendonff.compensator.joint.design.result import JointDesign
 from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.reporting.colours import BLUE, GREY, INK
-from tendonff.compensator.reporting.expected import contributions_figure
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure, thinned
 from tendonff.models.joint.parameters import DriveKind
 

@@ -2,27 +2,33 @@
 
 import os
 from dataclasses import asdict
+from pathlib import Path
 
 import numpy as np
 
+from tendonff.compensator.compensators.expectation import two_digits
+from tendonff.compensator.compensators.expected import expectation_summary
 from tendonff.compensator.feedback.result import feedback_summary
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.writing import atomic_directory, write_csv
 from tendonff.compensator.joint.design.figures import joint_figures, motor_names
-from tendonff.compensator.joint.design.report import joint_report
+from tendonff.compensator.joint.design.report import interactive_panels, joint_report
 from tendonff.compensator.joint.design.result import JointDesign
-from tendonff.compensator.reporting.expected import expectation_summary
 from tendonff.compensator.reporting.page import summary_head, write_pages
+from tendonff.compensator.reporting.terminal import print_scores
 
 
-def write_files(result: JointDesign, folder: str | os.PathLike[str]) -> None:
+def write_files(
+    result: JointDesign, folder: str | os.PathLike[str], *, interactive: bool = False, pdf: bool = False
+) -> None:
     """Write the files of `JointDesign.write`."""
     figures = joint_figures(result)
+    view = interactive_panels(result) if interactive else None
     with atomic_directory(folder) as partial:
         write_csv(partial / "profile.csv", profile_columns(result))
         if result.sampled.lead:
             write_csv(partial / "homing.csv", homing_columns(result))
-        write_pages(partial, summary(result), figures, joint_report(result, figures))
+        write_pages(partial, summary(result), figures, joint_report(result, figures, view), pdf=pdf)
 
 
 def profile_columns(result: JointDesign) -> dict[str, FloatArray]:
@@ -84,3 +90,22 @@ def summary(result: JointDesign) -> dict[str, object]:
     if result.sheet is not None:
         found["loop"] = asdict(result.sheet)
     return found
+
+
+def show(result: JointDesign, folder: Path) -> None:
+    """Print the error of each compensator, what to expect on a rig, and where the files are."""
+    worst = result.expectation.worst_percent
+    print_scores(
+        f"{result.scenario.name}: RMS error, % of range of the {'joint angle' if result.is_angle else 'torque'}",
+        ("compensator", "worst case", f"{result.masses} masses, step/{result.refinement}"),
+        [
+            (c.name, two_digits(worst[c.name]), two_digits(result.percent(result.profiles[c.name].rms)))
+            for c in result.compensators
+        ],
+        (
+            result.headline,
+            result.fine_print,
+            *(() if result.feedback is None else (result.feedback.sentence,)),
+            f"written to {folder}",
+        ),
+    )

@@ -5,13 +5,16 @@ from collections.abc import Mapping
 
 from matplotlib.figure import Figure
 
+from tendonff.compensator.compensators.expected import robustness_table
 from tendonff.compensator.feedback.report import CAPTIONS as FEEDBACK_CAPTIONS
 from tendonff.compensator.feedback.report import feedback_section
 from tendonff.compensator.joint.design.result import JointDesign
-from tendonff.compensator.reporting.expected import robustness_table
+from tendonff.compensator.reporting.colours import INK, Style
+from tendonff.compensator.reporting.interactive import zoomed
 from tendonff.compensator.reporting.page import (
     Block,
     FileNote,
+    Interactive,
     Report,
     Section,
     Table,
@@ -30,7 +33,23 @@ _CAPTIONS = {
 }
 
 
-def joint_report(result: JointDesign, figures: Mapping[str, Figure]) -> Report:
+def interactive_panels(result: JointDesign) -> Interactive:
+    """Angle or torque, motor and error of all profiles, to be zoomed."""
+    scale, shown = (180 / math.pi, "deg") if result.is_angle else (1.0, "N m")
+    wanted = result.sampled.wanted[result.sampled.lead :]
+    reached = {"reference": (scale * wanted, Style(color=INK, linestyle="-"))}
+    motor, error = {}, {}
+    for c in result.compensators:
+        profile = result.profiles[c.name]
+        reached[c.label] = (scale * profile.reached, c.style)
+        motor[c.label] = (profile.motor_rad[:, 0], c.style)
+        error[c.label] = (scale * profile.error, c.style)
+    goal = "joint angle" if result.is_angle else "torque of the joint"
+    panels = {f"{goal} [{shown}]": reached, "motor [rad]": motor, f"error [{shown}]": error}
+    return zoomed(result.sampled.run_time_s, panels, f"{result.masses} masses a tendon, the design's own parameters.")
+
+
+def joint_report(result: JointDesign, figures: Mapping[str, Figure], view: Interactive | None = None) -> Report:
     """The page of a design."""
     unit = "deg" if result.is_angle else "N m"
     scale = 180 / math.pi if result.is_angle else 1.0
@@ -47,6 +66,7 @@ def joint_report(result: JointDesign, figures: Mapping[str, Figure]) -> Report:
     first = "Joint angle" if result.is_angle else "Torque of the joint"
     sections = [
         Section(title=first, blocks=(pictures["joint"], errors)),
+        *([] if view is None else [Section(title="Interactive view", blocks=(view,))]),
         Section(title="Robustness to parameter uncertainty", blocks=(*_robustness(result), pictures["contributions"])),
         *([feedback_section(result.feedback, pictures)] if result.feedback else []),
         *(

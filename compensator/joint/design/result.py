@@ -10,11 +10,11 @@ from tendonff.compensator.compensators.expectation import Expectation
 from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.feedback.result import FeedbackResult
 from tendonff.compensator.files.reading import FloatArray
-from tendonff.compensator.files.results import Result, views_of
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.joint.compensators import JointCompensator
 from tendonff.compensator.joint.scenario.reference import JointQuantity
 from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint
+from tendonff.compensator.reporting.results import Result, views_of
 from tendonff.models.joint.closed_form import DataSheet
 from tendonff.models.joint.parameters import DriveKind, Mechanism
 from tendonff.ocp.joint.invert import JointInversion, JointStatus
@@ -73,6 +73,8 @@ class JointDesign(Result):
         In the order in which they are shown.
     profiles : dict of str to JointProfile
         By name of the compensator.
+    failed : dict of str to str
+        Why a compensator has no profile, by its name.
     inversion : JointInversion
         The exact inverse before the drive.
     homing_rad : ndarray, shape (rows, motors)
@@ -97,6 +99,7 @@ class JointDesign(Result):
     sampled: SampledJoint
     compensators: tuple[JointCompensator, ...]
     profiles: dict[str, JointProfile]
+    failed: dict[str, str]
     inversion: JointInversion
     homing_rad: FloatArray
     sheet: DataSheet | None
@@ -166,9 +169,18 @@ class JointDesign(Result):
         return (
             f"With exactly the design's parameters the RMS error is {self.text(best.rms)} ({self.recommended.label}, "
             f"{self.masses} masses a tendon, step/{self.refinement}), {self.text(self.profiles['linear'].rms)} with "
-            f"the ratio alone; the range is {whole}."
+            f"the ratio alone; the range is {whole}. Known in advance: profile.csv to the motors; known only at "
+            "run time: tendonff export-c, or tf.Runtime."
         )
 
-    def write(self, folder: str | os.PathLike[str]) -> None:
-        """Write `profile.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
-        views_of(JointDesign).write(self, folder)
+    @property
+    def is_usable(self) -> bool:
+        """No compensator failed, and no tendon of a pair would have to push."""
+        return not self.failed and self.inversion.status is not JointStatus.WOULD_PUSH
+
+    def write(self, folder: str | os.PathLike[str], *, interactive: bool = False, pdf: bool = False) -> None:
+        """Write `profile.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder.
+
+        An interactive report has a view with zoom, hover and a legend that hides curves, and needs Bokeh.
+        """
+        views_of(JointDesign).write(self, folder, interactive=interactive, pdf=pdf)

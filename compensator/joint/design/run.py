@@ -9,7 +9,6 @@ from tendonff.compensator.feedback.run import design_feedback
 from tendonff.compensator.files.notices import Danger, by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.files.results import Views, register_views
 from tendonff.compensator.joint.compensators import JointTask, compensators_of
 from tendonff.compensator.joint.design.figures import joint_figures
 from tendonff.compensator.joint.design.output import profile_columns, write_files
@@ -18,6 +17,7 @@ from tendonff.compensator.joint.feedback import JointFeedbackTask
 from tendonff.compensator.joint.plant import REFINEMENT, joint_load, verifying_masses
 from tendonff.compensator.joint.scenario.doubts import joint_doubts
 from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint
+from tendonff.compensator.reporting.results import Views, register_views
 from tendonff.models.joint.closed_form import DataSheet, GrossSliding, data_sheet, sweep_pretension
 from tendonff.models.joint.parameters import DriveKind, JointDrive, Mechanism
 from tendonff.models.turns import in_turn
@@ -30,7 +30,7 @@ register_views(JointDesign, Views(write=write_files, columns=profile_columns, fi
 
 
 @in_turn
-def design_joint(scenario: JointScenario, *, strict: bool = True, progress: Progress = silent) -> JointDesign:
+def design_joint(scenario: JointScenario, *, strict: bool = False, progress: Progress = silent) -> JointDesign:
     """Design and verify the motor angles of a joint.
 
     Parameters
@@ -50,8 +50,8 @@ def design_joint(scenario: JointScenario, *, strict: bool = True, progress: Prog
     Examples
     --------
     >>> import tendonff as tf
-    >>> scenario = tf.load_joint_scenario("examples/hand_joint.toml")
-    >>> result = tf.design_joint(scenario)  # doctest: +SKIP
+    >>> scenario = tf.load_scenario("examples/hand_joint.toml")
+    >>> result = tf.design(scenario)  # doctest: +SKIP
     >>> print(result.headline)  # doctest: +SKIP
     """
     task = JointTask.of(scenario)
@@ -64,21 +64,19 @@ def design_joint(scenario: JointScenario, *, strict: bool = True, progress: Prog
     compensators = compensators_of(task)
     parts = Parts(progress, 2 * len(compensators) + 1)
     plant = task.plant(mechanism, task.level, REFINEMENT, verifying_masses(mechanism))
-    profiles, commands = {}, {}
-    for each in compensators:
-        command = commands[each.name] = each.command_rad(task)
-        run = plant.respond(command)
-        reached, kept = plant.reached(run), slice(sampled.lead, None)
-        profiles[each.name] = JointProfile(
-            name=each.name,
-            motor_rad=command[kept],
+    kept = slice(sampled.lead, None)
+    tried, profiles = task.tried(plant.respond, parts), {}
+    for name, run in tried.responses.items():
+        reached = plant.reached(run)
+        profiles[name] = JointProfile(
+            name=name,
+            motor_rad=tried.commands[name][kept],
             reached=reached[kept],
             tension_N=run.tension_N[kept],
             torque_N_m=run.motor_torque_N_m[kept],
             error=(reached - sampled.wanted)[kept],
         )
-        parts.done()
-    expectation = task.expect(commands)
+    expectation = task.expect(tried.commands)
     settings = scenario.feedback
     feedback = None if settings is None else design_feedback(JointFeedbackTask.of(task, settings))
     sheet, sheets, warned = _data_sheet(scenario, sampled, inversion)
@@ -86,6 +84,7 @@ def design_joint(scenario: JointScenario, *, strict: bool = True, progress: Prog
         *map(str, joint_doubts(scenario)),
         *sampled.warnings,
         *task.notes,
+        *tried.warnings,
         *warned,
         *_drive_warnings(drive, inversion, scenario.run.step_s),
     ]
@@ -97,10 +96,11 @@ def design_joint(scenario: JointScenario, *, strict: bool = True, progress: Prog
     return JointDesign(
         scenario=scenario,
         sampled=sampled,
-        compensators=compensators,
+        compensators=tuple(c for c in compensators if c.name in profiles),
         profiles=profiles,
+        failed=tried.failed,
         inversion=_after(inversion, sampled.lead),
-        homing_rad=commands["inverse"][: sampled.lead],
+        homing_rad=tried.commands["inverse"][: sampled.lead],
         sheet=sheet,
         sheets=sheets,
         expectation=expectation,

@@ -8,9 +8,10 @@ from tendonff.compensator.export.modules import check_prefix
 from tendonff.compensator.export.text.c_text import harmless
 from tendonff.compensator.export.unit import Fmu, Variable, pack
 from tendonff.compensator.joint.export.golden import followed_course
-from tendonff.compensator.joint.export.judgement import JudgedJoint, judge_joint
+from tendonff.compensator.joint.export.judgement import judge_joint, judgement_lines
 from tendonff.compensator.joint.export.text import accepted_rad, joint_sources, problem_of
-from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
+from tendonff.compensator.joint.scenario.scenario import JointScenario, on_level, sample_joint
+from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import SolveError
@@ -24,10 +25,11 @@ def build_joint_fmu(
     fmi: FmiVersion = FmiVersion.V2,
     *,
     prefix: str = "tff",
+    level: Level | None = None,
     everywhere: bool = False,
     force_export: bool = False,
-) -> tuple[Fmu, JudgedJoint]:
-    """Wrap the exported C of a joint; also the error of its commands along the scenario's reference.
+) -> Fmu:
+    """Wrap the exported C of a joint.
 
     Parameters
     ----------
@@ -35,6 +37,8 @@ def build_joint_fmu(
     fmi : FmiVersion, optional
     prefix : str, optional
         Prefix of the C names.
+    level : Level, optional
+        Default: the scenario's own.
     everywhere : bool, optional
         Binaries for Windows and macOS too, built here by ziglang; what is run here are those of this machine alone.
     force_export : bool, optional
@@ -50,12 +54,12 @@ def build_joint_fmu(
     Examples
     --------
     >>> import tendonff as tf
-    >>> knuckle = tf.load_joint_scenario("examples/hand_joint.toml")
-    >>> unit, judged = tf.export_joint_fmu(knuckle, tf.FmiVersion.V3)  # doctest: +SKIP
+    >>> knuckle = tf.load_scenario("examples/hand_joint.toml")
+    >>> unit = tf.export_fmu(knuckle, fmi=tf.FmiVersion.V3)  # doctest: +SKIP
     >>> unit.write("fmu")  # doctest: +SKIP
     """
     check_prefix(prefix)
-    scenario = replace(scenario, adaptation=None)  # a unit has no measured angle
+    scenario = replace(on_level(scenario, level), adaptation=None)  # a unit has no measured angle
     sampled = sample_joint(scenario)
     problem = problem_of(scenario, sampled)
     others = other_joints((problem,))
@@ -112,6 +116,7 @@ def build_joint_fmu(
                 for other in others
             ),
         ],
+        "module": "joint",
         "radians": True,
         "joint_at": -1,
         "motors": motors,
@@ -125,4 +130,12 @@ def build_joint_fmu(
     }
     sources = joint_sources((scenario,), prefix=prefix)
     warnings = (f"{judged.fault}; made because of --force-export",) if judged.fault else ()
-    return pack(sources, context, fmi, model="model_joint", everywhere=everywhere, warnings=warnings), judged
+    return pack(
+        sources,
+        context,
+        fmi,
+        model="model_motors",
+        everywhere=everywhere,
+        lines=judgement_lines((judged,), "ratio"),
+        warnings=warnings,
+    )

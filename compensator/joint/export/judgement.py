@@ -1,6 +1,7 @@
 """Errors of the exported commands of a joint, against those of the ratio alone."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -40,6 +41,18 @@ class JudgedJoint:
     def text(self, value: float) -> str:
         """An error in degrees or N m."""
         return f"{math.degrees(value):.2g} deg" if self.is_angle else f"{value:.2g} N m"
+
+
+def judgement_lines(judged: Sequence[JudgedJoint], plain: str, loss_rad: float | None = None) -> tuple[str, ...]:
+    """Errors in words, beside those of what is `plain`, and the departure of compiled code."""
+    compiled = (
+        () if loss_rad is None else (f"compiled here, the code departs from the model by {loss_rad:.2g} rad at most",)
+    )
+    rows = [
+        f"{j.name}: RMS error {j.text(j.rms)} with exactly these parameters, by the {plain} alone {j.text(j.plain_rms)}"
+        for j in judged
+    ]
+    return (*rows, *compiled)
 
 
 def judge_joint(scenario: JointScenario, sampled: SampledJoint, command_rad: FloatArray) -> JudgedJoint:

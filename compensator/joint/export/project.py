@@ -8,9 +8,12 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 
 from tendonff._version import __version__
+from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.export.modules import check_prefix
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.files.writing import atomic_directory, write_text
+from tendonff.compensator.joint.compensators import JointTask
 from tendonff.compensator.joint.export.golden import (
     JointCourse,
     followed_course,
@@ -19,10 +22,11 @@ from tendonff.compensator.joint.export.golden import (
     largest_departure,
     run_courses,
 )
-from tendonff.compensator.joint.export.judgement import JudgedJoint, judge_joint
+from tendonff.compensator.joint.export.judgement import JudgedJoint, judge_joint, judgement_lines
 from tendonff.compensator.joint.export.text import module_text, problem_of, render, transmission_files
 from tendonff.compensator.joint.plant import REFINEMENT, verifying_masses
-from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
+from tendonff.compensator.joint.scenario.scenario import JointScenario, on_level, sample_joint
+from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import SolveError
@@ -44,6 +48,8 @@ class ExportedJoints:
     judged : tuple of JudgedJoint
     loss_rad : float or None
         Largest departure of the compiled code from the model; None without a compiler.
+    headlines : tuple of str
+        Expected error of each joint over what is uncertain, with the next step.
     warnings : tuple of str
         What the user should know, one sentence each.
     """
@@ -51,7 +57,22 @@ class ExportedJoints:
     files: dict[str, str] = field(repr=False)
     judged: tuple[JudgedJoint, ...]
     loss_rad: float | None
+    headlines: tuple[str, ...]
     warnings: tuple[str, ...]
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """None so far."""
+        return ()
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The judgement in words."""
+        rows = zip(self.judged, self.headlines, strict=True)
+        return (
+            *judgement_lines(self.judged, "ratio", self.loss_rad),
+            *(f"{each.name}: {headline}" for each, headline in rows),
+        )
 
     def write(self, folder: str | os.PathLike[str]) -> None:
         """Write every file, all or nothing; makes the folder."""
@@ -63,21 +84,26 @@ class ExportedJoints:
 
 @in_turn
 def export_joints(
-    scenarios: Sequence[JointScenario],
+    scenario: JointScenario,
     *,
+    further: Sequence[JointScenario] = (),
     precision: Precision = Precision.DOUBLE,
     prefix: str = "tff",
+    level: Level | None = None,
     force_export: bool = False,
 ) -> ExportedJoints:
     """Print the whole folder.
 
     Parameters
     ----------
-    scenarios : sequence of JointScenario
-        One for each joint, with the same step.
+    scenario : JointScenario
+    further : sequence of JointScenario, optional
+        Other joints of the project, with the same step.
     precision : Precision, optional
     prefix : str, optional
         Prefix of every C name and file.
+    level : Level, optional
+        Default: the scenarios' own.
     force_export : bool, optional
         Export joints all the same whose commands are worse than the ratio alone.
 
@@ -91,11 +117,12 @@ def export_joints(
     Examples
     --------
     >>> import tendonff as tf
-    >>> knuckle = tf.load_joint_scenario("examples/hand_joint.toml")
-    >>> exported = tf.export_joint_c([knuckle], precision=tf.Precision.FLOAT)  # doctest: +SKIP
+    >>> knuckle = tf.load_scenario("examples/hand_joint.toml")
+    >>> exported = tf.export_c(knuckle, precision=tf.Precision.FLOAT)  # doctest: +SKIP
     >>> exported.write("c")  # doctest: +SKIP
     """
     check_prefix(prefix)
+    scenarios = [on_level(one, level) for one in (scenario, *further)]
     _check_together(scenarios)
     sampled = [sample_joint(scenario) for scenario in scenarios]
     problems = [problem_of(scenario, each) for scenario, each in zip(scenarios, sampled, strict=True)]
@@ -105,14 +132,16 @@ def export_joints(
     runs = [followed_course(*each, others, precision) for each in zip(scenarios, sampled, problems, strict=True)]
     joints: list[dict[str, object]] = context["joints"]
     found = run_courses(sources, prefix, precision, [*courses, *runs], list(range(len(scenarios))) * 2)
-    judged = []
-    for k, (scenario, each, problem) in enumerate(zip(scenarios, sampled, problems, strict=True)):
+    judged, headlines = list[JudgedJoint](), list[str]()
+    for k, (own, each, problem) in enumerate(zip(scenarios, sampled, problems, strict=True)):
         command = runs[k].command_rad
-        if found is not None and not scenario.reference.periodic:
+        if found is not None and not own.reference.periodic:
             command = found[len(scenarios) + k].command_rad
-        judged.append(judge_joint(scenario, each, command))
+        judged.append(judge_joint(own, each, command))
+        headlines.append(_headline(own))
         joints[k] |= {
-            "golden": golden_context(scenario, problem, courses[k], None if found is None else found[k], precision),
+            "headline": headlines[k],
+            "golden": golden_context(own, problem, courses[k], None if found is None else found[k], precision),
             "plain": judged[k].text(judged[k].plain_rms),
             "score": judged[k].text(judged[k].rms),
             "fault": judged[k].fault,
@@ -135,8 +164,18 @@ def export_joints(
     kept = [note for each in sampled for note in each.warnings]
     kept += [f"{fault}; exported because of --force-export" for fault in faults]
     return ExportedJoints(
-        files=files, judged=tuple(judged), loss_rad=loss, warnings=(*_warnings(runs, scenarios), *kept)
+        files=files,
+        judged=tuple(judged),
+        loss_rad=loss,
+        headlines=tuple(headlines),
+        warnings=(*_warnings(runs, scenarios), *kept),
     )
+
+
+def _headline(scenario: JointScenario) -> str:
+    found, file = JointTask.of(scenario).expect_live(), as_argument(scenario.source)
+    then = next_step(found, file, "call it once per sample, and watch its status")
+    return found.headline("exact inverse", then)
 
 
 def _check_together(scenarios: Sequence[JointScenario]) -> None:

@@ -24,7 +24,10 @@ from tendonff.ocp.joint.start import joint_problem
 from tendonff.ocp.joint.target import MOVES, joint_code, other_joints
 
 _TEMPLATES = environment("tendonff.compensator.export", "templates/joint")
+_LIBRARY = environment("tendonff.compensator.export", "templates/library")
 _PACKAGES = environment("tendonff.compensator.export", "templates/transmission")
+LIBRARY_FILES = ("Makefile.j2", "CMakeLists.txt.j2")
+"""Templates that take `modules` and `headers`, whatever these are."""
 _PUSH_N = -1e-6
 """Tensions of a loop that count as pushing: those of rounding do not."""
 
@@ -64,6 +67,7 @@ def module_text(
     context |= {"records": records, "joints": records[: len(scenarios)]}
     context |= adaptive_context(scenarios, tuned, prefix, precision)
     modules = ["joint", *(["joint_adaptive"] if more else [])]
+    context |= {"modules": modules, "headers": [f"{prefix}_{m}.h" for m in modules]}
     return {f"{prefix}_{m}.{end}": render(f"{m}.{end}.j2", context) for m in modules for end in ("h", "c")}, context
 
 
@@ -255,4 +259,4 @@ def transmission_files(context: dict[str, Any], others: Sequence[str]) -> dict[s
 
 def render(template: str, context: dict[str, Any]) -> str:
     """Text of a template of joints."""
-    return _TEMPLATES.get_template(template).render(context)
+    return (_LIBRARY if template in LIBRARY_FILES else _TEMPLATES).get_template(template).render(context)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.joint.scenario.reference import JointCsv, JointQuantity, JointReference
-from tendonff.compensator.joint.scenario.scenario import JointScenario
+from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
 from tendonff.compensator.scenario.doubts import (
     UnitDoubt,
     angle_doubt,
@@ -16,6 +16,7 @@ from tendonff.compensator.scenario.doubts import (
     length_doubts,
     radius_doubts,
     rope_doubts,
+    settle,
     speed_doubts,
     step_doubts,
     unaccepted,
@@ -44,6 +45,19 @@ def joint_doubts(scenario: JointScenario, *, follows_reference: bool = True) -> 
     if follows_reference:
         found += _of_references(scenario)
     return unaccepted(found, run)
+
+
+def look_at_joint(
+    scenario: JointScenario,
+    *,
+    follows_reference: bool = True,
+    strict: bool = False,  # noqa: ARG001  what is out of reach shows in the design
+    accept: bool = False,
+) -> tuple[str, ...]:
+    """Warnings about a scenario before any work; arguments and errors as of `first_look`."""
+    doubts = joint_doubts(scenario, follows_reference=follows_reference)
+    found = settle(doubts, file=scenario.source.name, accept=accept)
+    return (*found, *sample_joint(scenario).warnings) if follows_reference else found
 
 
 def _least_arm_m(mechanism: Mechanism) -> float:

@@ -8,6 +8,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -17,6 +18,8 @@ from tendonff.compensator.joint.scenario.base import with_base
 from tendonff.compensator.joint.scenario.reference import KINDS, JointQuantity, JointReference
 from tendonff.compensator.joint.scenario.settings import JointAdaptation
 from tendonff.compensator.scenario.joints import Joint, read_joints
+from tendonff.compensator.scenario.kind import Kind
+from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenario.reference import Shape, along_waypoints
 from tendonff.compensator.scenario.sampled.joint_motion import joint_angles
 from tendonff.compensator.scenario.scenario import SCHEMA, path_keys, spread_keys, with_spread
@@ -24,6 +27,7 @@ from tendonff.compensator.scenario.settings import Feedback, Run
 from tendonff.compensator.scenario.tables import ROPE_KEYS, check_names, expand, read_kind, read_table, show
 from tendonff.compensator.scenario.toml import toml_of
 from tendonff.models.errors import ParameterError
+from tendonff.models.fidelity import Level
 from tendonff.models.joint.parameters import Arm, DrivenJoint, JointDrive, JointTendon, LengthTable, Mechanism
 from tendonff.models.parameters import Friction, Tendon
 from tendonff.models.parameters import Path as TendonPath
@@ -70,6 +74,7 @@ class JointScenario:
         Files that it names.
     """
 
+    kind: ClassVar[Kind] = Kind.JOINT
     name: str
     mechanism: Mechanism
     joints: dict[str, Joint]
@@ -93,6 +98,11 @@ class JointScenario:
         """Angle of the joint at which the reference starts."""
         spec = self.reference if self.motion is None else self.motion
         return float(spec.sample(np.zeros(1), self.source.parent)[0])
+
+    @property
+    def measurement(self) -> Measurement:
+        """How measured files are read where nothing else is said."""
+        return Measurement()
 
     @property
     def is_complete(self) -> bool:
@@ -159,19 +169,6 @@ class SampledJoint:
         return {name: column for name, column in columns.items() if name != joint}
 
 
-def load_joint_scenario(path: str | os.PathLike[str]) -> JointScenario:
-    """Read a scenario file of a driven joint; InputError is one message with file, table, key, value and way out.
-
-    Examples
-    --------
-    >>> import tendonff as tf
-    >>> tf.load_joint_scenario("examples/hand_joint.toml").mechanism.joint.name
-    'knuckle'
-    """
-    path = Path(path)
-    return parse_joint_scenario(read_text(path), path)
-
-
 def parse_joint_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") -> JointScenario:
     """Read one from its text; files that it names are relative to the source's folder."""
     source = Path(source)
@@ -218,6 +215,11 @@ def parse_joint_scenario(text: str, source: str | os.PathLike[str] = "scenario.t
     )
     named = [getattr(part, "file", None) for part in (reference, motion, *others.values())]
     return replace(scenario, inputs=(*inputs, *(source.parent / each for each in named if each)))
+
+
+def on_level(scenario: JointScenario, level: Level | None) -> JointScenario:
+    """The scenario on a fidelity level, if one is given."""
+    return scenario if level is None else replace(scenario, run=replace(scenario.run, level=level))
 
 
 def sample_joint(scenario: JointScenario) -> SampledJoint:

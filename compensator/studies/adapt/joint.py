@@ -8,7 +8,6 @@ from matplotlib.figure import Figure
 
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import FloatArray
-from tendonff.compensator.files.results import Result, Views, register_views
 from tendonff.compensator.files.writing import atomic_directory, write_csv
 from tendonff.compensator.joint.adaptation import TunedJoint, with_factor
 from tendonff.compensator.joint.plant import verifying_masses
@@ -27,6 +26,7 @@ from tendonff.compensator.reporting.page import (
     write_pages,
 )
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure, thinned
+from tendonff.compensator.reporting.results import Result, Views, register_views
 from tendonff.compensator.runtime.kinds import RuntimeKind, RuntimeStatus
 from tendonff.compensator.runtime.runtime import Runtime
 from tendonff.compensator.studies.adapt.result import moving_rms
@@ -146,6 +146,11 @@ class JointAdaptationStudy(Result):
     headline: str
     warnings: tuple[str, ...]
 
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The finding in words."""
+        return (self.headline,)
+
     def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
         """Write `estimate.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
         figures = _figures(self)
@@ -202,7 +207,7 @@ def adapt_joint(scenario: JointScenario, *, progress: Progress = silent) -> Join
     Examples
     --------
     >>> import tendonff as tf
-    >>> study = tf.adapt_joint(tf.load_joint_scenario("examples/hand_joint_adaptive.toml"))  # doctest: +SKIP
+    >>> study = tf.adapt(tf.load_scenario("examples/hand_joint_adaptive.toml"))  # doctest: +SKIP
     >>> print(study.headline)  # doctest: +SKIP
     """
     sampled = sample_joint(scenario)

@@ -6,11 +6,11 @@ from enum import StrEnum
 
 import numpy as np
 
+from tendonff.compensator.compensators.certificate import FeedbackCertificate
 from tendonff.compensator.compensators.profile import FloatArray
-from tendonff.compensator.files.results import Result, views_of
+from tendonff.compensator.reporting.results import Result, views_of
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
-from tendonff.compensator.studies.adapt.feedback import FeedbackCertificate
 from tendonff.ocp.adaptation.bounds import CertifiedInterval
 from tendonff.ocp.adaptation.information import Information
 from tendonff.ocp.adaptation.tuning import Sensor, Tuning
@@ -242,6 +242,12 @@ class AdaptationStudy(Result):
     cases: tuple[Case, ...]
     headline: str
     warnings: tuple[str, ...]
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The finding in words."""
+        certificate = () if self.certificate is None else (self.certificate.sentence(),)
+        return (*certificate, self.headline)
 
     def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
         """Write `estimate.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""

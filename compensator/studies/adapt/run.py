@@ -8,14 +8,22 @@ from itertools import pairwise
 import numpy as np
 
 from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.certificate import FeedbackCertificate, feedback_certificate
 from tendonff.compensator.compensators.profile import FloatArray
+from tendonff.compensator.compensators.tuning import (
+    certified,
+    check_tuning,
+    integral_gain_per_s,
+    learnt,
+    tuned_chain,
+    tuning_of,
+)
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.files.results import Views, register_views
+from tendonff.compensator.reporting.results import Views, register_views
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenario.settings import Adaptation
-from tendonff.compensator.studies.adapt.feedback import FeedbackCertificate, feedback_certificate
 from tendonff.compensator.studies.adapt.figures import adaptation_figures
 from tendonff.compensator.studies.adapt.output import estimate_table, write_files
 from tendonff.compensator.studies.adapt.result import (
@@ -30,14 +38,6 @@ from tendonff.compensator.studies.adapt.result import (
     friction_off,
     moving_rms,
     variations,
-)
-from tendonff.compensator.studies.adapt.setup import (
-    certified,
-    check_tuning,
-    integral_gain_per_s,
-    learnt,
-    tuned_chain,
-    tuning_of,
 )
 from tendonff.models.turns import in_turn
 from tendonff.ocp.adaptation.code import TunedChain

@@ -10,7 +10,6 @@ from tendonff.compensator.compensators.expectation import expectation_of
 from tendonff.compensator.files.notices import by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.reading import FloatArray
-from tendonff.compensator.files.results import Views, register_views
 from tendonff.compensator.files.writing import atomic_directory
 from tendonff.compensator.finger.scenario import FingerScenario
 from tendonff.compensator.finger.task import task_of
@@ -18,6 +17,7 @@ from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.joint.task import MotorTask
 from tendonff.compensator.reporting.page import Report, pictures_of, provenance_of, write_pages
 from tendonff.compensator.reporting.plots import figure_style
+from tendonff.compensator.reporting.results import Views, register_views
 from tendonff.compensator.studies.compare.figures import errors_figure, matrix_figure
 from tendonff.compensator.studies.compare.matrix import (
     REFINEMENTS,
@@ -111,8 +111,8 @@ def compare_joint(scenario: JointScenario | FingerScenario, *, progress: Progres
     Examples
     --------
     >>> import tendonff as tf
-    >>> scenario = tf.load_joint_scenario("examples/hand_joint.toml")
-    >>> comparison = tf.compare_joint(scenario)  # doctest: +SKIP
+    >>> scenario = tf.load_scenario("examples/hand_joint.toml")
+    >>> comparison = tf.compare(scenario)  # doctest: +SKIP
     >>> print(comparison.headline)  # doctest: +SKIP
     """
     tasks = {level: task_of(scenario, level) for level in Level}

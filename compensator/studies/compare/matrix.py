@@ -19,9 +19,9 @@ from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.compensators.score import scale_of, score
 from tendonff.compensator.files.notices import Remark
 from tendonff.compensator.files.reading import FloatArray
-from tendonff.compensator.files.results import Result
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.reporting.colours import Style
+from tendonff.compensator.reporting.results import Result
 from tendonff.compensator.scenario.document import Document
 from tendonff.compensator.scenario.unit import NEWTON, Unit
 from tendonff.models.fidelity import Level

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from tendonff.compensator.compensators.score import IgnoredMotion
-from tendonff.compensator.files.results import views_of
+from tendonff.compensator.reporting.results import views_of
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.studies.compare.levels import LevelCost, LevelTraits

@@ -17,7 +17,7 @@ from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import ignored_motion, slack_warnings
 from tendonff.compensator.files.notices import Remark, by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
-from tendonff.compensator.files.results import Views, register_views
+from tendonff.compensator.reporting.results import Views, register_views
 from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
@@ -33,6 +33,7 @@ from tendonff.compensator.studies.compare.matrix import (
     recommend,
 )
 from tendonff.compensator.studies.compare.output import matrix_columns, write_files
+from tendonff.compensator.studies.compare.own import own_force
 from tendonff.compensator.studies.compare.result import CAPSTAN_PLANT, PLANTS, Comparison
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.fidelity import Level
@@ -74,7 +75,7 @@ def compare(
     >>> comparison = tf.compare(scenario)  # doctest: +SKIP
     >>> print(comparison.headline)  # doctest: +SKIP
     """
-    reference = sample_reference(scenario)
+    reference, compensators = sample_reference(scenario), (*compensators, *own_force(scenario))
     transmission = moved(scenario, float(reference.time_s[-1]), periodic=scenario.reference.periodic)
     warnings = list(reference.warnings)
     shares = sum(1 if c.is_fast else SLOW_PARTS for c in compensators)

@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.base import Compensator
 from tendonff.compensator.compensators.expectation import FRICTIONLESS
+from tendonff.compensator.compensators.expected import BOUND, contributions_figure
 from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.reporting.colours import GREY, INK
-from tendonff.compensator.reporting.expected import BOUND, contributions_figure
 from tendonff.compensator.reporting.plots import (
     coinciding,
     draw_joints,

@@ -2,6 +2,7 @@
 
 import math
 import os
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -24,6 +25,7 @@ from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.reporting.colours import GREY, INK
 from tendonff.compensator.reporting.plots import legend_below, new_figure, save_figure
 from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.studies.design.result import Design
 from tendonff.models.capstan import CapstanLaw
 from tendonff.ocp.errors import SolveError
 
@@ -89,6 +91,16 @@ def require_path_at_rest(scenario: Scenario) -> None:
             f"{scenario.source.name} [joints]: live references are for a path at rest; `export-c` gives an inverse "
             "that takes joint angles, and `design` without --online the profile"
         )
+
+
+def online_study(scenario: Scenario) -> Callable[[Design], Online]:
+    """The study to be made of a design of the scenario; InputError at once where there is none."""
+    require_path_at_rest(scenario)
+
+    def study(result: Design) -> Online:
+        return study_online(scenario, result.on_level("optimal", result.level).score.rmse_percent_of_range)
+
+    return study
 
 
 def study_online(scenario: Scenario, optimum_percent: float | None = None) -> Online:

@@ -6,27 +6,22 @@ from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
-from rich.box import HEAVY_HEAD, SIMPLE_HEAD
-from rich.console import Console
-from rich.table import Table
 
 from tendonff.compensator.compensators.expectation import two_digits
+from tendonff.compensator.compensators.expected import expectation_summary
 from tendonff.compensator.compensators.plant import FINE_REFINEMENT, FINE_SEGMENTS
 from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.compensators.score import Verified
-from tendonff.compensator.files.typeset import typeset
 from tendonff.compensator.files.writing import atomic_directory, write_csv
-from tendonff.compensator.reporting.expected import expectation_summary
 from tendonff.compensator.reporting.page import summary_head, write_pages
+from tendonff.compensator.reporting.terminal import print_scores
 from tendonff.compensator.scenario.sampled.joint_motion import sample_joints
 from tendonff.compensator.studies.design.drive_use import drive_columns, drive_summary
 from tendonff.compensator.studies.design.figures import design_figures
-from tendonff.compensator.studies.design.report import design_report, interactive_panels
+from tendonff.compensator.studies.design.report import design_report, interactive_panels, ways
 from tendonff.compensator.studies.design.result import Design
 from tendonff.models.fidelity import Level
 from tendonff.ocp.tracking.result import Tracking
-
-_ROOM = 90  # columns of a terminal that hold the table of scores with its frame
 
 
 def write_files(
@@ -82,6 +77,11 @@ def summary(result: Design) -> dict[str, object]:
         "drive": drive_summary(result),
         "ocp": None if result.tracking is None else _tracking_summary(result.tracking),
         "expectation": expectation_summary(result.expectation, FINE_SEGMENTS),
+        "live": {
+            f"rmse_{unit.key}": _finite(result.live.best.worst.rmse),
+            "rmse_percent_of_range": _finite(result.live.best.worst.rmse_percent_of_range),
+            f"peak_{unit.key}": _finite(result.live.best.worst_peak),
+        },
         "foresight": {
             "unstable_share": result.stick_slip.unstable_share,
             # Beside poles of 1e5/s, what is below a millionth is rounding.
@@ -92,6 +92,10 @@ def summary(result: Design) -> dict[str, object]:
         **({} if result.ignored is None else {"ignored_motion": result.ignored.named(unit)}),
         "warnings": list(result.warnings),
     }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _tracking_summary(tracking: Tracking) -> dict[str, object]:
@@ -106,32 +110,28 @@ def _tracking_summary(tracking: Tracking) -> dict[str, object]:
     }
 
 
-def print_scores(result: Design, folder: Path) -> None:
+def show(result: Design, folder: Path) -> None:
     """Print the error of each compensator on each level, what to expect on a rig, and where the files are."""
-    console = Console()
-    table = Table(
-        box=HEAVY_HEAD if console.width >= _ROOM else SIMPLE_HEAD,
-        pad_edge=console.width >= _ROOM,
-        collapse_padding=console.width < _ROOM,
-        title=f"{result.scenario.name}: RMS error, % of range of the {result.reference.name}",
-        title_justify="left",
-    )
-    table.add_column("compensator")
-    table.add_column("worst case", justify="right")
-    for level in Level:
-        table.add_column(f"{level}*" if level is result.level else level.value, justify="right")
-    table.add_column(f"{FINE_SEGMENTS} masses, step/{FINE_REFINEMENT}", justify="right")
-    for compensator in result.compensators:
-        name = compensator.name
-        worst = result.expectation.worst_percent.get(name, math.inf)
-        table.add_row(name, two_digits(worst), *[score.percent for score in result.scores(name)])
-    console.print(table)
-    unit = result.reference.unit
+    unit, finest = result.reference.unit, f"{FINE_SEGMENTS} masses"
     span = f"range {unit.factor * np.ptp(result.reference.wanted):.4g} {unit.shown}"
-    over = f"worst case: over {result.expectation.doubt}, on {FINE_SEGMENTS} masses; {span}"
-    console.print(over, soft_wrap=True, markup=False, highlight=False)
-    console.print("* design level, used for the worst case and the last column too")
-    console.print(typeset(result.headline), soft_wrap=True, markup=False, highlight=False)
-    if result.tracking is not None:
-        console.print(typeset(f"optimal control: {result.tracking.message}"), soft_wrap=True)
-    console.print(f"written to {folder}", soft_wrap=True)
+    worst = result.expectation.worst_percent
+    print_scores(
+        f"{result.scenario.name}: RMS error, % of range of the {result.reference.name}",
+        (
+            *("compensator", "worst case"),
+            *(f"{level}*" if level is result.level else level.value for level in Level),
+            f"{finest}, step/{FINE_REFINEMENT}",
+        ),
+        [
+            (c.name, two_digits(worst.get(c.name, math.inf)), *(score.percent for score in result.scores(c.name)))
+            for c in result.compensators
+        ],
+        (
+            f"worst case: over {result.expectation.doubt}, on {finest}; {span}",
+            "* design level, used for the worst case and the last column too",
+            result.headline,
+            ways(result),
+            *(() if result.tracking is None else (f"optimal control: {result.tracking.message}",)),
+            f"written to {folder}",
+        ),
+    )

@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.expectation import two_digits
+from tendonff.compensator.compensators.expected import robustness_table
 from tendonff.compensator.compensators.plant import FINE_REFINEMENT, FINE_SEGMENTS
 from tendonff.compensator.reporting.colours import INK, Style
-from tendonff.compensator.reporting.expected import robustness_table
-from tendonff.compensator.reporting.interactive import interactive_view
+from tendonff.compensator.reporting.interactive import zoomed
 from tendonff.compensator.reporting.page import (
     Block,
     Cell,
@@ -48,6 +48,18 @@ _CAPTIONS = {
 }
 
 
+def ways(result: Design) -> str:
+    """Ways to the controller, and the error of each."""
+    name = result.recommended.name
+    profile, unit = result.profiles[name], "m" if result.is_position_drive else "N"
+    column = "force" if profile.command_m is None and profile.command_N is None else "command"
+    return (
+        f"Reference known in advance: run {column}_{name}_{unit} of profile.csv, error up to "
+        f"{result.expectation.error}. "
+        f"Known only at run time: tendonff export-c, the exact inverse, error up to {result.live.error}."
+    )
+
+
 def fine_print(result: Design) -> str:
     """Numerical and model-internal results."""
     best = result.recommended
@@ -74,11 +86,7 @@ def interactive_panels(result: Design) -> Interactive:
         force[c.label] = (result.profiles[c.name].force_N, c.style)
         error[c.label] = (factor * (delivered - reference.wanted), c.style)
     panels = {f"{reference.output} [{shown}]": output, "actuator force [N]": force, f"error [{shown}]": error}
-    return Interactive(
-        html=interactive_view(reference.time_s, panels),
-        caption="Drag a box to zoom, hover for values, click a name in a legend to hide its curve. "
-        f"{FINE_SEGMENTS} masses, the design's own parameters.",
-    )
+    return zoomed(reference.time_s, panels, f"{FINE_SEGMENTS} masses, the design's own parameters.")
 
 
 def design_report(result: Design, figures: dict[str, Figure], view: Interactive | None = None) -> Report:
@@ -120,7 +128,7 @@ def design_report(result: Design, figures: dict[str, Figure], view: Interactive 
     return Report(
         title=f"Design: {result.scenario.name}",
         summary=result.headline,
-        fine_print=fine_print(result),
+        fine_print=f"{ways(result)} {fine_print(result)}",
         warnings=result.warnings,
         sections=(
             Section(

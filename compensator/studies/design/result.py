@@ -9,11 +9,12 @@ from tendonff.compensator.compensators.expectation import Expectation
 from tendonff.compensator.compensators.next_step import limited_by, next_step, within_reach
 from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
 from tendonff.compensator.compensators.score import IgnoredMotion, Score, Verified
-from tendonff.compensator.files.results import Result, views_of
 from tendonff.compensator.files.text import as_argument
+from tendonff.compensator.reporting.results import Result, views_of
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
+from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.tendon.stability import StickSlipPrediction
 from tendonff.ocp.tracking.result import Tracking
 
@@ -42,6 +43,8 @@ class Design(Result):
         Where friction that weakens with speed makes feedforward fail.
     expectation : Expectation
         What to expect on a rig, and the profile that does best there.
+    live : Expectation
+        The same of the exact inverse where the reference is known only at run time, as exported C has it.
     ignored : IgnoredMotion or None
         What it would cost to ignore that joints move; None where none does.
     warnings : tuple of str
@@ -57,6 +60,7 @@ class Design(Result):
     proof: tuple[Verified, ...]
     stick_slip: StickSlipPrediction
     expectation: Expectation
+    live: Expectation
     ignored: IgnoredMotion | None
     warnings: tuple[str, ...]
 
@@ -89,6 +93,11 @@ class Design(Result):
     def recommended(self) -> Compensator:
         """The compensator whose worst error over the uncertainty is least."""
         return next(c for c in self.compensators if c.name == self.expectation.recommended)
+
+    @property
+    def is_position_drive(self) -> bool:
+        """The actuator takes positions."""
+        return self.scenario.transmission.actuator.drive is Drive.POSITION
 
     @property
     def is_usable(self) -> bool:

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from tendonff.compensator.compensators.base import SLOW_PARTS, Compensator, Problem, answers_of
 from tendonff.compensator.compensators.expectation import expect
+from tendonff.compensator.compensators.live import expect_live
 from tendonff.compensator.compensators.plant import FINE_REFINEMENT, FINE_SEGMENTS, Plant
 from tendonff.compensator.compensators.profile import FloatArray, ProfileStatus
 from tendonff.compensator.compensators.registry import COMPENSATORS
@@ -18,7 +19,7 @@ from tendonff.compensator.compensators.score import (
 )
 from tendonff.compensator.files.notices import Remark, by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
-from tendonff.compensator.files.results import Views, register_views
+from tendonff.compensator.reporting.results import Views, register_views
 from tendonff.compensator.scenario.reference import CsvReference, Hold
 from tendonff.compensator.scenario.sampled.from_file import noise_advice, ripple_advice
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
@@ -115,6 +116,7 @@ def design(
         proof=tuple(proof),
         stick_slip=stick_slip,
         expectation=expectation,
+        live=expect_live(problem),
         ignored=ignored_motion(problem),
         warnings=tuple(warnings),
     )

@@ -70,7 +70,7 @@ class Designs:
         figures = {"errors": _errors_figure(self)}
         with atomic_directory(folder) as partial:
             for name, result in self.results.items():
-                result.write(partial / name)
+                result.write(partial / name, pdf=pdf)
             summary = {"schema": 1, "scenarios": {name: _summary(result) for name, result in self.results.items()}}
             write_pages(partial, summary, figures, _report(self, figures), pdf=pdf)
 

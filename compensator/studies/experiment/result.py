@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray
-from tendonff.compensator.files.results import Result, views_of
+from tendonff.compensator.reporting.results import Result, views_of
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.studies.experiment.machine import StatePass
 from tendonff.compensator.studies.experiment.rig import Plan

@@ -14,7 +14,7 @@ import numpy as np
 
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.reading import FloatArray
-from tendonff.compensator.files.results import Views, register_views
+from tendonff.compensator.reporting.results import Views, register_views
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.studies.experiment.figures import experiment_figures
 from tendonff.compensator.studies.experiment.machine import Machine, Schedule, StatePass, plan_experiment

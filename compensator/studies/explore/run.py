@@ -13,6 +13,7 @@ from tendonff.compensator.compensators.plant import Plant, delivered_of
 from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import score, verify
+from tendonff.compensator.compensators.tuning import tuned_chain, tuning_of
 from tendonff.compensator.compensators.uncertain import Doubt
 from tendonff.compensator.files.progress import Parts, silent
 from tendonff.compensator.reporting.colours import PURPLE, Style
@@ -22,7 +23,6 @@ from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario, scenario_to_toml
 from tendonff.compensator.scenario.settings import Adaptation
-from tendonff.compensator.studies.adapt.setup import tuned_chain, tuning_of
 from tendonff.compensator.studies.explore.subject import MOST_POINTS, Course, Curve, Exploration, Knob, Panel, Subject
 from tendonff.models.errors import TendonffError
 from tendonff.models.parameters import Friction, Path, Transmission

@@ -14,10 +14,18 @@ from tendonff.compensator.files.quantities import FORCE_UNITS, LENGTH_UNITS, Qua
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.files.tables import table_dialect
 from tendonff.compensator.files.writing import open_csv
-from tendonff.compensator.scenario.doubts import UnitDoubt, force_doubts, force_notes, scenario_doubts, scenario_notes
-from tendonff.compensator.scenario.sampled.joint_motion import moved
+from tendonff.compensator.scenario.doubts import (
+    UnitDoubt,
+    force_doubts,
+    force_notes,
+    scenario_doubts,
+    scenario_notes,
+    settle,
+)
+from tendonff.compensator.scenario.sampled.joint_motion import moved, moved_by_file
 from tendonff.compensator.scenario.sampled.sampling import initial_tension
 from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.studies.simulate.result import SimulatedFile
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs
 from tendonff.models.parameters import Actuator
@@ -27,17 +35,6 @@ from tendonff.ocp.errors import SolveError
 from tendonff.ocp.integrate.method import Method
 from tendonff.ocp.tendon.crosscheck import StepHalving
 from tendonff.ocp.tendon.simulate import Simulator, describe_failure, tensions_of
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SimulatedForce:
-    """A force file that was simulated; its rows are in the file that was named."""
-
-    rows: int  # rows written
-    warnings: tuple[str, ...]  # what the user should know
-    # estimate of the discretisation error, and whether the run is reproducible, in words, on request
-    check: str | None
-
 
 _CHUNK_VALUES = 200_000  # numbers in memory at a time
 
@@ -119,6 +116,26 @@ def notes_of(scenario: Scenario, profile: ForceProfile) -> tuple[str, ...]:
     return (*scenario_notes(rig), *force_notes(rig, profile.force_N, start, file=profile.name))
 
 
+def simulate_force_file(
+    scenario: Scenario,
+    level: Level,
+    commands: Path,
+    out: Path,
+    *,
+    column: str | None = None,
+    joints: Path | None = None,
+    check: bool = False,
+    method: Method = Method.BDF2,
+    accept: bool = False,
+    progress: Progress = silent,
+) -> SimulatedFile:
+    """Simulate the chain under a force file; see `tendonff.compensator.door.simulate_file`."""
+    scenario = scenario if joints is None else moved_by_file(scenario, joints)
+    profile = read_force(commands, column, scenario.transmission.actuator)
+    settle(doubts_of(scenario, profile), file=scenario.source.name, accept=accept)
+    return simulate_force(scenario, level, profile, out, check=check, method=method, progress=progress)
+
+
 def simulate_force(
     scenario: Scenario,
     level: Level,
@@ -128,7 +145,7 @@ def simulate_force(
     check: bool = False,
     method: Method = Method.BDF2,
     progress: Progress = silent,
-) -> SimulatedForce:
+) -> SimulatedFile:
     """Simulate the chain under a force file, from rest at the scenario's initial tension, and write the rows.
 
     The file has the columns `time_s,force_N,tension_1_N,...,actuator_position_m,load_position_m`. A check runs with a
@@ -181,7 +198,7 @@ def simulate_force(
             "the rows some link carries no tension: raise the force there"
         )
     found = run.halving.result().text if run.halving is not None else None
-    return SimulatedForce(rows=total, warnings=tuple(warnings), check=found)
+    return SimulatedFile(rows=total, notes=given.notes, warnings=tuple(warnings), check=found)
 
 
 class _Run:

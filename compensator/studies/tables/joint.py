@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.expectation import Expectation
+from tendonff.compensator.compensators.expected import expectation_summary, robustness_table
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.files.writing import atomic_directory, csv_text, write_text
 from tendonff.compensator.joint.compensators import JointCompensator, JointTask, joint_compensator
@@ -15,7 +16,6 @@ from tendonff.compensator.joint.plant import verifying_masses
 from tendonff.compensator.joint.scenario.reference import JointQuantity
 from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.reporting.colours import GREEN, INK, VERMILION, Style
-from tendonff.compensator.reporting.expected import expectation_summary, robustness_table
 from tendonff.compensator.reporting.page import (
     FileNote,
     Report,
@@ -72,8 +72,32 @@ class JointTable:
             f"ratio alone {worst['linear']:.2g}, exact inverse {worst['inverse']:.2g}, for {self.expectation.doubt}"
         )
 
-    def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
-        """Write `table.csv`, `summary.json`, a figure and `report.html`, all or nothing; makes the folder."""
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the user should know."""
+        return self.harm
+
+    @property
+    def harm(self) -> tuple[str, ...]:
+        """Why the table must not be used as it is: its error is above that of the ratio alone."""
+        worst = self.expectation.worst_percent
+        return (f"{self.headline}: worse than the ratio",) if worst["table"] > worst["linear"] else ()
+
+    @property
+    def nodes(self) -> int:
+        """Of both branches."""
+        return len(BRANCHES) * len(self.angle_rad)
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The finding in words."""
+        return (self.headline,)
+
+    def write(self, folder: str | os.PathLike[str], *, prefix: str = "tff", pdf: bool = False) -> None:
+        """Write `table.csv`, `table.h`, `summary.json`, a figure and `report.html`, all or nothing; makes the folder.
+
+        The names in `table.h` begin with `prefix`.
+        """
         with figure_style():
             figures = {"table": _figure(self)}
         motors = _motors(self.scenario)
@@ -84,6 +108,7 @@ class JointTable:
         ]
         with atomic_directory(folder) as partial:
             write_text(partial / "table.csv", csv_text(["angle_rad", "branch", *motors], rows))
+            write_text(partial / "table.h", _header(self, prefix))
             write_pages(partial, self.summary, figures, _report(self, figures), pdf=pdf)
 
     @property
@@ -173,6 +198,34 @@ def _motors(scenario: JointScenario) -> list[str]:
     return ["motor_rad"] if names == ("motor",) else [f"motor_{name}_rad" for name in names]
 
 
+def _header(result: JointTable, prefix: str) -> str:
+    """The table as constants of C."""
+    guard, joint = f"{prefix.upper()}_JOINT_TABLE", result.scenario.mechanism.joint.name
+    motors = _motors(result.scenario)
+
+    def row(values: FloatArray) -> str:
+        return ", ".join(repr(float(value)) for value in values)
+
+    branches = [
+        f"static const double {prefix}_joint_table_{branch}_rad[{guard}_NODES][{guard}_MOTORS] = {{\n"
+        + "".join(f"    {{{row(node)}}},\n" for node in values)
+        + "};\n"
+        for branch, values in result.motor_rad.items()
+    ]
+    return "\n".join(
+        (
+            f"/* Motor angles relative to the start [rad] over the angle of the joint {joint} [rad],",
+            f" * for both ways it turns; straight between the nodes. Columns: {', '.join(motors)}.",
+            f" * Scenario {result.scenario.digest()}. */",
+            f"#ifndef {guard}_H\n#define {guard}_H\n",
+            f"#define {guard}_NODES ({len(result.angle_rad)})\n#define {guard}_MOTORS ({len(motors)})\n",
+            f"static const double {prefix}_joint_table_angle_rad[{guard}_NODES] = {{{row(result.angle_rad)}}};\n",
+            *branches,
+            "#endif\n",
+        )
+    )
+
+
 def _figure(result: JointTable) -> Figure:
     """Motor angle beyond a straight line, over the joint's angle."""
     figure, axes = new_figure(1, 1)
@@ -212,6 +265,7 @@ def _report(result: JointTable, figures: dict[str, Figure]) -> Report:
         provenance=provenance_of(result.scenario, "table"),
         files=(
             FileNote(name="table.csv", content="motor angles relative to the start, by angle and branch"),
+            FileNote(name="table.h", content="the same as constants of C"),
             FileNote(name="summary.json", content="everything on this page for other programs"),
         ),
     )

@@ -7,8 +7,8 @@ from tendonff.compensator.compensators.expectation import Expectation
 from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.compensators.score import Score
 from tendonff.compensator.compensators.table import BuiltTable
-from tendonff.compensator.files.results import Result, views_of
 from tendonff.compensator.files.text import as_argument
+from tendonff.compensator.reporting.results import Result, views_of
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
@@ -84,6 +84,22 @@ class Tables(Result):
         file = as_argument(self.scenario.source)
         then = next_step(self.expectation, file, f"tendonff export-c {file} --out c")
         return self.expectation.headline("compensation table", then)
+
+    @property
+    def nodes(self) -> int:
+        """Of the largest table."""
+        return max(made.built.table.nodes for made in self.tables)
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The finding in words, and the size of the table."""
+        built, own = self.tables[0].built, self.scores[self.level]
+        size = (
+            f"{sum(made.built.table.nodes for made in self.tables)} nodes, interpolation error {built.error_N:.3g} N "
+            f"(bound {built.bound_N:.3g} N); RMS error with exactly the scenario's parameters on level {self.level}: "
+            f"{own.rmse_percent_of_range:.2g} % of range"
+        )
+        return self.headline, size
 
     def write(self, folder: str | os.PathLike[str], *, prefix: str = "tff", pdf: bool = False) -> None:
         """Write `table.csv`, `table.json`, `table.h`, a figure and `report.html`, all or nothing; makes the folder.

@@ -11,7 +11,7 @@ from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.score import harm_warnings, verify
 from tendonff.compensator.compensators.table import CompensationTable, table_of, table_range
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.files.results import Views, register_views
+from tendonff.compensator.reporting.results import Views, register_views
 from tendonff.compensator.scenario.sampled.joint_motion import posed
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.studies.tables.figures import table_figures

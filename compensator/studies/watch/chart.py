@@ -118,7 +118,7 @@ class Course:
     base : float
         Its value at first.
     used_s, ratio, low, high : ndarray, shape (windows,)
-        Time of use, value over the base, and its 95 % band.
+        Time of use, value over the base, and the 95 % band of that, in figure and file alike.
     total : ndarray, shape (windows,)
         Sum of the test over the one that raises the alarm [-].
     alarm : Alarm or None
@@ -194,7 +194,7 @@ def _course(
             change=math.expm1(float(np.median(moved[rows, column]))),
             name=windows[k].name,
         )
-    reach = 1.96 * np.sqrt([c[column, column] for c in covariance])
+    reach = 1.96 * np.sqrt([c[column, column] + shared[column, column] for c in covariance])  # that of the base too
     own = moved[:, column]
     return Course(
         drift=drift,

@@ -10,7 +10,6 @@ from shlex import quote
 import numpy as np
 from matplotlib.figure import Figure
 
-from tendonff.compensator.files.results import Result, Views, register_views
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.files.writing import atomic_directory, write_csv
 from tendonff.compensator.joint.scenario.scenario import JointScenario
@@ -26,6 +25,7 @@ from tendonff.compensator.reporting.page import (
     write_pages,
 )
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure
+from tendonff.compensator.reporting.results import Result, Views, register_views
 from tendonff.compensator.studies.watch.chart import LONGEST_S, Alarm, Course, clock
 from tendonff.compensator.studies.watch.windows import WATCHED, Window
 
@@ -162,10 +162,11 @@ def _columns(found: Watch) -> dict[str, np.ndarray]:
         "file": np.array([float(names.index(w.name) + 1) for w in fitted]),
         "torque_percent_of_range": np.array([w.percent for w in fitted]),
     }
-    for k, number in enumerate(WATCHED):
-        values = np.array([w.values[number] for w in fitted])
-        reach = np.exp(1.96 * np.sqrt([w.covariance[k, k] for w in fitted]))
-        columns |= {str(number): values, f"{number}_low": values / reach, f"{number}_high": values * reach}
+    for number in WATCHED:
+        columns[str(number)] = np.array([w.values[number] for w in fitted])
+    for course in found.courses:
+        name, base = str(course.drift.number), course.base
+        columns |= {f"{name}_low": base * course.low, f"{name}_high": base * course.high}
     return columns
 
 

@@ -48,7 +48,7 @@ def watch(
     Examples
     --------
     >>> import tendonff as tf
-    >>> scenario = tf.load_joint_scenario("fit/fitted.toml")  # doctest: +SKIP
+    >>> scenario = tf.load_scenario("fit/fitted.toml")  # doctest: +SKIP
     >>> found = tf.watch(scenario, ["monday.csv", "tuesday.csv"])  # doctest: +SKIP
     >>> print(found.headline)  # doctest: +SKIP
     """

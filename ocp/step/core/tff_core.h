@@ -22,7 +22,8 @@ typedef struct {
     const tff_real *knots;   /* pieces: where the cubics of the far end's travel begin, its end behind */
     const tff_real *cubics;  /* 4 each [m]; pieces == 0: it goes by `per` */
     int pieces;
-    int far_only;            /* of `per`, only the far end differs from zero */
+    int mass, masses;        /* of `per`, angles of so many masses from this one on differ from zero, */
+    int link, links;         /* and lengths of so many links */
 } tff_effect;
 
 typedef struct {
@@ -143,17 +144,23 @@ static void tff_place_at(const tff_tendon *t, int bodies, const tff_real *q, int
         const tff_effect *const e = &t->effects[b];
         if (e->per != NULL) {
             const tff_real at = q[b * stride];
+            const int gained = (2 * n) + 1 + e->link;
             tff_real arm;
-            for (i = 0; (e->far_only == 0) && (i < last); i++) {
+            for (i = e->mass; i < (e->mass + e->masses); i++) {
                 out[i] += e->per[i] * at;
+            }
+            for (i = 0; i < e->links; i++) {
+                out[n + e->link + i] += e->per[n + e->link + i] * at;
+                out[gained + i] += e->per[gained + i] * at;
             }
             out[last] += tff_far_travel(e, last, at, &arm);
             if (weight != NULL) {
                 tff_real *const own = &weight[b * (n + 1)];
-                for (i = 0; (e->far_only == 0) && (i <= n); i++) {
-                    own[i] = -e->per[(2 * n) + 1 + i];
+                own[n] = 0;
+                for (i = 0; i < e->links; i++) {
+                    own[e->link + i] = -e->per[gained + i];
                 }
-                own[n] = (e->far_only == 0) ? own[n] + arm : arm;
+                own[n] += arm;
             }
         }
     }
@@ -174,14 +181,17 @@ static void tff_strand_place(tff_strand *s, int bodies, const tff_real *q)
     int i;
     tff_place_at(t, bodies, q, 1, s->now, s->weight);
     for (b = 0; b < bodies; b++) {
+        const tff_effect *const e = &t->effects[b];
         tff_real *const own = &s->weight[b * (n + 1)];
-        if (t->effects[b].near_m != 0) { /* a drum takes the tendon in: its first link gets longer */
-            own[0] = -t->effects[b].near_m;
+        tff_real arm = 0;
+        if (e->near_m != 0) { /* a drum takes the tendon in: its first link gets longer */
+            own[0] = -e->near_m;
+            arm = own[0];
         }
-        s->arm[b] = 0;
-        for (i = 0; (i <= n) && ((t->effects[b].per != NULL) || (t->effects[b].near_m != 0)); i++) {
-            s->arm[b] += own[i];
+        for (i = e->link; i < (e->link + e->links); i++) {
+            arm += own[i];
         }
+        s->arm[b] = arm + (((e->per != NULL) && ((e->link + e->links) <= n)) ? own[n] : 0);
     }
 }
 
@@ -240,12 +250,17 @@ static void tff_back(tff_strand *s, int bodies, tff_real tension)
         }
     }
     for (b = 0; b < bodies; b++) {
+        const tff_effect *const e = &s->given->effects[b];
         const tff_real *const weight = &s->weight[b * (n + 1)];
         tff_real torque = 0;
         tff_real torque_by = 0;
-        for (i = 0; (s->given->effects[b].per != NULL) && (i <= n); i++) {
+        for (i = e->link; i < (e->link + e->links); i++) {
             torque += weight[i] * w->force[i];
             torque_by += weight[i] * s->by_f[i];
+        }
+        if ((e->per != NULL) && ((e->link + e->links) <= n)) { /* the far end alone */
+            torque += weight[n] * tension;
+            torque_by += weight[n];
         }
         s->torque[b] = torque;
         s->torque_by[b] = torque_by;

@@ -6,7 +6,7 @@ import pytest
 
 import tendonff as tf
 from tendonff.compensator.cli import run
-from tendonff.compensator.scenarios import look_at
+from tendonff.compensator.door import look_at
 
 ROOT = Path(__file__).resolve().parents[3]
 NAMES = sorted(path.stem for path in (ROOT / "examples").glob("*.toml"))

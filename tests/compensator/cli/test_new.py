@@ -5,7 +5,7 @@ import pytest
 
 from tendonff.compensator.cli import run
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 
 
 def test_a_new_scenario_is_valid_and_can_be_delivered(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.lookup_table import BranchTable, LookupTable, TableLookup, table_force
 from tendonff.compensator.compensators.table import CompensationTable, sweep, table_of
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level

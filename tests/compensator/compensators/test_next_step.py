@@ -10,9 +10,8 @@ from tendonff.compensator.compensators.expectation import ErrorBand, expectation
 from tendonff.compensator.compensators.next_step import limited_by, next_step, within_reach
 from tendonff.compensator.compensators.score import Score
 from tendonff.compensator.compensators.uncertain import Doubt
-from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
-from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.compensator.scenario.unit import RADIAN
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters.uncertainty import Spread, Uncertainty
@@ -75,7 +74,7 @@ def test_the_controller_comes_next_only_where_no_single_measurement_pays(transmi
 
 
 def test_what_is_only_assumed_is_measured_first_even_where_the_error_is_small(examples):
-    mechanism = load_joint_scenario(examples / "hand_joint.toml").mechanism
+    mechanism = load_scenario(examples / "hand_joint.toml").mechanism
     found = expected(mechanism, (Spread(keys=("stiffness",), half_width=0.2),), (0.5,), unit=RADIAN)
     assert next_step(found, "rig.toml", EXPORT) == EXPORT
     assumed = replace(found, doubt=replace(found.doubt, is_assumed=True))
@@ -83,7 +82,7 @@ def test_what_is_only_assumed_is_measured_first_even_where_the_error_is_small(ex
 
 
 def test_an_unknown_friction_of_a_joint_s_drive_is_logged_as_the_motor_s_torque(examples):
-    mechanism = load_joint_scenario(examples / "hand_joint.toml").mechanism
+    mechanism = load_scenario(examples / "hand_joint.toml").mechanism
     drive = Spread(keys=("drive.coulomb_N_m",), low=0.0, high=0.05)
     found = expected(mechanism, (drive,), (6.0,), unit=RADIAN)
     assert next_step(found, "rig.toml", EXPORT).startswith(f"{SUGGEST}, and log motor_torque_N_m")

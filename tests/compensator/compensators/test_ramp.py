@@ -16,8 +16,8 @@ from tendonff.compensator.compensators.score import scale_of
 from tendonff.compensator.compensators.stream import Ramp, StreamDesign, StreamFilter
 from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.export.host import run_on_host
-from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.compensator.scenario.settings import Stream
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.errors import ParameterError
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.tracking.limits import ForceLimits

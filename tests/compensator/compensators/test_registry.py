@@ -22,7 +22,8 @@ from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.export.text import c_text
 from tendonff.compensator.files.progress import silent
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.scenario.scenario import load_scenario, scenario_to_toml
+from tendonff.compensator.scenario.scenario import scenario_to_toml
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.compare.run import compare
 from tendonff.compensator.studies.design.run import design
 from tendonff.models.fidelity import Level

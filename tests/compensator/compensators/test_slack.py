@@ -7,7 +7,7 @@ from tendonff.compensator.compensators.closed_form import Inverse
 from tendonff.compensator.compensators.profile import ProfileStatus
 from tendonff.compensator.compensators.score import Slack, slack_warnings
 from tendonff.compensator.scenario.reference import Shape, WaypointReference
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.fidelity import Level
 
 

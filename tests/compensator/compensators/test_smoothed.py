@@ -8,7 +8,7 @@ import pytest
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.closed_form import Capstan
 from tendonff.compensator.compensators.smoothed import Smoothed, centred, lagged
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.ocp.tendon.simulate import simulate
 
 

@@ -20,8 +20,9 @@ from tendonff.compensator.compensators.stream import (
 )
 from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.export.host import run_on_host
-from tendonff.compensator.scenario.scenario import load_scenario, parse_scenario, scenario_hash, scenario_to_toml
+from tendonff.compensator.scenario.scenario import parse_scenario, scenario_hash, scenario_to_toml
 from tendonff.compensator.scenario.settings import Stream
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.errors import ParameterError
 from tendonff.ocp.codegen.precision import Precision
 

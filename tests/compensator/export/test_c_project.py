@@ -21,7 +21,7 @@ from tendonff.compensator.export.text.c_text import harmless
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision
 

@@ -17,7 +17,7 @@ from tendonff.compensator.export.modules import c_modules
 from tendonff.compensator.export.text.c_text import c_sources
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.scenario.reference import Shape, WaypointReference
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters.drive import Drive
 from tendonff.models.tendon.chain import Chain

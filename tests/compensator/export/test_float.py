@@ -15,7 +15,7 @@ from tendonff.compensator.export.modules import c_modules
 from tendonff.compensator.export.repeat import compared, repeated_rows
 from tendonff.compensator.export.text.c_text import c_sources
 from tendonff.compensator.export.text.table_index import rounded
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.tendon.inverse import invert
 

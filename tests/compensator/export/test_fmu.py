@@ -20,7 +20,8 @@ from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.reference import Shape, WaypointReference
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
-from tendonff.compensator.scenario.scenario import load_scenario, scenario_to_toml
+from tendonff.compensator.scenario.scenario import scenario_to_toml
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.codegen.compiler import has_cross_compiler
 from tendonff.ocp.codegen.precision import Precision
@@ -173,6 +174,11 @@ def test_a_state_survives_as_bytes_and_says_what_it_accepts(unit, fmi, tmp_path)
     expected = forces(40)
     slave.setFMUState(slave.deserializeFMUState(kept))
     assert forces(40) == expected
+    for at in (0, 17, len(kept) // 2, len(kept) - 1):
+        damaged = bytearray(kept)
+        damaged[at] ^= 4
+        with pytest.raises(Exception, match=r"(?i)deserialize"):
+            slave.deserializeFMUState(bytes(damaged))
     slave.terminate()
     slave.freeInstance()
     ranges = {v.name: (v.min, v.max) for v in described.modelVariables}

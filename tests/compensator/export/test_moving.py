@@ -16,7 +16,7 @@ from tendonff.compensator.export.modules import c_modules
 from tendonff.compensator.export.text.c_text import c_sources
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.scenario.joints import SineJoint
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.parameters import Load
 from tendonff.models.parameters.drive import Drive
 from tendonff.models.path import SectionKind

@@ -18,7 +18,7 @@ from tendonff.compensator.export.modules import c_modules
 from tendonff.compensator.export.text.c_text import c_sources, package_files
 from tendonff.compensator.runtime.runtime import Runtime
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.codegen.precision import Precision
 from tests.compensator.export.structured_text import Block

@@ -14,7 +14,7 @@ from tendonff.compensator.export.modules import PLANT
 from tendonff.compensator.export.text import c_text
 from tendonff.compensator.export.text.c_text import c_sources
 from tendonff.compensator.scenario.reference import SineReference
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.step import target

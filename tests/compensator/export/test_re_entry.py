@@ -10,7 +10,7 @@ import pytest
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.export.modules import c_modules
 from tendonff.compensator.export.text.c_text import c_sources
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.ocp.codegen.precision import Precision
 
 pytestmark = pytest.mark.compiler

@@ -21,7 +21,8 @@ from tendonff.compensator.export.self_test import Status, checksum, limit_cases,
 from tendonff.compensator.export.text.c_text import c_sources
 from tendonff.compensator.scenario.reference import Shape, SineReference, WaypointReference
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
-from tendonff.compensator.scenario.scenario import load_scenario, scenario_to_toml
+from tendonff.compensator.scenario.scenario import scenario_to_toml
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.codegen.precision import Precision

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.export.c_project import export_project
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 
 pytestmark = pytest.mark.compiler
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 import tendonff as tf
+from tendonff.compensator.door import design
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.finger.design import design_motors
 
 pytestmark = pytest.mark.compiler
 
@@ -43,7 +43,7 @@ def scenario(tmp_path, feedback=FEEDBACK, text=HAND):
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
     folder = tmp_path_factory.mktemp("feedback")
-    result = design_motors(scenario(folder))
+    result = design(scenario(folder))
     result.write(folder / "out")
     return result, folder / "out"
 
@@ -85,4 +85,4 @@ def test_the_report_has_both_figures_and_the_sentence(written):
 )
 def test_what_has_no_meaning_is_refused(tmp_path, feedback, message):
     with pytest.raises(InputError, match=message):
-        design_motors(scenario(tmp_path, feedback))
+        design(scenario(tmp_path, feedback))

@@ -12,6 +12,7 @@ from scipy.io import savemat
 
 from tendonff.compensator.files import text as text_module
 from tendonff.compensator.files.dialect import MOST_COLUMNS
+from tendonff.compensator.files.formats import mdf
 from tendonff.compensator.files.reading import InputError, read_csv, read_text
 from tendonff.compensator.files.tables import read_table
 from tendonff.compensator.scenario.sampled.first_look import first_look
@@ -134,6 +135,56 @@ def test_what_unpacks_to_too_much_is_refused(
     for read in (lambda: read_csv(path, names), lambda: read_table(path, names)):
         with pytest.raises(InputError, match=rf"{re.escape(path.name)} unpacks to more than 0 MB; give the part"):
             read()
+
+
+def test_a_struct_of_matlab_is_refused_before_it_is_unpacked(tmp_path: Path) -> None:
+    path, names = tmp_path / "s.mat", ("time_s", "force_N")
+    savemat(path, {"log": {name: np.zeros(15_000_000) for name in names}}, do_compression=True)
+    assert path.stat().st_size < 1_000_000
+    with pytest.raises(InputError, match=r"s\.mat unpacks to more than 200 MB"):
+        read_table(path, names)
+
+
+def test_long_texts_of_a_parquet_dictionary_are_not_repeated(tmp_path: Path) -> None:
+    pa = pytest.importorskip("pyarrow")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    rows = 20_000
+    remarks = pa.DictionaryArray.from_arrays(np.zeros(rows, dtype=np.int32), ["x" * 20_000])
+    parquet.write_table(pa.table({"time_s": np.arange(float(rows)), "remark": remarks}), tmp_path / "f.parquet")
+    before = pa.default_memory_pool().max_memory()
+    table = read_table(tmp_path / "f.parquet", ("time_s",))
+    assert len(table.numbers("time_s")) == rows
+    assert pa.default_memory_pool().max_memory() < max(before, 20_000_000)
+
+
+def test_numbers_in_other_files_are_refused(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    (tmp_path / "secret.bin").write_bytes(bytes(800))
+    with h5py.File(tmp_path / "f.h5", "w") as file:
+        file.create_dataset("time_s", data=np.arange(100.0))
+        file.create_dataset("force_N", (100,), dtype="f8", external=[(str(tmp_path / "secret.bin"), 0, 800)])
+    with pytest.raises(InputError, match=r"f\.h5: force_N keeps its numbers in other files"):
+        read_table(tmp_path / "f.h5", ("time_s", "force_N"))
+
+
+def test_a_reader_that_dies_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("asammdf")
+    path = tmp_path / "f.mf4"
+    packed(path)
+    monkeypatch.setattr(mdf, "_CHILD", "import os; os.abort()")
+    with pytest.raises(InputError, match=r"f\.mf4 is damaged: it ends asammdf itself"):
+        read_table(path, ("time_s",))
+    monkeypatch.setattr(mdf, "_CHILD", "import time; time.sleep(60)")
+    monkeypatch.setattr(mdf, "LONGEST_S", 0.5)
+    with pytest.raises(InputError, match=r"f\.mf4 is not read within 0 s"):
+        read_table(path, ("time_s",))
+
+
+def test_a_quote_that_is_left_open_costs_its_row(tmp_path: Path) -> None:
+    rows = "".join(f"{k},{k}\n" for k in range(1, 50_000))
+    (tmp_path / "f.csv.gz").write_bytes(gzip.compress(f'time_s,force_N\n0,"0\n{rows}'.encode()))
+    assert len(read_table(tmp_path / "f.csv.gz", ("time_s",)).numbers("time_s")) == 49_999
+    assert len(read_csv(tmp_path / "f.csv.gz", ("time_s", "force_N"))["time_s"]) == 50_000
 
 
 @pytest.mark.parametrize("mark", [",", ";", "\t", " "])

@@ -5,15 +5,18 @@ import tracemalloc
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from tendonff.compensator.cli import run
 from tendonff.compensator.files.formats.registry import READERS
 from tendonff.compensator.files.tables import read_table
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.run import identify
+from tendonff.compensator.reporting.page import file_hash
 from tendonff.compensator.scenario.measurement import Measurement
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.ocp.fits.static import StaticParameter, output_from_input
 
 NAMES = ("time_s", "input_tension_N", "output_tension_N", "input_position_m")
@@ -170,6 +173,29 @@ def test_a_record_gives_the_same_estimates_from_every_format(rubbed, tmp_path, e
         for (key, value, interval), found in zip(wanted, estimates(tmp_path / name, how, examples), strict=True):
             assert found[0] == key, name
             assert (found[1], *found[2]) == pytest.approx((value, *interval), rel=1e-6), (name, key)
+
+
+@pytest.mark.compiler
+def test_a_bag_is_given_to_the_command_as_its_folder(rubbed, tmp_path, examples):
+    write_bag(tmp_path / "bag", rubbed, "MCAP")
+    named = ["--input-column", BAG.input_column, "--output-column", BAG.output_column]
+    given = ["--data", str(tmp_path / "bag"), *named, "--static", "--out", str(tmp_path / "fit")]
+    assert run(["identify", str(examples / "finger.toml"), *given]) == 0
+    first = file_hash(tmp_path / "bag")
+    (tmp_path / "bag" / "metadata.yaml").write_text("else", encoding="utf-8")
+    assert file_hash(tmp_path / "bag") != first
+
+
+@pytest.mark.parametrize("bracket", ["[N]", "(N)", " [N]"])
+def test_a_column_is_found_without_its_unit_where_one_alone_is_called_so(bracket, tmp_path):
+    data = record()
+    named = dict(zip(("time_s", f"near{bracket}", f"far{bracket}"), list(data.values())[:3], strict=True))
+    pd.DataFrame(named).to_csv(tmp_path / "f.csv", index=False)
+    how = Measurement(input_column="near", output_column="far")
+    assert read_measurement(tmp_path / "f.csv", how).input_N == pytest.approx(data[NAMES[1]])
+    pd.DataFrame(named | {"near [kN]": data[NAMES[1]]}).to_csv(tmp_path / "g.csv", index=False)
+    with pytest.raises(InputError, match='column "near" is missing'):
+        read_measurement(tmp_path / "g.csv", how)
 
 
 def test_a_single_file_of_a_bag_is_read_without_its_folder(tmp_path):

@@ -15,8 +15,8 @@ from tendonff.compensator.finger.design import design_finger
 from tendonff.compensator.finger.scenario import load_finger_scenario, parse_finger_scenario, sample_finger
 from tendonff.compensator.finger.sheet import joint_sheets, tendon_sheets
 from tendonff.compensator.joint.design.run import design_joint
-from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
 from tendonff.compensator.runtime.kinds import RuntimeStatus
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.compare.joint import compare_joint
 from tendonff.compensator.studies.design.sweep.run import sweep
 from tendonff.models.errors import ParameterError
@@ -217,7 +217,7 @@ def loop():
 
 @pytest.mark.compiler
 def test_a_joint_on_a_loop_is_designed_the_same_with_a_motor_of_two_tendons(loop):
-    found, before = FingerTask.of(loop), design_joint(load_joint_scenario(LOOP))
+    found, before = FingerTask.of(loop), design_joint(load_scenario(LOOP))
     ours, theirs = found.inversion.motor, before.inversion.motor_rad
     assert ours == pytest.approx(theirs, abs=1e-8)  # both solve to a tolerance
 
@@ -225,7 +225,7 @@ def test_a_joint_on_a_loop_is_designed_the_same_with_a_motor_of_two_tendons(loop
 @pytest.mark.compiler
 def test_the_data_sheet_has_the_closed_forms_of_a_loop(loop):
     """Lost motion and drive friction of both tendons together; the least pre-tension keeps both taut."""
-    task, known = FingerTask.of(loop), design_joint(load_joint_scenario(LOOP)).sheet
+    task, known = FingerTask.of(loop), design_joint(load_scenario(LOOP)).sheet
     [joint], tendons = joint_sheets(task), tendon_sheets(task)
     weightless = replace(loop.mechanism, joints=(replace(loop.mechanism.joints[0], gravity_N_m=0.0),))
     [light] = joint_sheets(replace(task, finger=weightless))

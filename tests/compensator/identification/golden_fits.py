@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from synthetic import DIRTY, Faults, write_synthetic
 
 from tendonff.compensator.identification.run import identify
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 
 STORED = Path(__file__).with_name("golden_fits.json")
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"

@@ -12,7 +12,7 @@ from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.identification.answer.report import identification_report
 from tendonff.compensator.identification.answer.result import headline, missing, summary_lines
 from tendonff.compensator.identification.run import identify
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.capstan import CapstanLaw
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from tendonff.compensator.cli import run
 from tendonff.compensator.identification.measured.centreline.run import centreline_of, read_centreline
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 
 
 def helix(points: int) -> tuple[np.ndarray, float]:

@@ -12,7 +12,7 @@ from tendonff.compensator.identification.fitting.dynamic import fit_coarse
 from tendonff.compensator.identification.measured.cleaning import clean
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.run import identify
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.capstan import CapstanLaw
 
 STEP_S = 0.01

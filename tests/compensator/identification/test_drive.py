@@ -11,7 +11,7 @@ from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.drive import drive_estimate
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.run import identify
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tests.independent_plant import respond
 
 COULOMB, STEP = 4.0, 2e-3

@@ -19,7 +19,7 @@ from tendonff.compensator.identification.parameters import Parameter, Parametric
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.fidelity import Level
 from tendonff.models.path import Section
 from tendonff.models.tendon.chain import Chain

@@ -12,7 +12,7 @@ from tendonff.compensator.identification.measured.gains import gains_of
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenario.measurement import Measurement
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.errors import ParameterError
 from tests.compensator.identification.test_fitted import STEP, strokes
 

@@ -8,7 +8,7 @@ import pytest
 from synthetic import Faults, write_synthetic
 
 from tendonff.compensator.identification.run import identify
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tests.compensator.identification.test_fitted import STEP, strokes
 
 pytestmark = pytest.mark.compiler

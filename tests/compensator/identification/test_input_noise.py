@@ -15,7 +15,7 @@ from tendonff.compensator.identification.measured.cleaning import clean
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.parameters import CORE, ParametricChain
 from tendonff.compensator.identification.parameters import Parameter as D
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.ocp.errors import SolveError

@@ -15,7 +15,8 @@ from tendonff.compensator.identification.measured.reading import read_measuremen
 from tendonff.compensator.identification.parameters import ParametricChain
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenario.sampled.joint_motion import moved
-from tendonff.compensator.scenario.scenario import Scenario, load_scenario
+from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.fidelity import Level
 
 SECONDS = 4.0

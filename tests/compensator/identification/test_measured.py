@@ -11,7 +11,7 @@ from tendonff.compensator.identification.measured.cleaning import clean
 from tendonff.compensator.identification.measured.reading import DataIssue, read_measurement
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenario.measurement import Explain, Measurement
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.capstan import Branch
 
 TORQUES = Measurement(

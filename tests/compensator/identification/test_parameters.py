@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.identification.parameters import Parameter, ParametricChain
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.fidelity import Level
 from tendonff.ocp.fits.chain import Drive
 

@@ -15,7 +15,7 @@ from tendonff.compensator.identification.measured.reading import read_measuremen
 from tendonff.compensator.identification.pace import Pace, SlowFitError
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenario.measurement import Explain, Measurement
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 
 
 def log(samples=70000, step_s=1.0):

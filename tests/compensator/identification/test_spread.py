@@ -7,7 +7,8 @@ import pytest
 
 from tendonff.compensator.identification.answer.result import Estimate
 from tendonff.compensator.identification.spread import with_spread
-from tendonff.compensator.scenario.scenario import load_scenario, parse_scenario, scenario_to_toml
+from tendonff.compensator.scenario.scenario import parse_scenario, scenario_to_toml
+from tendonff.compensator.scenarios import load_scenario
 
 NAMES = ("mu_dynamic", "mu_dynamic_release", "adhesion_N")
 

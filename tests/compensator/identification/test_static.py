@@ -10,7 +10,7 @@ from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.identification.answer.result import summary_lines
 from tendonff.compensator.identification.run import identify
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.path import Section, SectionKind
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.identification.study import Study, attempted
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.errors import ParameterError
 from tendonff.ocp.errors import SolveError
 

@@ -12,7 +12,7 @@ from tendonff.compensator.files.reading import read_csv
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.identification.suggest import PLANS, Information, draw_plan, suggest
 from tendonff.compensator.scenario.sampled.sampling import initial_tension, sample_reference
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.fidelity import Level
 from tendonff.models.tendon.chain import Chain

@@ -9,7 +9,7 @@ from tendonff.compensator.identification.measured.plan import magnitude_warning,
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenario.measurement import Explain, Measurement
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 
 TORQUES = Measurement(
     input_column="input_torque_Nm", output_column="F_out [kN]", input_position_column="motor angle (deg)"

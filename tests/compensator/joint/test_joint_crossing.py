@@ -14,7 +14,8 @@ from tendonff.compensator.cli import run
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.joint.compensators import JointTask, joint_compensator
 from tendonff.compensator.joint.design.run import design_joint
-from tendonff.compensator.joint.scenario.scenario import JointScenario, load_joint_scenario, parse_joint_scenario
+from tendonff.compensator.joint.scenario.scenario import JointScenario, parse_joint_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.adapt import joint as study
 from tendonff.compensator.studies.adapt.joint import adapt_joint
 from tendonff.compensator.studies.compare.joint import compare_joint
@@ -92,7 +93,7 @@ def written(folder: Path, drive: str, path: str, reference: str) -> JointScenari
     file = folder / "joint.toml"
     parts = (PATHS[path], f"[drive]\ndrum_radius_m = 0.008\n{DRIVES[drive]}", f"[reference]\n{REFERENCES[reference]}")
     file.write_text(TEXT + "".join(parts), "utf-8")
-    return load_joint_scenario(file)
+    return load_scenario(file)
 
 
 def error_percent(

@@ -13,7 +13,7 @@ import pytest
 from tendonff.compensator.cli import run
 from tendonff.compensator.joint.design.run import design_joint
 from tendonff.compensator.joint.drive import commanded, driven
-from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.joint.parameters import DriveKind, JointDrive
 from tendonff.ocp.joint.simulate import simulate_joint
 from tendonff.ocp.joint.start import joint_problem
@@ -134,7 +134,7 @@ def test_a_wanted_torque_is_given_while_something_else_moves_the_joint(tmp_path:
     text = (examples / "instrument_pair.toml").read_text("utf-8")
     head, _, tail = text.partition("[reference]")
     (tmp_path / "s.toml").write_text(head + reference + tail.partition("[run]")[2], "utf-8")
-    result = design_joint(load_joint_scenario(tmp_path / "s.toml"))
+    result = design_joint(load_scenario(tmp_path / "s.toml"))
     assert result.percent(result.profiles["inverse"].rms) < 1.0
     assert result.percent(result.profiles["linear"].rms) > 5.0
     assert "N m" in result.headline
@@ -147,7 +147,7 @@ def test_a_cycle_is_designed_in_its_steady_state(tmp_path: Path, examples: Path)
         'periodic = true\n[run]\nstep_s = 0.002\nlevel = "presliding"\n'
     )
     (tmp_path / "s.toml").write_text(text, "utf-8")
-    result = design_joint(load_joint_scenario(tmp_path / "s.toml"))
+    result = design_joint(load_scenario(tmp_path / "s.toml"))
     assert math.degrees(result.profiles["inverse"].rms) < 0.1
     ends = result.profiles["inverse"].motor_rad[[0, -1]]
     assert np.abs(ends[0] - ends[1]).max() < 1e-6
@@ -161,7 +161,7 @@ def test_limits_of_the_motor_are_reported(tmp_path: Path, examples: Path) -> Non
         ("torque_max_N_m = 1.0", "torque_max_N_m = 0.05"),
         COARSE,
     )
-    result = design_joint(load_joint_scenario(path))
+    result = design_joint(load_scenario(path))
     text = " ".join(result.warnings)
     assert "speed_max_rad_per_s is 2" in text
     assert "torque_max_N_m is 0.05" in text
@@ -170,9 +170,9 @@ def test_limits_of_the_motor_are_reported(tmp_path: Path, examples: Path) -> Non
 
 
 def test_commands_that_shake_a_joint_without_damping_are_reported(tmp_path: Path, examples: Path) -> None:
-    calm = design_joint(load_joint_scenario(variant(examples, tmp_path, COARSE)))
+    calm = design_joint(load_scenario(variant(examples, tmp_path, COARSE)))
     light = ("damping_N_m_s_per_rad = 2.0e-3", "damping_N_m_s_per_rad = 2.0e-4")
-    shaken = design_joint(load_joint_scenario(variant(examples, tmp_path, COARSE, light)))
+    shaken = design_joint(load_scenario(variant(examples, tmp_path, COARSE, light)))
     assert not any("rings at" in text for text in calm.warnings)
     assert any("the joint rings at 40.3 Hz with 1 %" in text for text in shaken.warnings)
     assert shaken.profiles["inverse"].rms > 3 * calm.profiles["inverse"].rms
@@ -226,7 +226,7 @@ def test_a_homing_stroke_wipes_out_what_was_stored(tmp_path: Path, examples: Pat
     ideal = [("resolution_rad = 0.00153 ", "homing_rad = 0.2 "), ("command_interval_s = 0.01 ", "gear_ratio = 1.0 ")]
     ideal += [("gear_ratio = 1.0                      # turns", "# turns")]
     path = variant(examples, tmp_path, *ideal, COARSE)
-    scenario = load_joint_scenario(path)
+    scenario = load_scenario(path)
     result = design_joint(scenario)
     result.write(tmp_path / "out")
     home, profile = columns(tmp_path / "out" / "homing.csv"), columns(tmp_path / "out" / "profile.csv")

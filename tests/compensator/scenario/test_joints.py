@@ -12,7 +12,8 @@ from tendonff.compensator.cli import run
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.joints import ConstantJoint
 from tendonff.compensator.scenario.sampled.joint_motion import moved, sample_joints
-from tendonff.compensator.scenario.scenario import load_scenario, parse_scenario, scenario_to_toml
+from tendonff.compensator.scenario.scenario import parse_scenario, scenario_to_toml
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.tables.run import make_tables
 
 

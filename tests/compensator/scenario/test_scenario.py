@@ -13,23 +13,17 @@ from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_text
 from tendonff.compensator.scenario.doubts import largest_tension, scenario_doubts, scenario_notes
 from tendonff.compensator.scenario.reference import CsvReference, SineReference
-from tendonff.compensator.scenario.scenario import (
-    Scenario,
-    load_scenario,
-    parse_scenario,
-    scenario_hash,
-    scenario_to_toml,
-)
+from tendonff.compensator.scenario.scenario import Scenario, parse_scenario, scenario_hash, scenario_to_toml
 from tendonff.compensator.scenario.settings import Run
 from tendonff.compensator.scenario.tables import descriptions
-from tendonff.compensator.scenarios import load_scenario as load_any
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Friction
 from tendonff.models.parameters.uncertainty import Objective, Uncertainty
 from tendonff.ocp.tracking.limits import ForceLimits
 
 ROOT = Path(__file__).resolve().parents[3]
-EXAMPLES = sorted(path for path in (ROOT / "examples").glob("*.toml") if isinstance(load_any(path), Scenario))
+EXAMPLES = sorted(path for path in (ROOT / "examples").glob("*.toml") if isinstance(load_scenario(path), Scenario))
 TEXT = (ROOT / "examples" / "finger.toml").read_text(encoding="utf-8")
 FILE = Path("finger.toml")
 

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.scenario.scenario import load_scenario, parse_scenario, scenario_to_toml
+from tendonff.compensator.scenario.scenario import parse_scenario, scenario_to_toml
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.parameters.uncertainty import Spread
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.closed_form import GrossSliding, data_sheet, elongation_factor, sweep_pretension
 from tendonff.models.joint.parameters import DriveKind, Mechanism
@@ -83,7 +83,7 @@ def uneven() -> Mechanism:
 
 def of_example(path: Path) -> Mechanism:
     """Mechanism of an example without load; a pair as the loop that its least tension would make."""
-    rig = load_joint_scenario(path).mechanism
+    rig = load_scenario(path).mechanism
     joint = replace(
         rig.joint, gravity_N_m=0.0, coulomb_N_m=0.0, damping_N_m_s_per_rad=0.05 * rig.joint.damping_N_m_s_per_rad
     )

@@ -330,13 +330,13 @@ def test_every_row_has_a_name_with_its_unit() -> None:
 @pytest.mark.parametrize("name", ["hand_joint", "instrument_pair"])
 def test_a_joint_holds_its_start_as_its_mechanism(name: str, examples: Path) -> None:
     """At the tensions of the start the joint's balance vanishes, for a loop and for a pair."""
-    scenario = tf.load_joint_scenario(examples / f"{name}.toml")
+    scenario = tf.load_scenario(examples / f"{name}.toml")
     joint = scenario.mechanism.joint
     names = {s.joint for t in scenario.mechanism.tendons for s in t.path.sections if s.joint} | {joint.name}
     still = JointMotion(names=tuple(names), time_s=np.zeros(1), angle_rad=np.zeros((1, len(names))))
-    problem = tf.joint_problem(scenario.mechanism, Level.PRESLIDING, still)
+    problem = tf.system_of(scenario.mechanism, Level.PRESLIDING, still)
     mechanism = describe(scenario.mechanism, still)
-    run = tf.simulate_joint(problem, np.zeros((2, 1 if problem.loop else 2)), 1e-3)
+    run = tf.simulate(problem, np.zeros((2, 1 if problem.loop else 2)), 1e-3)
     tensions = {t.name: float(f) for t, f in zip(mechanism.tendons, run.tension_N[0], strict=True)}
     cut = mechanism.cut(Level.PRESLIDING)
     page = mechanism_equations(mechanism, Level.PRESLIDING)

@@ -14,8 +14,8 @@ from tendonff.models.capstan.two_ended import TwoEndedLaw
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.tendon.elements import whole_of
-from tendonff.models.tendon.friction import LoadedBristle, LuGreBristle
-from tendonff.models.tendon.load_dependence import at_load, lifted_N, lowered_N, mean_tension_in_slip_N
+from tendonff.models.tendon.friction import LoadedBristle, LuGreBristle, at_load
+from tendonff.models.tendon.load_dependence import lifted_N, lowered_N, mean_tension_in_slip_N
 
 LAW = CapstanLaw(pull_exponent=0.6, release_exponent=0.4, adhesion_N=0.5, load_exponent=0.25, reference_tension_N=30.0)
 LOADED = LoadedBristle(

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.fidelity import Level
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.codegen import compiler

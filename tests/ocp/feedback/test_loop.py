@@ -16,8 +16,9 @@ from tendonff.ocp.feedback.closed_loop import Course, simulate_feedback
 from tendonff.ocp.feedback.design import Sensor, design_loops
 from tendonff.ocp.feedback.law import FeedbackController, FeedbackLaw
 from tendonff.ocp.feedback.linear import Branch, branches
+from tendonff.ocp.feedback.requirement import Requirement
 from tendonff.ocp.feedback.system import FeedbackSystem, Quantity, motors_per_joint, state_of
-from tendonff.ocp.feedback.tune import Requirement, Sampled, as_high_as_allowed, excess, margins_of
+from tendonff.ocp.feedback.tune import Sampled, as_high_as_allowed, excess, margins_of
 from tendonff.ocp.joint.invert import invert_joint
 from tendonff.ocp.joint.start import start_tensions
 from tendonff.ocp.mechanism.response import simulate_mechanism

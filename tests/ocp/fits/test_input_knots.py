@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.fidelity import Level
 from tendonff.ocp.fits.chain import ChainModel, Drive, input_windows
 

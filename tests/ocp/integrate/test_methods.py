@@ -176,7 +176,7 @@ def test_sensitivities_are_those_of_differences(method: Method, within: float, g
 
 def test_sensitivities_of_a_joint_are_those_of_differences(examples: Path) -> None:
     """A loop that turns: over friction of one tendon and the inertia of the joint."""
-    scenario = tf.load_joint_scenario(examples / "hand_joint.toml")
+    scenario = tf.load_scenario(examples / "hand_joint.toml")
     motion = sample_joint(scenario).motion
     loop = describe(scenario.mechanism, motion)
     motor = 0.1 * (1 - np.cos(2 * np.pi * 10 * TIME[:101]))[:, None]
@@ -205,24 +205,24 @@ def joint_rigs(examples: Path, swing_rad: float = 0.1) -> dict[str, tuple[JointP
     """A loop, a pair, one tendon against a spring; and the motor's way."""
     found = {}
     for name in ("hand_joint", "instrument_pair"):
-        scenario = tf.load_joint_scenario(examples / f"{name}.toml")
+        scenario = tf.load_scenario(examples / f"{name}.toml")
         sampled = sample_joint(scenario)
         swing = swing_rad * wave(0.0, 1.0)[:, None] * (1.0 if name == "hand_joint" else np.array([1.0, -1.0]))
-        found[name] = tf.joint_problem(scenario.mechanism, Level.PRESLIDING, sampled.motion), swing
-    pair = tf.load_joint_scenario(examples / "instrument_pair.toml").mechanism
+        found[name] = tf.system_of(scenario.mechanism, Level.PRESLIDING, sampled.motion), swing
+    pair = tf.load_scenario(examples / "instrument_pair.toml").mechanism
     joint = replace(pair.joint, stiffness_N_m_per_rad=0.05, rest_rad=-2.0, coulomb_N_m=1e-3)
     single = replace(pair, joints=(joint,), tendons=pair.tendons[:1], drive=replace(pair.drive, drum_radius_m=(0.004,)))
     problem = found["instrument_pair"][0]
     motion = problem.chains[0].motion
     assert motion is not None
-    found["one and a spring"] = tf.joint_problem(single, Level.VISCOELASTIC, motion), 0.1 * wave(0.0, 1.0)[:, None]
+    found["one and a spring"] = tf.system_of(single, Level.VISCOELASTIC, motion), 0.1 * wave(0.0, 1.0)[:, None]
     return found
 
 
 def turned(problem: JointProblem, motor: Array, refinement: int = 1, **options: Any) -> JointSimulation:
     inner = np.arange(200 * refinement + 1) / refinement
     rows = np.column_stack([np.interp(inner, np.arange(201), column) for column in motor.T])
-    return tf.simulate_joint(problem, rows, STEP / refinement, **options)
+    return tf.simulate(problem, rows, STEP / refinement, **options)
 
 
 @pytest.mark.compiler
@@ -263,9 +263,9 @@ def test_a_led_joint_gives_its_torque_by_any_method(examples: Path) -> None:
 @pytest.mark.compiler
 def test_a_joint_goes_on_by_the_compiled_step_where_an_integrator_ended(examples: Path) -> None:
     problem, motor = joint_rigs(examples)["hand_joint"]
-    half = tf.simulate_joint(problem, motor[:101], STEP, method=Method.IDAS)
+    half = tf.simulate(problem, motor[:101], STEP, method=Method.IDAS)
     for method in (Method.BDF2, Method.IDAS):
-        rest = tf.simulate_joint(problem, motor[100:], STEP, memory=half.final, method=method)
+        rest = tf.simulate(problem, motor[100:], STEP, memory=half.final, method=method)
         assert rest.angle_rad[-1] == pytest.approx(turned(problem, motor, 20).angle_rad[-1], abs=2e-3)
 
 
@@ -316,12 +316,12 @@ def test_every_example_is_simulated_alike_by_every_method(name: str, method: Met
 @pytest.mark.parametrize("name", ["hand_joint", "instrument_pair"])
 @pytest.mark.parametrize("method", INTEGRATORS)
 def test_every_joint_is_simulated_alike_by_every_method(name: str, method: Method, examples: Path) -> None:
-    scenario = tf.load_joint_scenario(examples / f"{name}.toml")
+    scenario = tf.load_scenario(examples / f"{name}.toml")
     sampled, step = sample_joint(scenario), scenario.run.step_s
-    problem = tf.joint_problem(scenario.mechanism, scenario.run.level, sampled.motion)
-    motor = tf.invert_joint(problem, sampled.angle_rad, step, contact_N_m=sampled.contact_N_m).motor_rad
+    problem = tf.system_of(scenario.mechanism, scenario.run.level, sampled.motion)
+    motor = tf.invert(problem, sampled.angle_rad, step, contact_N_m=sampled.contact_N_m).motor_rad
     by_step, run = (
-        tf.simulate_joint(problem, motor, step, contact_N_m=sampled.contact_N_m, method=each).require()
+        tf.simulate(problem, motor, step, contact_N_m=sampled.contact_N_m, method=each).require()
         for each in (Method.BDF2, method)
     )
     assert apart(run.angle_rad, by_step.angle_rad) < 5e-4

@@ -6,7 +6,8 @@ import finger_plant
 import numpy as np
 import pytest
 
-from tendonff.compensator.joint.scenario.scenario import load_joint_scenario, sample_joint
+from tendonff.compensator.joint.scenario.scenario import sample_joint
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models import parameters
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
@@ -193,7 +194,7 @@ def test_motors_that_give_torques_move_the_finger_alike(designed):
 
 @pytest.mark.parametrize("name", ["hand_joint", "instrument_pair"])
 def test_a_mechanism_with_one_joint_is_the_loop_or_pair(name):
-    scenario = load_joint_scenario(f"examples/{name}.toml")
+    scenario = load_scenario(f"examples/{name}.toml")
     sampled, step = sample_joint(scenario), scenario.run.step_s
     known = joint_problem(scenario.mechanism, scenario.run.level, sampled.motion)
     rows = sampled.angle_rad[:800]

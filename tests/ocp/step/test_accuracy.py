@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.scenario.sampled.sampling import initial_tension, sample_reference
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.fidelity import Level
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.tendon.simulate import simulate

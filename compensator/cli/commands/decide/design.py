@@ -1,7 +1,7 @@
 """`tendonff design`: the main job."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -10,17 +10,12 @@ from tendonff.compensator.cli.options import (
     PdfOption,
     YesOption,
     looked_at,
-    of_one_joint,
     opened,
     option,
 )
 from tendonff.compensator.cli.progress import progress, say, warn
 from tendonff.compensator.files.text import InputError
 from tendonff.ocp.integrate.method import Method
-
-if TYPE_CHECKING:
-    from tendonff.compensator.finger.scenario import FingerScenario
-    from tendonff.compensator.joint.scenario.scenario import JointScenario
 
 EXIT_SOLVE = 1  # what was written is the best that was found
 
@@ -61,63 +56,42 @@ def design(
         return _design_all(scenarios, out, strict=strict, pdf=pdf, yes=yes)
     scenario = scenarios[0]
     with opened(scenario, out, strict=strict, yes=yes) as (loaded, folder):
-        from tendonff.compensator.scenario.scenario import Scenario
+        from tendonff.compensator import door
 
-        if not isinstance(loaded, Scenario):
-            if online or interactive:
-                raise InputError(
-                    f"{scenario.name}: --online and --interactive are for the tension of one tendon; leave them out"
-                )
-            if check is not None:
-                of_one_joint(loaded, "--check integrates one tendon or one joint; leave it out")
-            return _design_motors(loaded, folder, out, strict=strict, check=check)
-        from tendonff.compensator.studies.design.output import print_scores
-        from tendonff.compensator.studies.design.run import design as design_profile
-
-        if online:
-            from tendonff.compensator.studies.design.online import require_path_at_rest, study_online
-
-            require_path_at_rest(loaded)
+        study_online = door.function_of("online", loaded)(loaded) if online else None
+        if check is not None:
+            door.function_of("check", loaded)
         with progress("designing") as advance:
-            result = design_profile(loaded, strict=strict, progress=advance)
+            result = door.design(loaded, strict=strict, progress=advance)
         with progress("writing"):
             result.write(folder, interactive=interactive, pdf=pdf)
-        if online:
+        if study_online is not None:
             with progress("filters of a live reference"):
-                optimum = result.on_level("optimal", result.level).score.rmse_percent_of_range
-                study = study_online(loaded, optimum)
+                study = study_online(result)
                 study.write(folder, pdf=pdf)
             say(study.sentence)
     warn(*result.warnings)
-    print_scores(result, out)
+    door.show(result, out)
     if check is not None:
-        from tendonff.compensator.studies.design.check import check_design
-
         with progress(f"simulating by {check}"):
-            sentence = check_design(result, check).sentence
+            sentence = door.check(result, check).sentence
         say(sentence)
     return 0 if result.is_usable else EXIT_SOLVE
 
 
 def _design_all(scenarios: list[Path], out: Path, *, strict: bool, pdf: bool, yes: bool) -> int:
     from tendonff.compensator.files.writing import atomic_directory
-    from tendonff.compensator.studies.design.several import AnyDesign, Designs, require_different
+    from tendonff.compensator.studies.design.several import Designs, require_different
 
     require_different([path.stem for path in scenarios])
     loaded = [looked_at(path, strict=strict, yes=yes) for path in scenarios]
     with atomic_directory(out) as folder:
-        from tendonff.compensator.finger.design import design_motors
-        from tendonff.compensator.scenario.scenario import Scenario
-        from tendonff.compensator.studies.design.run import design as design_profile
+        from tendonff.compensator import door
 
-        results: dict[str, AnyDesign] = {}
+        results = {}
         for each in loaded:
             with progress(f"designing {each.source.stem}") as advance:
-                results[each.source.stem] = (
-                    design_profile(each, strict=strict, progress=advance)
-                    if isinstance(each, Scenario)
-                    else design_motors(each, strict=strict, progress=advance)
-                )
+                results[each.source.stem] = door.design(each, strict=strict, progress=advance)
         found = Designs(results=results)
         with progress("writing"):
             found.write(folder, pdf=pdf)
@@ -125,29 +99,4 @@ def _design_all(scenarios: list[Path], out: Path, *, strict: bool, pdf: bool, ye
     for name, result in results.items():
         say(f"{name}: {result.headline}")
     say(f"report: {out / 'report.html'}")
-    usable = all(getattr(result, "is_usable", True) for result in results.values())
-    return 0 if usable else EXIT_SOLVE
-
-
-def _design_motors(
-    loaded: "JointScenario | FingerScenario", folder: Path, out: Path, *, strict: bool, check: Method | None
-) -> int:
-    from tendonff.compensator.finger.design import design_motors
-    from tendonff.compensator.joint.design.result import JointDesign
-
-    with progress("designing") as advance:
-        result = design_motors(loaded, strict=strict, progress=advance)
-    with progress("writing"):
-        result.write(folder)
-    warn(*result.warnings)
-    say(result.headline, result.fine_print)
-    if isinstance(result, JointDesign) and result.feedback is not None:
-        say(result.feedback.sentence)
-    say(f"report: {out / 'report.html'}")
-    if check is not None and isinstance(result, JointDesign):
-        from tendonff.compensator.joint.design.check import check_joint_design
-
-        with progress(f"simulating by {check}"):
-            sentence = check_joint_design(result, check).sentence
-        say(sentence)
-    return 0
+    return 0 if all(result.is_usable for result in results.values()) else EXIT_SOLVE

@@ -4,11 +4,9 @@ from typing import Annotated
 
 import typer
 
-from tendonff.compensator.cli.options import ScenarioArgument, YesOption, looked_at, of_one_joint
+from tendonff.compensator.cli.options import ScenarioArgument, YesOption, looked_at
 from tendonff.compensator.cli.progress import say
 from tendonff.compensator.files.text import InputError
-
-_SEVERAL = "explore shows the loop of one joint; of several, compare designs by tendonff design and sweep"
 
 
 def explore(
@@ -31,12 +29,9 @@ def explore(
         if error.name != "bokeh":
             raise
         raise InputError("explore needs Bokeh, which is not installed; install it by: pip install bokeh") from None
-    from tendonff.compensator.scenario.scenario import Scenario
-    from tendonff.compensator.studies.explore.joint import JointExplorer
-    from tendonff.compensator.studies.explore.run import Explorer
+    from tendonff.compensator import door
 
-    subject = Explorer(loaded) if isinstance(loaded, Scenario) else JointExplorer(of_one_joint(loaded, _SEVERAL))
-    server = make_server(subject, port)
+    server = make_server(door.explore(loaded), port)
     server.start()
     say(f"{page_url(server)} (this machine only; Ctrl-C ends it)")
     if browser:

@@ -1,7 +1,7 @@
 """`tendonff export-c`: C99 for the controller."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -12,17 +12,10 @@ from tendonff.compensator.cli.options import (
     PrefixOption,
     YesOption,
     looked_at,
-    of_one_joint,
     opened,
 )
 from tendonff.compensator.cli.progress import progress, say, warn
-from tendonff.compensator.files.text import InputError
 from tendonff.ocp.codegen.precision import Precision
-
-if TYPE_CHECKING:
-    from tendonff.compensator.joint.scenario.scenario import JointScenario
-
-_SEVERAL = "no C is exported for several joints yet; tf.Runtime gives their motor angles step by step"
 
 
 def export_c(
@@ -43,52 +36,19 @@ def export_c(
 ) -> None:
     """Write C99 for the controller.
 
-    Inverse, capstan law, table, optimal profile, and the chain itself for tests; of driven joints the inverse, one copy
-    of the code for all of them.
+    Inverse, capstan law, table, optimal profile, and the chain itself for tests; of driven joints and
+    fingers the inverse, one copy of the code for all of them.
     """
-    scenario = scenarios[0]
-    with opened(scenario, out, yes=yes) as (loaded, folder):
-        from tendonff.compensator.scenario.scenario import Scenario
+    with opened(scenarios[0], out, yes=yes) as (loaded, folder):
+        from tendonff.compensator import door
 
-        if not isinstance(loaded, Scenario):
-            if level is not None:
-                raise InputError(
-                    f"{scenario.name}: --level is for the tension of one tendon; set [run] level in the file"
-                )
-            joints = [
-                of_one_joint(each, _SEVERAL) for each in (loaded, *(looked_at(p, yes=yes) for p in scenarios[1:]))
-            ]
-            return _export_joints(joints, folder, out, precision, prefix, force_export=force_export)
-        if len(scenarios) > 1:
-            raise InputError(
-                f"{scenario.name}: one project has one tension, or several driven joints; give one scenario at a time"
-            )
-        from tendonff.compensator.export.c_project import export_project
-        from tendonff.compensator.export.judgement import score_lines
-
+        further = [looked_at(each, yes=yes) for each in scenarios[1:]]
         with progress("exporting"):
-            exported = export_project(
-                loaded, precision=precision, prefix=prefix, level=level, force_export=force_export
+            exported = door.export_c(
+                loaded, further=further, precision=precision, prefix=prefix, level=level, force_export=force_export
             )
             exported.write(folder)
     say(*exported.notes)
     warn(*exported.warnings)
-    say(*score_lines(exported.judged))
-    say(f"{len(exported.files)} files in {out}; `make test` there compares them with the Python model")
-    return None
-
-
-def _export_joints(
-    loaded: list["JointScenario"], folder: Path, out: Path, precision: Precision, prefix: str, *, force_export: bool
-) -> None:
-    from tendonff.compensator.joint.export.project import export_joints
-
-    with progress("exporting"):
-        exported = export_joints(loaded, precision=precision, prefix=prefix, force_export=force_export)
-        exported.write(folder)
-    warn(*exported.warnings)
-    for each in exported.judged:
-        say(f"{each.name}: RMS error {each.text(each.rms)}, by the ratio alone {each.text(each.plain_rms)}")
-    if exported.loss_rad is not None:
-        say(f"compiled here, the code departs from the model by {exported.loss_rad:.2g} rad at most")
+    say(*exported.lines)
     say(f"{len(exported.files)} files in {out}; `make test` there compares them with the Python model")

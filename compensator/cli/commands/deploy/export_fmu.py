@@ -1,8 +1,7 @@
 """`tendonff export-fmu`: co-simulation units."""
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -13,19 +12,11 @@ from tendonff.compensator.cli.options import (
     PrefixOption,
     ScenarioArgument,
     YesOption,
-    of_one_joint,
     opened,
     option,
 )
 from tendonff.compensator.cli.progress import progress, say, warn
 from tendonff.compensator.export.kinds import FmiVersion, Kind
-from tendonff.compensator.files.text import InputError
-
-if TYPE_CHECKING:
-    from tendonff.compensator.export.unit import Fmu
-    from tendonff.compensator.joint.scenario.scenario import JointScenario
-
-_SEVERAL = "no unit is exported for several joints yet; tf.Runtime gives their motor angles step by step"
 
 
 def export_fmu(
@@ -43,29 +34,15 @@ def export_fmu(
 ) -> None:
     """Write FMUs for Simulink, dSPACE or Modelica.
 
-    Co-simulation units of the exported C, with their sources; of a driven joint its inverse.
+    Co-simulation units of the exported C, with their sources; of a driven joint or a finger its inverse.
     """
     versions = tuple(FmiVersion) if fmi is None else (fmi,)
     with opened(scenario, out, yes=yes) as (loaded, folder):
-        from tendonff.compensator.scenario.scenario import Scenario
-
-        if not isinstance(loaded, Scenario):
-            if level is not None:
-                raise InputError(
-                    f"{scenario.name}: --level is for the tension of one tendon; set [run] level in the file"
-                )
-            if kind is not Kind.INVERSE:
-                raise InputError(
-                    f"{scenario.name}: a driven joint has the kind inverse only, got {kind}; leave --kind out"
-                )
-            joint = of_one_joint(loaded, _SEVERAL)
-            return _joint(joint, folder, out, versions, prefix, everywhere=everywhere, force_export=force_export)
-        from tendonff.compensator.export.fmu import build_fmu
-        from tendonff.compensator.export.judgement import score_lines
+        from tendonff.compensator import door
 
         with progress("exporting"):
             units = [
-                build_fmu(
+                door.export_fmu(
                     loaded, kind, each, prefix=prefix, level=level, everywhere=everywhere, force_export=force_export
                 )
                 for each in versions
@@ -73,38 +50,7 @@ def export_fmu(
             for unit in units:
                 unit.write(folder)
     warn(*units[0].warnings)
-    if units[0].judged:
-        say(*score_lines(units[0].judged))
-    _close(units, out, everywhere=everywhere)
-    return None
-
-
-def _joint(
-    loaded: "JointScenario",
-    folder: Path,
-    out: Path,
-    versions: tuple[FmiVersion, ...],
-    prefix: str,
-    *,
-    everywhere: bool,
-    force_export: bool,
-) -> None:
-    from tendonff.compensator.joint.export.fmu import build_joint_fmu
-
-    with progress("exporting"):
-        made = [
-            build_joint_fmu(loaded, each, prefix=prefix, everywhere=everywhere, force_export=force_export)
-            for each in versions
-        ]
-        for unit, _ in made:
-            unit.write(folder)
-    units, (judged, *_) = zip(*made, strict=True)
-    warn(*units[0].warnings)
-    say(f"{judged.name}: RMS error {judged.text(judged.rms)}, by the ratio alone {judged.text(judged.plain_rms)}")
-    _close(units, out, everywhere=everywhere)
-
-
-def _close(units: Sequence["Fmu"], out: Path, *, everywhere: bool) -> None:
+    say(*units[0].lines)
     if not all(unit.has_binary for unit in units):
         warn("no binary was made here (a C compiler on Linux makes one); the unit holds its sources")
     if everywhere:

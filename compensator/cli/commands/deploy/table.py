@@ -1,7 +1,7 @@
 """`tendonff table`: compensation tables."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -13,21 +13,12 @@ from tendonff.compensator.cli.options import (
     ScenarioArgument,
     YesOption,
     named_numbers,
-    of_one_joint,
     opened,
     option,
 )
 from tendonff.compensator.cli.progress import progress, say, warn
-from tendonff.compensator.files.text import InputError
 from tendonff.ocp.errors import SolveError
 
-if TYPE_CHECKING:
-    from tendonff.compensator.joint.scenario.scenario import JointScenario
-
-_SEVERAL = (
-    "a table of several joints needs an axis for the angle and the way of each, 2 n in all, which fits no controller; "
-    "tf.Runtime gives the motor angles step by step"
-)
 _MANY_NODES = 5000
 _BOUND = "Largest interpolation error [N]; default: 0.5 % of the reference's range."
 
@@ -67,19 +58,12 @@ def table(
     angles_of_joints = dict(named_numbers("--pose", pose or [], "NAME=ANGLE", "wrist=0.5", is_named=True))
     angle_axis, rate_axis = _numbers(angles, "--angles"), _numbers(rates, "--rates")
     with opened(scenario, out, yes=yes) as (loaded, folder):
-        from tendonff.compensator.scenario.scenario import Scenario
-
-        if not isinstance(loaded, Scenario):
-            given = {"--level": level, "--bound": bound, "--angles": angles, "--rates": rates, "--pose": pose}
-            for name in (name for name, value in given.items() if value):
-                raise InputError(f"{scenario.name}: {name} is for a tension")
-            return _table_joint(of_one_joint(loaded, _SEVERAL), folder, force=force, pdf=pdf)
+        from tendonff.compensator import door
         from tendonff.compensator.export.modules import check_prefix
-        from tendonff.compensator.studies.tables.run import make_tables
 
         check_prefix(prefix)
         with progress("tabulating"):
-            result = make_tables(
+            result = door.make_table(
                 loaded,
                 level=level,
                 bound_N=bound,
@@ -92,27 +76,9 @@ def table(
                 raise SolveError(f"{result.harm[0]}; nothing was written, --force writes it all the same")
             result.write(folder, prefix=prefix, pdf=pdf)
     warn(*result.warnings)
-    if (nodes := max(made.built.table.nodes for made in result.tables)) > _MANY_NODES:
-        warn(f"{nodes} nodes in one table are {8 * nodes} bytes on the controller: raise --bound, or use the inverse")
-    say(result.headline)
-    built, own = result.tables[0].built, result.scores[result.level]
-    say(
-        f"{sum(made.built.table.nodes for made in result.tables)} nodes, interpolation error {built.error_N:.3g} N "
-        f"(bound {built.bound_N:.3g} N); RMS error with exactly the scenario's parameters on level {result.level}: "
-        f"{own.rmse_percent_of_range:.2g} % of range"
-    )
-    return None
-
-
-def _table_joint(loaded: "JointScenario", folder: Path, *, force: bool, pdf: bool) -> None:
-    from tendonff.compensator.studies.tables.joint import tabulate_joint
-
-    with progress("tabulating"):
-        result = tabulate_joint(loaded)
-        worst = result.expectation.worst_percent
-        if worst["table"] > worst["linear"] and not force:
-            raise SolveError(
-                f"{result.headline}: worse than the ratio; nothing was written, --force writes it all the same"
-            )
-        result.write(folder, pdf=pdf)
-    say(result.headline)
+    if result.nodes > _MANY_NODES:
+        warn(
+            f"{result.nodes} nodes in one table are {8 * result.nodes} bytes on the controller: raise --bound, or use "
+            "the inverse"
+        )
+    say(*result.lines)

@@ -8,13 +8,11 @@ from tendonff.compensator.cli.options import (
     PdfOption,
     ScenarioArgument,
     YesOption,
-    of_tension,
     opened,
     option,
 )
 from tendonff.compensator.cli.progress import progress, say, warn
 
-_TWO_MOTORS = "the experiment holds one tendon between two motors; describe that tendon by a scenario of its tension"
 _MEASURED = "Tensions of this test on a rig (time_s, any of tension_1_N to tension_7_N), laid over the models."
 
 
@@ -30,11 +28,11 @@ def experiment(
     All three model levels receive the same commands.
     """
     with opened(scenario, out, follows_reference=False, yes=yes) as (loaded, folder):
+        from tendonff.compensator import door
         from tendonff.compensator.studies.experiment.numbers import warnings_of
-        from tendonff.compensator.studies.experiment.run import experiment as run_test
 
         with progress("experimenting") as advance:
-            result = run_test(of_tension(loaded, _TWO_MOTORS), measured, progress=advance)
+            result = door.function_of("experiment", loaded)(loaded, measured, progress=advance)
         result.write(folder, pdf=pdf)
     warn(*warnings_of(result))
     states = len(result.plan.states)

@@ -3,7 +3,7 @@
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -20,14 +20,6 @@ from tendonff.compensator.files.progress import DOUBT
 from tendonff.compensator.files.text import InputError, suggestion
 from tendonff.compensator.scenario.measurement import Explain, Measurement
 from tendonff.models.errors import ParameterError
-
-if TYPE_CHECKING:
-    from tendonff.compensator.finger.scenario import FingerScenario
-    from tendonff.compensator.identification.answer.result import Identification
-    from tendonff.compensator.identification.joint.result import JointIdentification
-    from tendonff.compensator.identification.motors.result import MotorsIdentification
-    from tendonff.compensator.joint.scenario.scenario import JointScenario
-    from tendonff.compensator.scenario.scenario import Scenario
 
 _YES = "Fit very long files without asking, and go on where a value looks like another unit."
 SCALED = ("time", "input", "output", "input_position", "output_position", "actuator_force")
@@ -102,10 +94,13 @@ def identify(
     angle, --output-position-column the joint's.
     """
     loaded = looked_at(scenario, follows_reference=False, yes=yes)
-    from tendonff.compensator.scenario.scenario import Scenario
+    from tendonff.compensator import door
+    from tendonff.compensator.files.writing import atomic_directory
 
     if suggest:
-        _suggest(loaded, out, pdf=pdf)
+        with atomic_directory(out) as folder:
+            routine = door.function_of("write_suggestion", loaded)(loaded, folder, pdf=pdf)
+        say(*routine.lines(out))
         return
     if not data:
         raise InputError(
@@ -128,33 +123,11 @@ def identify(
         "gear_ratio": gear_ratio,
         "explain": explain,
     }
-    if not isinstance(loaded, Scenario):
-        refused = {
-            "--tension-column": tension_column,
-            "--actuator-force-column": actuator_force_column,
-            "--static": static_only,
-            "--explain": explain,
-            "--condition": condition,
-            "--tare": tare,
-            "--gear-ratio": gear_ratio,
-            "--drum-radius": drum_radius,
-        }
-        if given := [name for name, value in refused.items() if value]:
-            raise InputError(f"{scenario.name}: {given[0]} is for the tensions of one tendon; leave it out for a joint")
-        try:
-            joint_how = replace(Measurement(), **{k: v for k, v in names.items() if v is not None})  # type: ignore[arg-type]
-            joint_how = _of_columns(joint_how, "--scale", scale or [], SCALED, "input=0.001 turns mN m into N m")
-            joint_how = _of_columns(joint_how, "--offset", offset or [], ("input",), "input=0.004 takes 4 mN m off")
-        except ParameterError as error:
-            raise InputError(str(error)) from None
-        _identify_motors(loaded, out, data, validate or [], joint_how, pdf=pdf)
-        return
+    door.require_options("identify", loaded, {**names, "tension_columns": tension_column, "tare_s": tare})
     labels = _labels(condition or [], [path.name for path in data])
 
     def confirm(question: str) -> bool:
         return yes or (sys.stdin.isatty() and typer.confirm(f"{question}. Go on?", err=True))
-
-    from tendonff.compensator.files.writing import atomic_directory
 
     with atomic_directory(out) as folder:
         try:
@@ -164,29 +137,26 @@ def identify(
             how = _between(_tared(how, tare), tension_column or [])
         except ParameterError as error:
             raise InputError(str(error)) from None
-        from tendonff.compensator.identification.answer.result import summary_lines
-        from tendonff.compensator.identification.run import identify as identify_files
-
-        def work() -> "Identification":
-            return identify_files(
-                replace(loaded, measurement=how),
-                data,
-                validate or [],
-                static_only=static_only,
-                conditions=labels,
-                say=_say_files,
-                confirm=confirm,
-            )
-
         with progress("identifying"):
-            found = interruptible(work)
+            found = interruptible(
+                lambda: door.identify(
+                    loaded,
+                    data,
+                    validate or [],
+                    how=how,
+                    static_only=static_only,
+                    conditions=labels,
+                    say=_say_files,
+                    confirm=confirm,
+                )
+            )
         with progress("writing"):
             found.write(folder, pdf=pdf)
     warn(*found.warnings)
-    say(*summary_lines(found, str(out)))
+    say(*found.lines(str(out)))
 
 
-def _identify_servo(loaded: "Scenario | JointScenario | FingerScenario", out: Path, data: list[Path]) -> bool:
+def _identify_servo(loaded: object, out: Path, data: list[Path]) -> bool:
     """Identify lag and delay of the drive, where the files are logs of its command and its answer."""
     from tendonff.compensator.identification.servo import identify_servo, is_servo_log
     from tendonff.compensator.scenario.scenario import Scenario
@@ -197,82 +167,6 @@ def _identify_servo(loaded: "Scenario | JointScenario | FingerScenario", out: Pa
     found.write(out)
     say(*found.lines, f"written to {out / 'drive.toml'}: copy its keys into the scenario")
     return True
-
-
-def _suggest(loaded: "Scenario | JointScenario | FingerScenario", out: Path, *, pdf: bool) -> None:
-    """Write an excitation that identifies a tendon, or motor angles that identify a joint."""
-    from tendonff.compensator.files.writing import atomic_directory
-    from tendonff.compensator.scenario.scenario import Scenario
-
-    if not isinstance(loaded, Scenario):
-        _suggest_motors(loaded, out, pdf=pdf)
-        return
-    with atomic_directory(out) as folder:
-        from tendonff.compensator.identification.answer.output import write_suggestion
-
-        excitation = write_suggestion(loaded, folder, pdf=pdf)
-    say(f"{out / 'suggested_force.csv'}: {excitation.time_s[-1]:.4g} s, up to {excitation.force_N.max():.4g} N")
-    say(*(f"  {part}" for part in excitation.parts))
-    if excitation.gain:
-        say(excitation.gain)
-
-
-def _suggest_motors(loaded: "JointScenario | FingerScenario", out: Path, *, pdf: bool) -> None:
-    """Write motor angles that identify driven joints."""
-    if _is_loop(loaded):
-        from tendonff.compensator.identification.joint.output import write_routine
-
-        routine = write_routine(loaded, out, pdf=pdf)  # type: ignore[arg-type]
-        reach = f"{routine.motor_rad.min():.3g} to {routine.motor_rad.max():.3g} rad"
-        say(f"{out / 'suggested_motor.csv'}: {routine.time_s[-1]:.4g} s, {reach}", *(f"  {p}" for p in routine.parts))
-        return
-    from tendonff.compensator.identification.motors.output import write_routine as write_motors
-    from tendonff.compensator.identification.motors.run import suggest_motor_routine
-
-    found = suggest_motor_routine(loaded)
-    write_motors(found, out, pdf=pdf)
-    say(f"{out / 'suggested_motors.csv'}: {found.time_s[-1]:.4g} s", *(f"  {part}" for part in found.parts))
-
-
-def _is_loop(loaded: "JointScenario | FingerScenario") -> bool:
-    """Whether a single motor moves a single joint."""
-    from tendonff.compensator.joint.scenario.scenario import JointScenario
-
-    return isinstance(loaded, JointScenario) and loaded.mechanism.drive.kind == "loop"
-
-
-def _identify_motors(
-    loaded: "JointScenario | FingerScenario",
-    out: Path,
-    data: list[Path],
-    validate: list[Path],
-    how: Measurement,
-    *,
-    pdf: bool,
-) -> None:
-    """Identify driven joints from their motors, and write what was found."""
-    from tendonff.compensator.files.writing import atomic_directory
-
-    with atomic_directory(out) as folder:
-        found: JointIdentification | MotorsIdentification
-        if _is_loop(loaded):
-            from tendonff.compensator.identification.joint.result import summary_lines
-            from tendonff.compensator.identification.joint.run import identify_joint
-
-            with progress("identifying"):
-                found = interruptible(lambda: identify_joint(loaded, data, validate, how=how))  # type: ignore[arg-type]
-            lines = summary_lines(found, str(out))
-        else:
-            from tendonff.compensator.identification.motors.result import summary_lines as motor_lines
-            from tendonff.compensator.identification.motors.run import identify_motors
-
-            with progress("identifying"):
-                found = interruptible(lambda: identify_motors(loaded, data, validate, skip_s=how.skip_s))
-            lines = motor_lines(found, str(out))
-        with progress("writing"):
-            found.write(folder, pdf=pdf)
-    warn(*found.warnings)
-    say(*lines)
 
 
 def _say_files(line: str) -> None:

@@ -10,16 +10,10 @@ from tendonff.compensator.cli.options import (
     ScenarioArgument,
     YesOption,
     looked_at,
-    of_one_joint,
     option,
 )
 from tendonff.compensator.cli.progress import progress, say, warn
 from tendonff.compensator.files.text import InputError
-from tendonff.compensator.scenario.measurement import Measurement
-
-_NOT_A_LOOP = (
-    "watch is for one joint on a loop; tendonff identify with several --data reports how the values of one tendon drift"
-)
 
 
 def watch(
@@ -49,19 +43,20 @@ def watch(
 
     if not data:
         raise InputError("no log given; name at least one with --data, in the order of use")
-    loaded = of_one_joint(looked_at(scenario, follows_reference=False, yes=yes), _NOT_A_LOOP)
+    loaded = looked_at(scenario, follows_reference=False, yes=yes)
+    from tendonff.compensator import door
+
+    watched = door.function_of("watch", loaded)
     given = {
         "time_column": time_column,
         "input_column": input_column,
         "input_position_column": input_position_column,
         "torque_constant_N_m_per_A": torque_constant,
     }
-    how = replace(Measurement(), **{key: value for key, value in given.items() if value is not None})  # type: ignore[arg-type]
-    from tendonff.compensator.studies.watch.run import watch as watch_files
-
+    how = replace(loaded.measurement, **{key: value for key, value in given.items() if value is not None})  # type: ignore[arg-type]
     with atomic_directory(out) as folder:
         with progress("watching") as advance:
-            found = watch_files(loaded, data, how=how, progress=advance)
+            found = watched(loaded, data, how=how, progress=advance)
         with progress("writing"):
             found.write(folder, pdf=pdf)
     warn(*found.warnings)

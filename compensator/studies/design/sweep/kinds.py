@@ -17,6 +17,7 @@ from tendonff.compensator.finger.task import task_of
 from tendonff.compensator.joint.plant import verifying_masses
 from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.joint.task import MotorCompensator, MotorTask
+from tendonff.compensator.scenario.kind import Kind as OfScenario
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.compensator.scenario.unit import Unit
@@ -139,12 +140,17 @@ class _Motors(Kind):
         return problem.expect(profiles)
 
 
-TENSION, MOTORS = _Tension(), _Motors()
+_MOTORS = _Motors()
+_KINDS: Mapping[OfScenario, Kind] = {
+    OfScenario.TENSION: _Tension(),
+    OfScenario.JOINT: _MOTORS,
+    OfScenario.FINGER: _MOTORS,
+}
 
 
 def kind_of(scenario: AnyScenario) -> Kind:
     """Kind of a scenario."""
-    return TENSION if isinstance(scenario, Scenario) else MOTORS
+    return _KINDS[scenario.kind]
 
 
 def named(scenario: AnyScenario, names: Sequence[str]) -> dict[str, Compensator | MotorCompensator]:

@@ -12,9 +12,9 @@ from tendonff.compensator.compensators.expectation import Expectation, two_digit
 from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.files.results import Result, views_of
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.files.writing import atomic_file
+from tendonff.compensator.reporting.results import Result, views_of
 from tendonff.compensator.studies.design.sweep.kinds import AnyScenario, kind_of
 from tendonff.models.parameters.numbers import FACTORS
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.files.results import Views, register_views
+from tendonff.compensator.reporting.results import Views, register_views
 from tendonff.compensator.studies.design.sweep.figures import sweep_figures
 from tendonff.compensator.studies.design.sweep.kinds import AnyScenario, kind_of
 from tendonff.compensator.studies.design.sweep.output import sample_table, write_files

@@ -16,7 +16,7 @@ from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.export.text.parameters import parameters_of
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.tendon.inverse import invert

@@ -13,8 +13,8 @@ from tendonff.compensator.identification.joint.log import read_logs
 from tendonff.compensator.identification.joint.result import JointIdentification
 from tendonff.compensator.identification.joint.run import identify_joint
 from tendonff.compensator.joint.design.run import design_joint
-from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
 from tendonff.compensator.scenario.measurement import Measurement
+from tendonff.compensator.scenarios import load_scenario
 from tests.hidden_loop import FINE_S, hidden, scenario, write_log
 
 pytestmark = [pytest.mark.compiler, pytest.mark.slow]
@@ -65,7 +65,7 @@ def test_straight_lines_are_a_first_look_only(log):
 @pytest.mark.usefixtures("unpainted")
 def test_a_design_from_the_file_tracks_on_the_plant(found, tmp_path, record_property):
     found.write(tmp_path / "fit")
-    fitted = load_joint_scenario(tmp_path / "fit" / "fitted.toml")
+    fitted = load_scenario(tmp_path / "fit" / "fitted.toml")
     assert fitted.mechanism.tendons[0].friction.mu_dynamic == found.estimate("mu_dynamic").value
     spread = {each.name: each.half_width for each in fitted.robust.spread}
     assert set(spread) == {

@@ -212,7 +212,7 @@ def test_an_efficiency_of_the_gear_is_taken_up_where_it_acts_and_written(tmp_pat
     answer = json.loads((tmp_path / "fit" / "fit.json").read_text("utf-8"))
     assert "efficiency" in answer["law"]
     assert answer["estimates"]["gear_efficiency"]["estimate"] == pytest.approx(0.88, abs=0.02)
-    fitted = tf.load_joint_scenario(tmp_path / "fit" / "fitted.toml").mechanism
+    fitted = tf.load_scenario(tmp_path / "fit" / "fitted.toml").mechanism
     assert fitted.drive.gear_efficiency == answer["estimates"]["gear_efficiency"]["estimate"]
 
 
@@ -249,13 +249,13 @@ def test_a_column_that_is_missing_is_named(tmp_path, columns, message):
     time = np.arange(200) * 0.01
     table = np.column_stack([time, *(np.sin(time) for _ in columns.split(",")[1:])])
     np.savetxt(tmp_path / "log.csv", table, delimiter=",", header=columns, comments="")
-    asked = tf.load_joint_scenario(EXAMPLES / "hand_joint.toml")
+    asked = tf.load_scenario(EXAMPLES / "hand_joint.toml")
     with pytest.raises(InputError, match=message):
         identify_joint(asked, [tmp_path / "log.csv"])
 
 
 def test_a_pair_is_refused_with_the_way_out(tmp_path):
-    pair = tf.load_joint_scenario(EXAMPLES / "instrument_pair.toml")
+    pair = tf.load_scenario(EXAMPLES / "instrument_pair.toml")
     with pytest.raises(InputError, match="both ends of one tendon that passes the joint"):
         identify_joint(pair, [tmp_path / "log.csv"])
     with pytest.raises(InputError, match="for a loop"):
@@ -282,10 +282,10 @@ def test_the_written_text_holds_the_same_mechanism_from_another_folder(tmp_path)
     (tmp_path / "apart.toml").write_text(apart, "utf-8")
     (tmp_path / "out").mkdir()
     for file in (tmp_path / "tip.toml", tmp_path / "apart.toml", EXAMPLES / "instrument_pair.toml"):
-        asked = tf.load_joint_scenario(file)
+        asked = tf.load_scenario(file)
         text = moved_files(fitted_text(asked, asked.mechanism, []), asked.source, tmp_path / "out")
         (tmp_path / "out" / file.name).write_text(text, "utf-8")
-        again = tf.load_joint_scenario(tmp_path / "out" / file.name)
+        again = tf.load_scenario(tmp_path / "out" / file.name)
         assert repr(again.mechanism) == repr(asked.mechanism)
         assert again.reference == asked.reference
 
@@ -305,7 +305,7 @@ def robust_of(asked, estimates):
 
 def test_numbers_that_are_kept_have_the_widths_that_a_design_assumes():
     """A log that identifies gravity alone says nothing of friction: no design may take that as known."""
-    asked = tf.load_joint_scenario(EXAMPLES / "hand_joint.toml")
+    asked = tf.load_scenario(EXAMPLES / "hand_joint.toml")
     kept = [known(name, 1.0, interval=False, fitted=False) for name in KEPT]
     widths = {each.name: each.half_width for each in robust_of(asked, [GRAVITY, *kept]).spread}
     assert widths == {
@@ -323,7 +323,7 @@ def test_numbers_that_are_kept_have_the_widths_that_a_design_assumes():
 
 def test_what_belongs_to_a_kept_friction_varies_together():
     """An encoder tells T/k tanh(mu theta/2): pre-tension and stiffness are fitted beside the scenario's friction."""
-    asked = tf.load_joint_scenario(EXAMPLES / "hand_joint.toml")
+    asked = tf.load_scenario(EXAMPLES / "hand_joint.toml")
     fitted = [known(name, 1.0, interval=False, fitted=name != "mu_dynamic") for name in KEPT]
     widths = {each.keys: each.half_width for each in robust_of(asked, [GRAVITY, *fitted]).spread}
     assert widths["drive.pretension_N", "tendon.stiffness_N_per_m"] == 0.2
@@ -331,7 +331,7 @@ def test_what_belongs_to_a_kept_friction_varies_together():
 
 
 def test_tendons_that_differ_have_widths_too():
-    asked = tf.load_joint_scenario(EXAMPLES / "hand_joint.toml")
+    asked = tf.load_scenario(EXAMPLES / "hand_joint.toml")
     own = "\n[tendons.friction]\nmu_dynamic = 0.1\nmu_static = 0.1\nviscous_N_s_per_m = 0.0\n"
     own += "bristle_stiffness_N_per_m = 1e6\nsoft_bristle_stiffness_N_per_m = 1e5\n"
     apart = parse_joint_scenario(asked.text.replace("moment_arm_m = -0.008 ", f"moment_arm_m = -0.008{own}#"))

@@ -11,7 +11,7 @@ import pytest
 from tendonff.compensator.cli import run
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.identification.measured.smoothing import adaptive_low_pass, count_of
-from tendonff.compensator.identification.motors.run import _mechanism, identify_motors, suggest_motor_routine
+from tendonff.compensator.identification.motors.run import identify_motors, mechanism_of, suggest_motor_routine
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.ocp.fits.mechanism import MotorRun
@@ -67,7 +67,7 @@ def pair(tmp_path_factory, examples):
         "tendons.open.tendon.stiffness_N_per_m": 4.8e4,
         "tendons.close.tendon.stiffness_N_per_m": 3.4e4,
     }
-    true = with_numbers(_mechanism(scenario), truth)
+    true = with_numbers(mechanism_of(scenario)[0], truth)
     start = np.array([5.0, 5.0])
     log = log_of(
         scenario, true, routine, coulomb=(2e-3, 3e-3), tension_N=start, folder=folder, plant_step_s=2e-6, masses=8

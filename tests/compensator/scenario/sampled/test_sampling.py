@@ -28,8 +28,9 @@ from tendonff.compensator.scenario.sampled.sampling import (
     initial_tension,
     sample_reference,
 )
-from tendonff.compensator.scenario.scenario import Scenario, load_scenario
+from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenario.settings import Run
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.tendon.chain import Chain

@@ -10,8 +10,9 @@ import pytest
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.export.modules import ADAPTIVE, ADAPTIVE_MODULES
 from tendonff.compensator.export.text.c_text import c_sources
-from tendonff.compensator.scenario.scenario import Scenario, load_scenario
+from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenario.settings import Adaptation
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.ocp.adaptation.tuning import Sensor, Tunable
 from tendonff.ocp.codegen.compiler import load_library
 from tendonff.ocp.codegen.precision import Precision

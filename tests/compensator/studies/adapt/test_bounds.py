@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.tuning import BOUND_SPREAD, certified, friction_spread
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.reference import Shape, SineReference, WaypointReference
-from tendonff.compensator.scenario.scenario import load_scenario
-from tendonff.compensator.studies.adapt.setup import BOUND_SPREAD, certified, friction_spread
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.parameters.uncertainty import Spread, Uncertainty
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.tendon.simulate import simulate

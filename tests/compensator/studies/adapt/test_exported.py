@@ -8,7 +8,7 @@ import pytest
 
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.export.c_project import export_project
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.ocp.adaptation.tuning import Sensor, Tunable
 from tendonff.ocp.codegen.precision import Precision
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from tendonff.compensator.studies.adapt.feedback import feedback_certificate, transmission_dynamics
+from tendonff.compensator.compensators.certificate import feedback_certificate, transmission_dynamics
 
 
 @pytest.mark.parametrize("delay", [0, 2, 7])
 def test_without_dynamics_the_bound_is_that_of_an_integrator_with_a_delay(generic, delay, monkeypatch):
     """Re of h z^-(d+1)/(1 - z^-1) is -h (d + 1/2) at low frequencies, its least."""
-    monkeypatch.setattr("tendonff.compensator.studies.adapt.feedback.STIFFNESS_SPREAD", 0.0)
+    monkeypatch.setattr("tendonff.compensator.compensators.certificate.STIFFNESS_SPREAD", 0.0)
     found = feedback_certificate(generic, 1e-3, delay, 0.0)
     assert found.largest_gain_per_s == pytest.approx(1 / (1e-3 * (delay + 0.5)), rel=1e-3)
 

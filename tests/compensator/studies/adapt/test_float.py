@@ -13,7 +13,7 @@ from tendonff.compensator.export.host import run_on_host
 from tendonff.compensator.export.modules import ADAPTIVE
 from tendonff.compensator.export.text.c_text import c_sources
 from tendonff.compensator.export.text.table_index import rounded
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.fidelity import Level
 from tendonff.ocp.adaptation.tuning import Sensor
 from tendonff.ocp.codegen.precision import Precision

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.tuning import tuned_chain, tuning_of
 from tendonff.compensator.export.c_project import export_project
-from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.compensator.scenario.settings import Adaptation
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.adapt.result import Scheme
 from tendonff.compensator.studies.adapt.run import adapt
-from tendonff.compensator.studies.adapt.setup import tuned_chain, tuning_of
 from tendonff.ocp.adaptation.tuner import SelfTuner, SimulatedRig
 from tendonff.ocp.adaptation.tuning import Sensor, Tunable
 from tendonff.ocp.codegen.compiler import find_compiler

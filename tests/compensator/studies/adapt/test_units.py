@@ -13,7 +13,7 @@ from tendonff.compensator.export.fmu import build_fmu
 from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.export.text.c_text import c_sources
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.codegen.compiler import load_library
 from tendonff.ocp.codegen.precision import Precision
@@ -117,7 +117,7 @@ def test_the_adaptive_unit_finds_the_friction_of_a_plant(adaptive, examples, tmp
     fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed")
     if shutil.which("cc") is None:
         pytest.skip("cc is not installed")
-    from tendonff.compensator.studies.adapt.setup import tuned_chain, tuning_of
+    from tendonff.compensator.compensators.tuning import tuned_chain, tuning_of
     from tendonff.ocp.adaptation.tuner import SelfTuner, SimulatedRig
     from tendonff.ocp.adaptation.tuning import Tunable
 

@@ -18,8 +18,12 @@ from tendonff.compensator.compensators.profile import Profile
 from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
 from tendonff.compensator.compensators.score import Score
 from tendonff.compensator.compensators.uncertain import Sample
+from tendonff.compensator.files.text import InputError
+from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
-from tendonff.compensator.scenario.scenario import load_scenario, scenario_to_toml
+from tendonff.compensator.scenario.scenario import parse_scenario, scenario_to_toml
+from tendonff.compensator.scenario.settings import Compare
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.compare.levels import level_traits, parameters_of
 from tendonff.compensator.studies.compare.matrix import Entry, lag, recommend
 from tendonff.compensator.studies.compare.result import CAPSTAN_PLANT, PLANTS
@@ -259,3 +263,22 @@ def test_where_limits_bind_it_is_said_that_the_optimal_profile_is_not_compared(e
     quick = [compensator(each) for each in ("none", "capstan", "inverse")]
     said = " ".join(compare(scenario, compensators=quick).warnings)
     assert ("the optimal profile, which is made for them, is not compared here; add --optimal" in said) == is_said
+
+
+def test_a_force_of_the_users_own_is_compared_as_a_compensator(examples, tmp_path):
+    """The reference as the user's force is what "none" commands; a force that ends early is refused."""
+    scenario = load_scenario(examples / "finger_fast.toml")
+    reference = sample_reference(scenario)
+    write_csv(tmp_path / "mine.csv", {"time_s": reference.time_s, "force_N": reference.tension_N})
+    own = replace(scenario, compare=Compare(force=str(tmp_path / "mine.csv")))
+    assert parse_scenario(scenario_to_toml(own)).compare == own.compare
+    names = ("none", "capstan", "smoothed", "inverse")
+    found = compare(own, compensators=[compensator(name) for name in names])
+    assert [each.name for each in found.compensators] == [*names, "own"]
+    for level in Level:
+        for plant in PLANTS:
+            mine, none = (found.entry(name, level, plant).rmse_percent_of_range for name in ("own", "none"))
+            assert mine == pytest.approx(none, rel=1e-9)
+    write_csv(tmp_path / "mine.csv", {"time_s": [0.0, 0.1], "force_N": [30.0, 31.0]})
+    with pytest.raises(InputError, match=r"\[compare\]: .*mine.csv ends at 0.1 s, the reference at .*; give it"):
+        compare(own)

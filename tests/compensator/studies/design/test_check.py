@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.compensators.closed_form import Inverse, Uncompensated
+from tendonff.compensator.compensators.method_check import MethodCheck, check_design
 from tendonff.compensator.scenario.reference import Shape, WaypointReference
-from tendonff.compensator.scenario.scenario import load_scenario
-from tendonff.compensator.studies.design.check import MethodCheck, check_design
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.design.run import design
 from tendonff.ocp.integrate.method import Method
 

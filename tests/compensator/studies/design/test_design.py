@@ -16,7 +16,7 @@ from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import score
 from tendonff.compensator.scenario.reference import Shape, SineReference, WaypointReference
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.design.figures import error_figure
 from tendonff.compensator.studies.design.run import Design, design
 from tendonff.models.fidelity import Level

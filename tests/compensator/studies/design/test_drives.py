@@ -15,8 +15,8 @@ from tendonff.compensator.compensators.score import verify
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.scenario.joints import SineJoint
 from tendonff.compensator.scenario.reference import Hold, Quantity, Shape, WaypointReference
-from tendonff.compensator.scenario.scenario import load_scenario
 from tendonff.compensator.scenario.settings import Run
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.compare.run import compare
 from tendonff.compensator.studies.design.drive_use import DriveUse
 from tendonff.compensator.studies.design.run import design

@@ -10,7 +10,7 @@ from tendonff.compensator.compensators.closed_form import Capstan, Frictionless,
 from tendonff.compensator.compensators.expectation import expectation_of
 from tendonff.compensator.compensators.plant import FINE_SEGMENTS, Plant
 from tendonff.compensator.compensators.uncertain import Doubt
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.design.report import fine_print
 from tendonff.compensator.studies.design.run import design
 from tendonff.models.fidelity import Level

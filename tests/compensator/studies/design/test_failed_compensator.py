@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.compensators.closed_form import Inverse, Uncompensated
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.design.run import design
 from tendonff.ocp.errors import SolveError
 

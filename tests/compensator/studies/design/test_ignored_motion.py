@@ -10,12 +10,13 @@ from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.closed_form import Capstan, Inverse, Uncompensated
 from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.compensators.score import ignored_motion
-from tendonff.compensator.scenario.scenario import Scenario, load_scenario, parse_scenario
+from tendonff.compensator.scenario.scenario import Scenario, parse_scenario
 from tendonff.compensator.scenario.unit import NEWTON
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.compare.figures import errors_figure
 from tendonff.compensator.studies.compare.run import compare
 from tendonff.compensator.studies.design.figures import force_figure, tension_figure
-from tendonff.compensator.studies.design.output import print_scores
+from tendonff.compensator.studies.design.output import show
 from tendonff.compensator.studies.design.result import Design
 from tendonff.compensator.studies.design.run import design
 from tendonff.ocp.errors import SolveError
@@ -77,7 +78,7 @@ def test_a_limit_off_the_scale_is_written_above_its_panel(result: Design) -> Non
 
 def test_scores_are_whole_in_a_terminal_of_80_columns(result: Design, monkeypatch, capsys) -> None:
     monkeypatch.setenv("COLUMNS", "80")
-    print_scores(result, Path("out"))
+    show(result, Path("out"))
     table, _ = capsys.readouterr().out.split("worst case: over")
     assert "…" not in table
     assert "viscoelastic" in table

@@ -7,8 +7,9 @@ import pandas as pd
 import pytest
 
 from tendonff.compensator.cli import run
-from tendonff.compensator.scenario.scenario import load_scenario, scenario_to_toml
+from tendonff.compensator.scenario.scenario import scenario_to_toml
 from tendonff.compensator.scenario.settings import Stream
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.design.online import online_figure, study_online
 
 

@@ -12,7 +12,8 @@ from shared_outputs import Output
 from tendonff.compensator.files.reading import InputError, read_csv
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.reporting.page import render_report
-from tendonff.compensator.scenario.scenario import Scenario, load_scenario
+from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.experiment import output as experiment_output
 from tendonff.compensator.studies.experiment.figures import tensions_figure
 from tendonff.compensator.studies.experiment.machine import plan_experiment

@@ -10,7 +10,8 @@ import pytest
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.experiment import EndTension, Experiment, ExperimentState, Hold, MotorMode
-from tendonff.compensator.scenario.scenario import Scenario, load_scenario, parse_scenario, scenario_to_toml
+from tendonff.compensator.scenario.scenario import Scenario, parse_scenario, scenario_to_toml
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.experiment.machine import Machine, plan_experiment
 from tendonff.compensator.studies.experiment.numbers import holds, relaxation, reversals, sliding_direction, warnings_of
 from tendonff.compensator.studies.experiment.rig import Modes, Rig

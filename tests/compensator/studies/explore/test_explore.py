@@ -11,7 +11,8 @@ import pytest
 from tendonff.compensator.cli import run
 from tendonff.compensator.compensators.expectation import two_digits
 from tendonff.compensator.scenario.sampled.joint_motion import sample_joints
-from tendonff.compensator.scenario.scenario import load_scenario, parse_scenario, scenario_to_toml
+from tendonff.compensator.scenario.scenario import parse_scenario, scenario_to_toml
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.design.run import design
 from tendonff.compensator.studies.explore.run import FAST, SLOW, ExploreParameters, Explorer
 from tendonff.models.errors import TendonffError

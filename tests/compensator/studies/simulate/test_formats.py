@@ -15,7 +15,7 @@ from tendonff.compensator.identification.measured.reading import read_measuremen
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenario.reference import CsvReference
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 
 pytestmark = pytest.mark.compiler
 TIME, VALUE = np.arange(0, 0.101, 0.01), 30 + 5 * np.arange(11) / 10

@@ -10,7 +10,7 @@ import pytest
 from tendonff.compensator.cli import run
 from tendonff.compensator.files.reading import read_csv
 from tendonff.compensator.files.writing import write_csv, write_text
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.simulate import run as simulation
 from tendonff.models.fidelity import Level
 from tendonff.models.tendon.chain import Chain

@@ -16,7 +16,7 @@ from tendonff.compensator.compensators.plant import FINE_SEGMENTS, Plant
 from tendonff.compensator.compensators.score import verify
 from tendonff.compensator.compensators.table import CompensationTable
 from tendonff.compensator.files.writing import csv_text
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.tables.output import table_columns
 from tendonff.compensator.studies.tables.run import make_tables
 from tendonff.models.capstan import Branch

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -69,6 +70,23 @@ def test_the_error_of_a_base_of_one_window_raises_no_alarm():
         first, *later = drawn(1, lambda _: np.zeros(3), covariance, seed)
         alarmed += any(c.alarm for c in courses_of([replace(first, name="first"), *later]))
     assert alarmed <= 2
+
+
+@pytest.mark.parametrize("covariance", [WEAK, SURE], ids=["strokes alone", "with pushes"])
+def test_the_band_holds_the_value_of_a_constant_rig_in_95_percent_of_the_windows(covariance):
+    """The one band of figure and file; that of the file counts by itself, without the base."""
+    inside, of_file = [], []
+    for seed in range(20):
+        windows = tuple(drawn(0.25, lambda _: np.zeros(3), covariance, seed))
+        found = Watch(scenario=scenario(), windows=windows, courses=courses_of(windows), inputs=(Path("day"),))
+        frame = found.to_frame()
+        for each, true in zip(found.courses, (0.2, 15.0, 0.02), strict=True):
+            name = str(each.drift.number)
+            assert frame[f"{name}_low"].to_numpy() == pytest.approx(each.base * each.low)
+            inside.append(np.mean((each.low <= 1) & (each.high >= 1)))
+            of_file.append(np.mean((frame[f"{name}_low"] <= true) & (frame[f"{name}_high"] >= true)))
+    assert np.mean(inside) > 0.94
+    assert np.mean(of_file) > 0.93
 
 
 def test_one_window_that_is_far_off_raises_none():

@@ -19,9 +19,9 @@ from tendonff.compensator.compensators.plant import FINE_SEGMENTS, Plant
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.score import verify
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.joint.scenario.scenario import load_joint_scenario
 from tendonff.compensator.scenario.reference import SineReference
-from tendonff.compensator.scenario.scenario import Scenario, load_scenario
+from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.design.sweep import run
 from tendonff.compensator.studies.design.sweep.kinds import kind_of
 from tendonff.compensator.studies.design.sweep.plan import Axis, random_keys, random_units, varied
@@ -194,7 +194,7 @@ import os, signal
 from pathlib import Path
 from tendonff.compensator.studies.design.sweep import run
 from tendonff.compensator.studies.design.sweep.run import executor_of
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 run._JOBS_OF_WAVE = 2
 
 def tell(done, _total):
@@ -262,7 +262,7 @@ def test_what_cannot_be_swept_is_refused_with_a_way_out(unsure: Scenario, tmp_pa
 
 @pytest.mark.parametrize("kind", ["tendon", "joint"])
 def test_units_without_a_statement_are_drawn_from_what_design_assumes(unsure: Scenario, kind: str) -> None:
-    joint = load_joint_scenario(EXAMPLES / "hand_joint.toml")
+    joint = load_scenario(EXAMPLES / "hand_joint.toml")
     scenario = replace(unsure, robust=Uncertainty()) if kind == "tendon" else joint
     assumed = kind_of(scenario).problem(scenario).doubt.uncertainty
     assert len(assumed.spreads) == (1 if kind == "tendon" else 3)

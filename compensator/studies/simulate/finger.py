@@ -4,45 +4,31 @@ from pathlib import Path
 
 import numpy as np
 
+from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import FloatArray, InputError, read_csv
 from tendonff.compensator.files.tables import table_dialect
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.finger.compensators import FingerTask
 from tendonff.compensator.finger.scenario import FingerScenario
 from tendonff.compensator.joint.drive import driven
-from tendonff.compensator.joint.scenario.scenario import JointScenario
-from tendonff.compensator.joint.simulate import simulate_joint_file
+from tendonff.compensator.studies.simulate.result import SimulatedFile
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.integrate.method import Method
 from tendonff.ocp.mechanism.response import MechanismStatus, simulate_mechanism
 
 
-def simulate_motor_file(
-    scenario: JointScenario | FingerScenario,
+@in_turn
+def simulate_finger_file(
+    scenario: FingerScenario,
     level: Level,
     motors: Path,
-    column: str | None,
     out: Path,
-    method: Method = Method.BDF2,
-) -> tuple[str, ...]:
-    """Simulate driven joints, one or several, under motor angles of a file; see `simulate_joint_file`."""
-    if isinstance(scenario, JointScenario):
-        return simulate_joint_file(scenario, level, motors, column, out, method)
-    if column is not None:
-        raise InputError(f"{motors.name}: several motors have a column each, motor_NAME_rad; leave --force-column out")
-    if method is not Method.BDF2:
-        raise InputError(
-            f"{scenario.source.name}: --method {method} integrates one tendon or one joint; leave it out, or integrate "
-            "tf.mechanism_equations(scenario.mechanism.mechanism(), level) by tf.integrate"
-        )
-    return simulate_finger_file(scenario, level, motors, out)
-
-
-@in_turn
-def simulate_finger_file(scenario: FingerScenario, level: Level, motors: Path, out: Path) -> tuple[str, ...]:
-    """Simulate several joints under motor angles of a file, and write a table; what the user should know.
+    *,
+    accept: bool = False,  # noqa: ARG001  a file of angles raises no doubt
+    progress: Progress = silent,  # noqa: ARG001  one call computes all
+) -> SimulatedFile:
+    """Simulate several joints under motor angles of a file, and write a table.
 
     Parameters
     ----------
@@ -97,7 +83,8 @@ def simulate_finger_file(scenario: FingerScenario, level: Level, motors: Path, o
     columns |= {f"tension_{t.name}_N": run.tension_N[:, k] for k, t in enumerate(finger.tendons)}
     columns |= {f"tension_{t.name}_at_drum_N": run.drum_N[:, k] for k, t in enumerate(finger.tendons)}
     write_csv(out, columns)
-    return (run.message,) if run.status is MechanismStatus.SLACK else ()
+    slack = (run.message,) if run.status is MechanismStatus.SLACK else ()
+    return SimulatedFile(rows=len(run.time_s), warnings=slack)
 
 
 def _columns(scenario: FingerScenario, motors: Path) -> tuple[str, ...]:

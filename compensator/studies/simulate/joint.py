@@ -5,11 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
+from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import FloatArray, InputError, read_csv
 from tendonff.compensator.files.tables import table_dialect
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.joint.drive import driven
 from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
+from tendonff.compensator.studies.simulate.result import SimulatedFile
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.joint.parameters import DriveKind
@@ -24,11 +26,14 @@ def simulate_joint_file(
     scenario: JointScenario,
     level: Level,
     motors: Path,
-    column: str | None,
     out: Path,
+    *,
+    column: str | None = None,
     method: Method = Method.BDF2,
-) -> tuple[str, ...]:
-    """Simulate a joint under motor angles of a file, and write a table; what the user should know.
+    accept: bool = False,  # noqa: ARG001  a file of angles raises no doubt
+    progress: Progress = silent,  # noqa: ARG001  one call computes all
+) -> SimulatedFile:
+    """Simulate a joint under motor angles of a file, and write a table.
 
     Parameters
     ----------
@@ -37,11 +42,11 @@ def simulate_joint_file(
     motors : Path
         Columns time_s and motor_rad of a loop (of a profile.csv motor_inverse_rad), motor_NAME_rad of each tendon of a
         pair; straight between rows, from 0.
-    column : str or None
-        Column of a loop's motor, if it has another name.
     out : Path
         CSV file: time_s, angles and torques of the motors, angle_rad, torque_N_m of the tendons on the joint, tensions
         at the joint and at the drums.
+    column : str, optional
+        Column of a loop's motor, if it has another name.
     method : Method, optional
 
     Raises
@@ -89,7 +94,7 @@ def simulate_joint_file(
         said.append(
             f"simulated by {run.method}, without a C compiler: slower, to the same numbers within its tolerance"
         )
-    return tuple(said)
+    return SimulatedFile(rows=len(time), warnings=tuple(said))
 
 
 def _motor_columns(scenario: JointScenario) -> tuple[str, ...]:

@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.certificate import feedback_certificate
 from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenario.settings import Adaptation
-from tendonff.compensator.studies.adapt.feedback import feedback_certificate
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.parameters.drive import Drive
 from tendonff.models.parameters.numbers import with_numbers

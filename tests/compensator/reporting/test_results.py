@@ -14,7 +14,7 @@ def designs(examples):
     fast = [each for each in tf.COMPENSATORS if each.is_fast]
     return (
         tf.design(tf.load_scenario(examples / "finger_fast.toml"), compensators=fast),
-        tf.design_joint(tf.load_joint_scenario(examples / "hand_joint.toml")),
+        tf.design(tf.load_scenario(examples / "hand_joint.toml")),
     )
 
 

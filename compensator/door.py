@@ -1,0 +1,916 @@
+"""The one door: what is done with a scenario, whatever it describes.
+
+`WORKS` says for each kind of scenario which function does a work, or why there is none. The functions below take any
+scenario and look there; nothing else asks for the kind.
+"""
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, overload
+
+from tendonff.compensator.export.kinds import FmiVersion
+from tendonff.compensator.export.kinds import Kind as Unit
+from tendonff.compensator.files.progress import Progress, silent
+from tendonff.compensator.files.text import InputError
+from tendonff.compensator.scenario.kind import Kind
+from tendonff.models.fidelity import Level
+from tendonff.models.turns import in_turn
+from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.integrate.method import Method
+
+if TYPE_CHECKING:
+    from tendonff.compensator.compensators.base import Compensator
+    from tendonff.compensator.compensators.method_check import MethodCheck
+    from tendonff.compensator.export.c_project import Exported
+    from tendonff.compensator.export.unit import Fmu
+    from tendonff.compensator.files.reading import FloatArray
+    from tendonff.compensator.finger.export.project import ExportedFingers
+    from tendonff.compensator.finger.result import FingerDesign
+    from tendonff.compensator.finger.scenario import FingerScenario
+    from tendonff.compensator.identification.answer.result import Identification
+    from tendonff.compensator.identification.joint.result import JointIdentification
+    from tendonff.compensator.identification.joint.routine import MotorRoutine
+    from tendonff.compensator.identification.motors.result import MotorsIdentification
+    from tendonff.compensator.identification.motors.routine import MotorsRoutine
+    from tendonff.compensator.identification.suggest import Excitation
+    from tendonff.compensator.joint.design.result import JointDesign
+    from tendonff.compensator.joint.export.project import ExportedJoints
+    from tendonff.compensator.joint.scenario.scenario import JointScenario
+    from tendonff.compensator.scenario.measurement import Measurement
+    from tendonff.compensator.scenario.scenario import Scenario
+    from tendonff.compensator.studies.adapt.joint import JointAdaptationStudy
+    from tendonff.compensator.studies.adapt.result import AdaptationStudy
+    from tendonff.compensator.studies.compare.joint import JointComparison
+    from tendonff.compensator.studies.compare.result import Comparison
+    from tendonff.compensator.studies.design.result import Design
+    from tendonff.compensator.studies.explore.subject import Subject
+    from tendonff.compensator.studies.simulate.result import SimulatedFile
+    from tendonff.compensator.studies.tables.joint import JointTable
+    from tendonff.compensator.studies.tables.result import Tables
+    from tendonff.ocp.opti.joint import JointFormulation
+    from tendonff.ocp.opti.tendon import Formulation
+    from tendonff.ocp.tracking.options import TrackOptions
+
+    AnyScenario = Scenario | JointScenario | FingerScenario
+    Files = Sequence[str | os.PathLike[str]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Work:
+    """A work on scenarios.
+
+    Attributes
+    ----------
+    by : mapping of Kind to str
+        "module:function" of this package that does it, imported where it is needed.
+    refused : mapping of Kind to str
+        Why the other kinds have none, and what to do instead.
+    options : mapping of str to (mapping of Kind to str)
+        Options that a kind does not have, and why.
+    """
+
+    by: Mapping[Kind, str]
+    refused: Mapping[Kind, str] = field(default_factory=dict)
+    options: Mapping[str, Mapping[Kind, str]] = field(default_factory=dict)
+
+
+_MOTORS = (Kind.JOINT, Kind.FINGER)
+
+
+def _not(kinds: Sequence[Kind], why: str) -> Mapping[Kind, str]:
+    return dict.fromkeys(kinds, why)
+
+
+_FINGER_ALONE = "tf.Runtime gives their motor angles step by step"
+_APART = "a project holds single joints or fingers, each kind in a folder of its own; give one kind at a time"
+_LIVE = "the filter of a live reference is that of a tension; the exported inverse of a joint leads to its reference"
+_PROBES = "the optimal profile is that of a tension; joints have the exact inverse"
+_TABLE_AXES = "the table of a joint has its angle and the way it turns as axes"
+_ONE_MOTOR = "is for the tensions of one tendon; a joint is known by its motor, leave it out"
+
+WORKS: Mapping[str, Work] = MappingProxyType(
+    {
+        "look": Work(
+            by={
+                Kind.TENSION: "scenario.sampled.first_look:first_look",
+                Kind.JOINT: "joint.scenario.doubts:look_at_joint",
+                Kind.FINGER: "finger.doubts:look_at_finger",
+            }
+        ),
+        "design": Work(
+            by={
+                Kind.TENSION: "studies.design.run:design",
+                Kind.JOINT: "joint.design.run:design_joint",
+                Kind.FINGER: "finger.design:design_finger",
+            },
+            options={
+                "compensators": _not(_MOTORS, "compensators are chosen for a tension; joints are designed by all"),
+                "options": _not(_MOTORS, _PROBES),
+            },
+        ),
+        "show": Work(
+            by={
+                Kind.TENSION: "studies.design.output:show",
+                Kind.JOINT: "joint.design.output:show",
+                Kind.FINGER: "finger.output:show",
+            }
+        ),
+        "online": Work(
+            by={Kind.TENSION: "studies.design.online:online_study"}, refused=_not(_MOTORS, f"--online: {_LIVE}")
+        ),
+        "check": Work(
+            by={
+                Kind.TENSION: "studies.design.check:check_design",
+                Kind.JOINT: "joint.design.check:check_joint_design",
+            },
+            refused={Kind.FINGER: "--check integrates one tendon or one joint; leave it out"},
+        ),
+        "compare": Work(
+            by={
+                Kind.TENSION: "studies.compare.run:compare",
+                Kind.JOINT: "studies.compare.joint:compare_joint",
+                Kind.FINGER: "studies.compare.joint:compare_joint",
+            },
+            options={
+                "compensators": _not(_MOTORS, f"--optimal: {_PROBES}"),
+                "options": _not(_MOTORS, _PROBES),
+            },
+        ),
+        "explore": Work(
+            by={
+                Kind.TENSION: "studies.explore.run:Explorer",
+                Kind.JOINT: "studies.explore.joint:JointExplorer",
+            },
+            refused={
+                Kind.FINGER: "explore shows the loop of one joint; of several, compare designs by tendonff design and "
+                "sweep"
+            },
+        ),
+        "simulate": Work(
+            by={
+                Kind.TENSION: "studies.simulate.run:simulate_force_file",
+                Kind.JOINT: "studies.simulate.joint:simulate_joint_file",
+                Kind.FINGER: "studies.simulate.finger:simulate_finger_file",
+            },
+            options={
+                "joints": _not(_MOTORS, "--joints moves the path of one tendon; leave it out"),
+                "check": _not(_MOTORS, "--check is for the tension of one tendon; --method compares the joint's"),
+                "column": _not((Kind.FINGER,), "several motors have a column each, motor_NAME_rad: no --force-column"),
+                "method": _not(
+                    (Kind.FINGER,),
+                    "--method integrates one tendon or one joint; leave it out, or integrate "
+                    "tf.mechanism_equations(scenario.mechanism.mechanism(), level) by tf.integrate",
+                ),
+            },
+        ),
+        "experiment": Work(
+            by={Kind.TENSION: "studies.experiment.run:experiment"},
+            refused=_not(
+                _MOTORS,
+                "the experiment holds one tendon between two motors; describe that tendon by a scenario of its tension",
+            ),
+        ),
+        "identify": Work(
+            by={
+                Kind.TENSION: "identification.run:identify",
+                Kind.JOINT: "identification.driven:identify_one",
+                Kind.FINGER: "identification.driven:identify_several",
+            },
+            options={
+                name: _not(_MOTORS, f"{flag} {_ONE_MOTOR}")
+                for name, flag in (
+                    ("tension_columns", "--tension-column"),
+                    ("actuator_force_column", "--actuator-force-column"),
+                    ("explain", "--explain"),
+                    ("static_only", "--static"),
+                    ("conditions", "--condition"),
+                    ("tare_s", "--tare"),
+                    ("gear_ratio", "--gear-ratio"),
+                    ("drum_radius_m", "--drum-radius"),
+                )
+            },
+        ),
+        "suggest": Work(
+            by={
+                Kind.TENSION: "identification.suggest:suggest",
+                Kind.JOINT: "identification.driven:suggest_one",
+                Kind.FINGER: "identification.motors.run:suggest_motor_routine",
+            },
+        ),
+        "write_suggestion": Work(
+            by={
+                Kind.TENSION: "identification.answer.output:write_suggestion",
+                Kind.JOINT: "identification.driven:write_one",
+                Kind.FINGER: "identification.driven:write_several",
+            },
+        ),
+        "watch": Work(
+            by={Kind.JOINT: "studies.watch.run:watch"},
+            refused=_not(
+                (Kind.TENSION, Kind.FINGER),
+                "watch is for one joint on a loop; tendonff identify with several --data reports how the values of one "
+                "tendon drift",
+            ),
+        ),
+        "adapt": Work(
+            by={
+                Kind.TENSION: "studies.adapt.run:adapt",
+                Kind.JOINT: "studies.adapt.joint:adapt_joint",
+            },
+            refused={
+                Kind.FINGER: "adapt tunes one number from one motor; the joints of a finger share tendons, so that one "
+                "torque tells of many"
+            },
+        ),
+        "table": Work(
+            by={
+                Kind.TENSION: "studies.tables.run:make_tables",
+                Kind.JOINT: "studies.tables.joint:tabulate_joint",
+            },
+            refused={
+                Kind.FINGER: "a table of several joints needs an axis for the angle and the way of each, 2 n in all, "
+                f"which fits no controller; {_FINGER_ALONE}"
+            },
+            options={
+                name: _not((Kind.JOINT,), f"{flag} is for a tension; {_TABLE_AXES}")
+                for name, flag in (
+                    ("level", "--level"),
+                    ("bound_N", "--bound"),
+                    ("angles_rad", "--angles"),
+                    ("rates_N_per_s", "--rates"),
+                    ("pose_rad", "--pose"),
+                )
+            },
+        ),
+        "opti": Work(
+            by={
+                Kind.TENSION: "studies.opti.run:opti_of_tension",
+                Kind.JOINT: "studies.opti.run:opti_of_joint",
+            },
+            refused={
+                Kind.FINGER: "opti takes one tendon or one driven joint, this scenario has several; take "
+                "mechanism_equations for a problem of your own"
+            },
+            options={
+                "options": _not((Kind.JOINT,), "options are weights and bounds of a tension; add yours to the problem"),
+                "payload": _not((Kind.TENSION,), "payload is a torque of a joint; leave it out"),
+            },
+        ),
+        "export_c": Work(
+            by={
+                Kind.TENSION: "export.c_project:export_project",
+                Kind.JOINT: "joint.export.project:export_joints",
+                Kind.FINGER: "finger.export.project:export_fingers",
+            },
+            options={
+                "further": _not(
+                    (Kind.TENSION,),
+                    "one project has one tension, or several driven joints; give one scenario at a time",
+                ),
+                "profile_N": _not(_MOTORS, "profile_N is a force over time; the inverse of a joint runs live"),
+            },
+        ),
+        "export_fmu": Work(
+            by={
+                Kind.TENSION: "export.fmu:build_fmu",
+                Kind.JOINT: "joint.export.fmu:build_joint_fmu",
+                Kind.FINGER: "finger.export.fmu:build_finger_fmu",
+            },
+            options={"kind": _not(_MOTORS, "driven joints have the kind inverse only; leave --kind out")},
+        ),
+    }
+)
+"""All works, for every kind of scenario: the table of what is possible."""
+
+
+def require_options(work: str, scenario: "AnyScenario", asked: Mapping[str, object]) -> None:
+    """Refuse the options of a work that a scenario's kind does not have; those not asked for are None, False, empty."""
+    for name, why in WORKS[work].options.items():
+        if scenario.kind in why and _is_given(asked.get(name)):
+            raise InputError(f"{scenario.source.name}: {why[scenario.kind]}")
+
+
+def _is_given(value: object) -> bool:
+    return not (value is None or value is False or (isinstance(value, Sequence | Mapping) and not value))
+
+
+def function_of(
+    work: str, scenario: "AnyScenario", asked: Mapping[str, object] = MappingProxyType({})
+) -> Callable[..., Any]:
+    """Function that does a work on scenarios of this kind, with the options that were asked for.
+
+    InputError, with the reason, where there is none, or an option is not for this kind.
+    """
+    entry, kind = WORKS[work], scenario.kind
+    if kind in entry.refused:
+        raise InputError(f"{scenario.source.name}: {entry.refused[kind]}")
+    require_options(work, scenario, asked)
+    module, _, name = entry.by[kind].partition(":")
+    found: Callable[..., Any] = getattr(import_module(f"tendonff.compensator.{module}"), name)
+    return partial(found, **{key: value for key, value in asked.items() if _is_given(value)})
+
+
+def look_at(
+    scenario: "AnyScenario", *, follows_reference: bool = True, strict: bool = False, accept: bool = False
+) -> tuple[str, ...]:
+    """Warnings about a scenario and the files it names, before any work; arguments and errors as of `first_look`."""
+    found: tuple[str, ...] = function_of("look", scenario)(
+        scenario, follows_reference=follows_reference, strict=strict, accept=accept
+    )
+    return found
+
+
+@overload
+def design(
+    scenario: "Scenario",
+    *,
+    compensators: "Sequence[Compensator] | None" = None,
+    options: "TrackOptions | None" = None,
+    strict: bool = False,
+    progress: Progress = silent,
+) -> "Design": ...
+@overload
+def design(scenario: "JointScenario", *, strict: bool = False, progress: Progress = silent) -> "JointDesign": ...
+@overload
+def design(scenario: "FingerScenario", *, strict: bool = False, progress: Progress = silent) -> "FingerDesign": ...
+@overload
+def design(
+    scenario: "AnyScenario", *, strict: bool = False, progress: Progress = silent
+) -> "Design | JointDesign | FingerDesign": ...
+@in_turn
+def design(
+    scenario: "AnyScenario",
+    *,
+    compensators: "Sequence[Compensator] | None" = None,
+    options: "TrackOptions | None" = None,
+    strict: bool = False,
+    progress: Progress = silent,
+) -> "Design | JointDesign | FingerDesign":
+    """Design the command of a drive by every compensator, and verify each on a finer model.
+
+    Parameters
+    ----------
+    scenario : Scenario, JointScenario or FingerScenario
+        The command is a force (of a position drive a position), or the angle of each motor.
+    compensators : sequence of Compensator, optional
+        Of a tension. Default: all; the one named "none" is what the others are compared with.
+    options : TrackOptions, optional
+        Of a tension: what the optimal profile is optimised for; default: what the scenario asks for.
+    strict : bool, optional
+        Refuse a reference out of reach, beyond a stop, or for which a tendon would have to push, instead of designing
+        what comes closest.
+    progress : callable, optional
+        Callback(completed, total).
+
+    Raises
+    ------
+    InputError
+        If the reference has no meaning, or cannot be delivered.
+    SolveError
+        If a simulation fails.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> scenario = tf.load_scenario("examples/finger.toml")
+    >>> fast = [each for each in tf.COMPENSATORS if each.is_fast]
+    >>> result = tf.design(scenario, compensators=fast)
+    >>> print(result.recommended.label)
+    exact inverse
+    """
+    found: Design | JointDesign | FingerDesign = function_of(
+        "design", scenario, {"compensators": compensators, "options": options}
+    )(scenario, strict=strict, progress=progress)
+    return found
+
+
+def show(result: "Design | JointDesign | FingerDesign", folder: Path) -> None:
+    """Print the scores of a design, what to expect on a rig, and where its files are."""
+    function_of("show", result.scenario)(result, folder)
+
+
+def check(result: "Design | JointDesign | FingerDesign", method: Method) -> "MethodCheck":
+    """Simulate the recommended command of a design by another method too; SolveError if that fails."""
+    found: MethodCheck = function_of("check", result.scenario)(result, method)
+    return found
+
+
+@overload
+def compare(
+    scenario: "Scenario",
+    *,
+    compensators: "Sequence[Compensator] | None" = None,
+    options: "TrackOptions | None" = None,
+    progress: Progress = silent,
+) -> "Comparison": ...
+@overload
+def compare(scenario: "JointScenario | FingerScenario", *, progress: Progress = silent) -> "JointComparison": ...
+@overload
+def compare(
+    scenario: "AnyScenario",
+    *,
+    compensators: "Sequence[Compensator] | None" = None,
+    options: "TrackOptions | None" = None,
+    progress: Progress = silent,
+) -> "Comparison | JointComparison": ...
+@in_turn
+def compare(
+    scenario: "AnyScenario",
+    *,
+    compensators: "Sequence[Compensator] | None" = None,
+    options: "TrackOptions | None" = None,
+    progress: Progress = silent,
+) -> "Comparison | JointComparison":
+    """Compare the fidelity levels with each other: every compensator, designed on each, simulated on each.
+
+    Parameters
+    ----------
+    scenario : Scenario, JointScenario or FingerScenario
+    compensators : sequence of Compensator, optional
+        Of a tension; the one named "none" must be among them. Default: the feedforwards.
+    options : TrackOptions, optional
+        Of a tension: what the optimal profile is optimised for; default: what the scenario asks for.
+    progress : callable, optional
+        Callback(completed, total).
+
+    Raises
+    ------
+    InputError
+        If the reference has no meaning, or cannot be delivered.
+    SolveError
+        If a simulation fails.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> comparison = tf.compare(tf.load_scenario("examples/hand_joint.toml"))  # doctest: +SKIP
+    >>> print(comparison.recommendation)  # doctest: +SKIP
+    """
+    found: Comparison | JointComparison = function_of(
+        "compare", scenario, {"compensators": compensators, "options": options}
+    )(scenario, progress=progress)
+    return found
+
+
+@overload
+def adapt(scenario: "Scenario", *, progress: Progress = silent) -> "AdaptationStudy": ...
+@overload
+def adapt(scenario: "JointScenario", *, progress: Progress = silent) -> "JointAdaptationStudy": ...
+@overload
+def adapt(scenario: "AnyScenario", *, progress: Progress = silent) -> "AdaptationStudy | JointAdaptationStudy": ...
+@in_turn
+def adapt(scenario: "AnyScenario", *, progress: Progress = silent) -> "AdaptationStudy | JointAdaptationStudy":
+    """Try self-tuning on rigs that differ from a scenario, beside feedforward and feedback alone.
+
+    Parameters
+    ----------
+    scenario : Scenario or JointScenario
+        With the table [adaptation].
+    progress : callable, optional
+        Callback(completed, total).
+
+    Raises
+    ------
+    InputError
+        If the scenario has nothing to tune, or its reference cannot be delivered.
+    SolveError
+        If a simulation fails.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> study = tf.adapt(tf.load_scenario("examples/hand_joint_adaptive.toml"))  # doctest: +SKIP
+    >>> print(study.headline)  # doctest: +SKIP
+    """
+    found: AdaptationStudy | JointAdaptationStudy = function_of("adapt", scenario)(scenario, progress=progress)
+    return found
+
+
+def explore(scenario: "AnyScenario") -> "Subject":
+    """The subject of the interactive page of a scenario."""
+    found: Subject = function_of("explore", scenario)(scenario)
+    return found
+
+
+def simulate_file(
+    scenario: "AnyScenario",
+    commands: Path,
+    out: Path,
+    *,
+    column: str | None = None,
+    joints: Path | None = None,
+    level: Level | None = None,
+    check: bool = False,
+    method: Method = Method.BDF2,
+    accept: bool = False,
+    progress: Progress = silent,
+) -> "SimulatedFile":
+    """Simulate what a file of commands does, and write a table.
+
+    Parameters
+    ----------
+    scenario : Scenario, JointScenario or FingerScenario
+    commands : Path
+        Columns time_s, from 0, and force_N (of a position drive command_m) or motor_rad; of several motors
+        motor_NAME_rad.
+    out : Path
+        CSV file of tensions and motion.
+    column : str, optional
+        Name of the command's column, if it has another.
+    joints : Path, optional
+        Of a tension: motion of the joints, instead of the scenario's.
+    level : Level, optional
+        Default: the scenario's own.
+    check : bool, optional
+        Of a tension: simulate with smaller steps too, and state the discretisation error.
+    method : Method, optional
+        How it advances in time.
+    accept : bool, optional
+        Warn of values that look like another unit, instead of refusing them.
+    progress : callable, optional
+
+    Raises
+    ------
+    InputError
+        If a file has no meaning.
+    SolveError
+        If the simulation fails.
+    """
+    if out.exists() and any(out.samefile(source) for source in (scenario.source, commands, joints) if source):
+        raise InputError(f"{out} is an input of this run; name another file for the result")
+    other = None if method is Method.BDF2 else method
+    asked = {"column": column, "joints": joints, "check": check, "method": other}
+    found: SimulatedFile = function_of("simulate", scenario, asked)(
+        scenario, level or scenario.run.level, commands, out, accept=accept, progress=progress
+    )
+    return found
+
+
+@overload
+def identify(
+    scenario: "Scenario",
+    data: "Files",
+    validate: "Files" = (),
+    *,
+    how: "Measurement | None" = None,
+    static_only: bool = False,
+    conditions: Mapping[str, str] | None = None,
+    say: Callable[[str], None] = ...,
+    confirm: Callable[[str], bool] | None = None,
+) -> "Identification": ...
+@overload
+def identify(
+    scenario: "JointScenario | FingerScenario",
+    data: "Files",
+    validate: "Files" = (),
+    *,
+    how: "Measurement | None" = None,
+    say: Callable[[str], None] = ...,
+) -> "JointIdentification | MotorsIdentification": ...
+@overload
+def identify(
+    scenario: "AnyScenario",
+    data: "Files",
+    validate: "Files" = (),
+    *,
+    how: "Measurement | None" = None,
+    static_only: bool = False,
+    conditions: Mapping[str, str] | None = None,
+    say: Callable[[str], None] = ...,
+    confirm: Callable[[str], bool] | None = None,
+) -> "Identification | JointIdentification | MotorsIdentification": ...
+@in_turn
+def identify(
+    scenario: "AnyScenario",
+    data: "Files",
+    validate: "Files" = (),
+    *,
+    how: "Measurement | None" = None,
+    static_only: bool = False,
+    conditions: Mapping[str, str] | None = None,
+    say: Callable[[str], None] = lambda _: None,
+    confirm: Callable[[str], bool] | None = None,
+) -> "Identification | JointIdentification | MotorsIdentification":
+    """Find the parameters of a rig from files that were measured on it.
+
+    Parameters
+    ----------
+    scenario : Scenario, JointScenario or FingerScenario
+        Of the rig: its values are where the fit starts.
+    data : sequence of path
+        Files to fit: tensions at both ends of a tendon, or angles and torques of motors.
+    validate : sequence of path, optional
+        Files that judge the laws.
+    how : Measurement, optional
+        How the files are read; default: the scenario's table [measurement], of a joint the usual names of columns.
+    static_only : bool, optional
+        Of a tension: fit the quasi-static laws only.
+    conditions : mapping of str to str, optional
+        Of a tension: label of a file by its name; estimates are reported by label.
+    say : callable, optional
+        Takes lines on what was read and what comes next.
+    confirm : callable, optional
+        Of a tension: asked before very long files are fitted; default: no.
+
+    Raises
+    ------
+    InputError
+        If a file has no meaning, or does not belong to the scenario.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> scenario = tf.load_scenario("examples/hand_joint.toml")
+    >>> fit = tf.identify(scenario, ["log.csv"])  # doctest: +SKIP
+    """
+    asked = {"how": how, "static_only": static_only, "conditions": conditions}
+    found: Identification | JointIdentification | MotorsIdentification = function_of("identify", scenario, asked)(
+        scenario, data, validate, say=say, **({} if confirm is None else {"confirm": confirm})
+    )
+    return found
+
+
+@overload
+def suggest(scenario: "Scenario") -> "Excitation": ...
+@overload
+def suggest(scenario: "JointScenario | FingerScenario") -> "MotorRoutine | MotorsRoutine": ...
+@overload
+def suggest(scenario: "AnyScenario") -> "Excitation | MotorRoutine | MotorsRoutine": ...
+@in_turn
+def suggest(scenario: "AnyScenario") -> "Excitation | MotorRoutine | MotorsRoutine":
+    """Suggest what to command for an identification: a force over time, or angles of motors.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> routine = tf.suggest(tf.load_scenario("examples/hand_joint.toml"))
+    >>> routine.motor_rad[0]
+    np.float64(0.0)
+    """
+    found: Excitation | MotorRoutine | MotorsRoutine = function_of("suggest", scenario)(scenario)
+    return found
+
+
+@overload
+def make_table(
+    scenario: "Scenario",
+    *,
+    level: Level | None = None,
+    bound_N: float | None = None,
+    angles_rad: Sequence[float] = (),
+    rates_N_per_s: Sequence[float] = (),
+    pose_rad: Mapping[str, float] = ...,
+) -> "Tables": ...
+@overload
+def make_table(scenario: "JointScenario") -> "JointTable": ...
+@overload
+def make_table(
+    scenario: "AnyScenario",
+    *,
+    level: Level | None = None,
+    bound_N: float | None = None,
+    angles_rad: Sequence[float] = (),
+    rates_N_per_s: Sequence[float] = (),
+    pose_rad: Mapping[str, float] = ...,
+) -> "Tables | JointTable": ...
+@in_turn
+def make_table(
+    scenario: "AnyScenario",
+    *,
+    level: Level | None = None,
+    bound_N: float | None = None,
+    angles_rad: Sequence[float] = (),
+    rates_N_per_s: Sequence[float] = (),
+    pose_rad: Mapping[str, float] = MappingProxyType({}),
+) -> "Tables | JointTable":
+    """Tabulate the feedforward: a force over reference, branch and tension since the last reversal; a motor's angle
+    over the joint's angle and the way it turns.
+
+    Parameters
+    ----------
+    scenario : Scenario or JointScenario
+    level : Level, optional
+        Of a tension, as what follows. Default: the scenario's own.
+    bound_N : float, optional
+        Largest interpolation error; default: 0.5 % of the reference's range.
+    angles_rad, rates_N_per_s : sequence of float, optional
+        Wrap angles and rates of the reference: a further axis each.
+    pose_rad : mapping of str to float, optional
+        Angles of joints during the table.
+
+    Raises
+    ------
+    InputError
+        If no table holds what the scenario describes.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> tables = tf.make_table(tf.load_scenario("examples/finger.toml"))  # doctest: +SKIP
+    >>> tables.write("table")  # doctest: +SKIP
+    """
+    asked = {
+        "level": level,
+        "bound_N": bound_N,
+        "angles_rad": angles_rad,
+        "rates_N_per_s": rates_N_per_s,
+        "pose_rad": pose_rad,
+    }
+    found: Tables | JointTable = function_of("table", scenario, asked)(scenario)
+    return found
+
+
+@in_turn
+def export_c(
+    scenario: "AnyScenario",
+    *,
+    further: "Sequence[AnyScenario]" = (),
+    precision: Precision = Precision.DOUBLE,
+    prefix: str = "tff",
+    level: Level | None = None,
+    profile_N: "FloatArray | None" = None,
+    force_export: bool = False,
+) -> "Exported | ExportedJoints | ExportedFingers":
+    """Print a folder of C99 for the controller, with its self test.
+
+    Every module is simulated on the scenario's reference first; one that is worse than no compensation is left out.
+
+    Parameters
+    ----------
+    scenario : Scenario, JointScenario or FingerScenario
+    further : sequence of JointScenario or FingerScenario, optional
+        Of joints: others of the same project, which share one copy of the code.
+    precision : Precision, optional
+        Real type of all arithmetic.
+    prefix : str, optional
+        Prefix of every C name and file.
+    level : Level, optional
+        Fidelity level of what is exported; default: the scenario's own.
+    profile_N : ndarray, optional
+        Of a tension: profile to play [N] or, of a position drive, [m]; default: the optimal one. It is judged where it
+        has a sample for each of the reference.
+    force_export : bool, optional
+        Export modules all the same that are worse than no compensation.
+
+    Raises
+    ------
+    InputError
+        If the prefix is no C identifier, the reference cannot be delivered, or scenarios do not go together.
+    SolveError
+        If nothing is better than no compensation.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> knuckle = tf.load_scenario("examples/hand_joint.toml")
+    >>> exported = tf.export_c(knuckle, precision=tf.Precision.FLOAT)  # doctest: +SKIP
+    >>> exported.write("c")  # doctest: +SKIP
+    """
+    export = function_of("export_c", scenario, {"further": further, "profile_N": profile_N})
+    for each in further:
+        if each.kind is not scenario.kind:
+            raise InputError(f"{each.source.name}: {_APART}")
+    found: Exported | ExportedJoints | ExportedFingers = export(
+        scenario, precision=precision, prefix=prefix, level=level, force_export=force_export
+    )
+    return found
+
+
+@overload
+def opti(
+    scenario: "Scenario",
+    *,
+    level: Level | None = None,
+    interval_s: float = 0.005,
+    degree: int = 1,
+    smoothing: float = 3e-4,
+    options: "TrackOptions | None" = None,
+) -> "Formulation": ...
+@overload
+def opti(
+    scenario: "JointScenario",
+    *,
+    level: Level | None = None,
+    interval_s: float = 0.005,
+    degree: int = 1,
+    smoothing: float = 3e-4,
+    payload: bool = False,
+) -> "JointFormulation": ...
+@overload
+def opti(
+    scenario: "AnyScenario",
+    *,
+    level: Level | None = None,
+    interval_s: float = 0.005,
+    degree: int = 1,
+    smoothing: float = 3e-4,
+    options: "TrackOptions | None" = None,
+    payload: bool = False,
+) -> "Formulation | JointFormulation": ...
+@in_turn
+def opti(
+    scenario: "AnyScenario",
+    *,
+    level: Level | None = None,
+    interval_s: float = 0.005,
+    degree: int = 1,
+    smoothing: float = 3e-4,
+    options: "TrackOptions | None" = None,
+    payload: bool = False,
+) -> "Formulation | JointFormulation":
+    """Pose the optimal-control problem of a scenario by direct collocation, to be extended and solved by IPOPT.
+
+    Parameters
+    ----------
+    scenario : Scenario or JointScenario
+        The tension of one tendon, or the angle of one driven joint.
+    level : Level, optional
+        Of the model; default: the scenario's.
+    interval_s : float, optional
+        Length of an interval, over which force and motors are linear [s], > 0. Default 0.005.
+    degree : int, optional
+        Of the states' polynomials, 1 to 9; 1, the default, is implicit Euler.
+    smoothing : float, optional
+        Friction switches over this share of the largest sliding speed of the first guess [-], > 0: abs(v) becomes
+        sqrt(v^2 + w^2). Default 3e-4.
+    options : TrackOptions, optional
+        Weights and bounds of a tendon's problem; default: the scenario's table [optimal].
+    payload : bool, optional
+        Of a joint: the torque on what it touches is a variable that your equations decide.
+
+    Raises
+    ------
+    InputError
+        If the scenario is none that this can pose.
+    SolveError
+        If the first guess cannot be simulated.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> import tendonff as tf
+    >>> scenario = tf.load_scenario("examples/finger_fast.toml")
+    >>> short = replace(scenario.reference, duration_s=0.1)
+    >>> problem = tf.opti(replace(scenario, reference=short))
+    >>> problem.opti.subject_to(problem.tension_N[3, 1:] <= 60.0)  # at the middle of the path
+    >>> answer = problem.solve()
+    >>> answer.value(problem.force_N).shape
+    (21,)
+    """
+    found: Formulation | JointFormulation = function_of("opti", scenario, {"options": options, "payload": payload})(
+        scenario, level=level, interval_s=interval_s, degree=degree, smoothing=smoothing
+    )
+    return found
+
+
+@in_turn
+def export_fmu(
+    scenario: "AnyScenario",
+    kind: Unit = Unit.INVERSE,
+    fmi: FmiVersion = FmiVersion.V2,
+    *,
+    prefix: str = "tff",
+    level: Level | None = None,
+    everywhere: bool = False,
+    force_export: bool = False,
+) -> "Fmu":
+    """Wrap the exported C into a co-simulation unit.
+
+    Parameters
+    ----------
+    scenario : Scenario or JointScenario
+    kind : Kind, optional
+        What it computes; of a joint its inverse.
+    fmi : FmiVersion, optional
+    prefix : str, optional
+        Prefix of the C names.
+    level : Level, optional
+        Default: the scenario's own.
+    everywhere : bool, optional
+        Binaries for Windows and macOS too, built here by ziglang; what is run here are those of this machine alone.
+    force_export : bool, optional
+        Make a unit all the same that is worse than no compensation.
+
+    Raises
+    ------
+    SolveError
+        If what it computes fails, or is worse than no compensation.
+    CodeError
+        If a compiler refuses the sources.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> knuckle = tf.load_scenario("examples/hand_joint.toml")
+    >>> tf.export_fmu(knuckle, fmi=tf.FmiVersion.V3).write("fmu")  # doctest: +SKIP
+    """
+    asked = {"kind": None if kind is Unit.INVERSE else kind}
+    found: Fmu = function_of("export_fmu", scenario, asked)(
+        scenario, fmi=fmi, prefix=prefix, level=level, everywhere=everywhere, force_export=force_export
+    )
+    return found

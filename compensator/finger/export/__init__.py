@@ -1,0 +1,1 @@
+"""Exported C of fingers: its text, golden vectors, judgement, and the folder."""

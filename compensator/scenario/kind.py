@@ -1,0 +1,11 @@
+"""Kinds of scenario."""
+
+from enum import StrEnum
+
+
+class Kind(StrEnum):
+    """What a scenario file describes; the reader knows it by the tables of the file."""
+
+    TENSION = "tension of one tendon"
+    JOINT = "driven joint"
+    FINGER = "several driven joints"

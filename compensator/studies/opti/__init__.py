@@ -1,0 +1,1 @@
+"""A scenario as a problem of optimal control that users extend."""

@@ -1,0 +1,172 @@
+"""Every work takes every kind of scenario, or refuses it with a reason and a way out."""
+
+import inspect
+from pathlib import Path
+
+import pytest
+
+import tendonff as tf
+from tendonff.compensator import door
+from tendonff.compensator.cli import run
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.scenario.kind import Kind
+
+RIGS = {
+    "tension": Kind.TENSION,
+    "loop": Kind.JOINT,
+    "pair": Kind.JOINT,
+    "spring": Kind.JOINT,
+    "finger": Kind.FINGER,
+    "underactuated": Kind.FINGER,
+}
+"""What there is, and the kind of scenario that it is to the program."""
+
+MOST_REFUSED_WORKS, MOST_REFUSED_OPTIONS = 11, 42
+"""Refusals of a whole work and of an option, counted by kind of scenario: they may only become fewer."""
+
+COMMANDS = {
+    "explore": ["explore"],
+    "experiment": ["experiment"],
+    "watch": ["watch", "--data", "log.csv"],
+    "adapt": ["adapt"],
+    "table": ["table"],
+    "online": ["design", "--online"],
+    "check": ["design", "--check", "idas"],
+}
+"""A command that asks for each work that some kind refuses; `tf.opti` has none."""
+
+OPTIONS = {
+    ("compare", "compensators"): ["compare", "--optimal"],
+    ("simulate", "joints"): ["simulate", "--force", "f.csv", "--out", "o.csv", "--joints", "q.csv"],
+    ("simulate", "check"): ["simulate", "--force", "f.csv", "--out", "o.csv", "--check"],
+    ("simulate", "column"): ["simulate", "--force", "f.csv", "--out", "o.csv", "--force-column", "x"],
+    ("simulate", "method"): ["simulate", "--force", "f.csv", "--out", "o.csv", "--method", "idas"],
+    ("identify", "tension_columns"): ["identify", "--data", "log.csv", "--tension-column", "a_N=1"],
+    ("identify", "actuator_force_column"): ["identify", "--data", "log.csv", "--actuator-force-column", "a"],
+    ("identify", "explain"): ["identify", "--data", "log.csv", "--explain", "input"],
+    ("identify", "static_only"): ["identify", "--data", "log.csv", "--static"],
+    ("identify", "conditions"): ["identify", "--data", "log.csv", "--condition", "log.csv=wet"],
+    ("identify", "tare_s"): ["identify", "--data", "log.csv", "--tare", "0:1"],
+    ("identify", "gear_ratio"): ["identify", "--data", "log.csv", "--gear-ratio", "5"],
+    ("identify", "drum_radius_m"): ["identify", "--data", "log.csv", "--drum-radius", "0.01"],
+    ("table", "level"): ["table", "--level", "elastic"],
+    ("table", "bound_N"): ["table", "--bound", "0.1"],
+    ("table", "angles_rad"): ["table", "--angles", "1,2"],
+    ("table", "rates_N_per_s"): ["table", "--rates", "10"],
+    ("table", "pose_rad"): ["table", "--pose", "wrist=0.5"],
+    ("export_fmu", "kind"): ["export-fmu", "--kind", "plant"],
+}
+"""A command with each option that some kind lacks; those of Python alone are not here."""
+
+
+@pytest.fixture(scope="module")
+def files(examples: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """A scenario file of every rig."""
+    folder = tmp_path_factory.mktemp("rigs")
+    assert run(["new", str(folder / "underactuated.toml"), "--for", "underactuated"]) == 0
+    loop = (examples / "hand_joint.toml").read_text(encoding="utf-8")
+    head, first, _ = loop.split("[[tendons]]")
+    drive = loop[loop.index("[drive]") :]
+    return {
+        "tension": examples / "finger.toml",
+        "loop": examples / "hand_joint.toml",
+        "pair": examples / "instrument_pair.toml",
+        "spring": _spring(folder / "spring.toml", head, first, drive),
+        "finger": examples / "three_joint_finger.toml",
+        "underactuated": folder / "underactuated.toml",
+    }
+
+
+def _spring(path: Path, head: str, tendon: str, drive: str) -> Path:
+    """One tendon and a spring that keeps it taut."""
+    text = head.replace("[joints.knuckle]", "[joints.knuckle]\nstiffness_N_m_per_rad = 0.1\nrest_rad = -1.5")
+    lines = (text + "[[tendons]]" + tendon.split("[drive]", maxsplit=1)[0] + drive).splitlines()
+    kept = [line for line in lines if not line.startswith(("pretension_N", "homing_rad", 'kind = "loop"'))]
+    text = "\n".join(kept).replace("[drive]", '[drive]\nkind = "pair"\nleast_tension_N = 0.5')
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("rig", RIGS)
+def test_the_one_reader_knows_what_a_file_describes(files, rig):
+    assert tf.load_scenario(files[rig]).kind is RIGS[rig]
+
+
+@pytest.mark.parametrize("work", door.WORKS)
+def test_every_work_takes_or_refuses_every_kind_and_lacks_options_of_its_own_alone(files, work):
+    entry = door.WORKS[work]
+    assert {*entry.by, *entry.refused} == set(Kind)
+    assert not {*entry.by} & {*entry.refused}
+    for rig, kind in RIGS.items():
+        if kind in entry.by:
+            found = door.function_of(work, tf.load_scenario(files[rig])).func
+            taken = set(inspect.signature(found).parameters)
+            lacking = {name for name, why in entry.options.items() if kind in why}
+            assert {name for name in entry.options if name in taken} == {*entry.options} - lacking - MEASURED
+
+
+MEASURED = {"tension_columns", "actuator_force_column", "explain", "tare_s", "gear_ratio", "drum_radius_m"}
+"""Options of `identify` that come in one record, [measurement]."""
+
+
+def test_refusals_only_become_fewer():
+    works = sum(len(work.refused) for name, work in door.WORKS.items() if name != "write_suggestion")
+    options = sum(len(why) for work in door.WORKS.values() for why in work.options.values())
+    assert works <= MOST_REFUSED_WORKS
+    assert options <= MOST_REFUSED_OPTIONS
+
+
+REFUSED = [(COMMANDS[work], kind, why) for work in COMMANDS for kind, why in door.WORKS[work].refused.items()]
+REFUSED += [
+    (OPTIONS[work, name], kind, reason)
+    for work in door.WORKS
+    for name, why in door.WORKS[work].options.items()
+    if (work, name) in OPTIONS
+    for kind, reason in why.items()
+]
+
+
+@pytest.mark.parametrize(("command", "kind", "why"), REFUSED)
+def test_what_is_refused_says_why_and_writes_nothing(files, tmp_path, monkeypatch, capsys, command, kind, why):
+    monkeypatch.chdir(tmp_path)
+    rig = next(name for name, each in RIGS.items() if each is kind)
+    assert run([command[0], str(files[rig]), *command[1:]]) == 2
+    assert why in capsys.readouterr().err
+    assert not any(tmp_path.iterdir())
+
+
+def test_options_of_python_are_refused_with_the_same_reasons(files):
+    joint = tf.load_scenario(files["loop"])
+    with pytest.raises(InputError, match="joints are designed by all"):
+        tf.design(joint, compensators=tf.COMPENSATORS)
+    with pytest.raises(InputError, match="joints have the exact inverse"):
+        tf.compare(joint, options=tf.TrackOptions())
+    with pytest.raises(InputError, match="give one scenario at a time"):
+        tf.export_c(tf.load_scenario(files["tension"]), further=(joint,))
+
+
+def test_a_kind_is_asked_for_in_the_reader_alone():
+    root = Path(door.__file__).parent
+    asked = [
+        f"{path.relative_to(root)}: {line.strip()}"
+        for path in root.rglob("*.py")
+        for line in path.read_text(encoding="utf-8").splitlines()
+        if "isinstance(" in line and "Scenario" in line
+    ]
+    assert asked == []
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_a_mark_of_the_encoding_changes_nothing(files, tmp_path, encoding):
+    for rig in ("tension", "loop", "finger"):
+        text = files[rig].read_text(encoding="utf-8")
+        (tmp_path / "s.toml").write_text(text, encoding=encoding)
+        assert tf.load_scenario(tmp_path / "s.toml").kind is RIGS[rig]
+
+
+@pytest.mark.parametrize("work", ["design", "simulate", "compare", "table"])
+def test_a_key_of_thousands_of_parts_is_refused_at_once(tmp_path, capsys, work):
+    (tmp_path / "deep.toml").write_text("joints" + ".a" * 20_000 + " = 1\n", encoding="utf-8")
+    more = ["--force", "f.csv", "--out", str(tmp_path / "o.csv")] if work == "simulate" else []
+    assert run([work, str(tmp_path / "deep.toml"), *more]) == 2
+    assert "more than 50 parts" in capsys.readouterr().err

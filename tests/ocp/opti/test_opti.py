@@ -1,0 +1,181 @@
+"""Scenarios as `casadi.Opti`: the exact inverse where nothing binds, limits, and what users add."""
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import tendonff as tf
+from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.optimal import solve
+from tendonff.compensator.joint.compensators import JointTask
+from tendonff.models.mechanism.chain import chain_equations
+from tendonff.models.tendon.chain import Chain
+from tendonff.ocp.integrate.integrate import integrate
+from tendonff.ocp.opti.collocation import History, collocate
+from tendonff.ocp.opti.tendon import ipopt_options
+from tendonff.ocp.tracking.options import Solver, TrackOptions
+
+NOMINAL = TrackOptions(stiffer_weight=0.0)
+
+
+def finger(examples, name="finger_fast", duration_s=0.3, masses=2):
+    scenario = tf.load_scenario(examples / f"{name}.toml")
+    path = replace(scenario.transmission.path, segments=masses)
+    return replace(
+        scenario,
+        transmission=replace(scenario.transmission, path=path),
+        reference=replace(scenario.reference, duration_s=duration_s, fade_in_s=0.05, frequencies_Hz=(3.0, 5.0)),
+        run=replace(scenario.run, step_s=0.005),
+    )
+
+
+@pytest.fixture(scope="module")
+def limited(examples):
+    """A reference whose rate limit binds, and its solution."""
+    scenario = finger(examples)
+    problem = tf.opti(scenario, options=NOMINAL)
+    return scenario, problem, problem.solve()
+
+
+def test_where_no_limit_binds_the_force_is_the_exact_inverse(examples):
+    scenario = finger(examples, "finger", duration_s=0.1)
+    options = replace(NOMINAL, travel_weight=0.0)
+    problem = tf.opti(scenario, options=options, smoothing=1e-5)
+    answer = problem.solve()
+    wanted = np.interp(problem.time_s, *_reference(scenario))
+    assert np.abs(answer.value(problem.output_N) - wanted).max() < 1e-3
+
+
+def test_limits_of_the_actuator_hold_and_bind(limited):
+    scenario, problem, answer = limited
+    rate = np.abs(np.diff(answer.value(problem.force_N))) / np.diff(problem.time_s)
+    most = scenario.transmission.actuator.force_rate_max_N_per_s
+    assert most * (1 - 1e-4) < rate.max() <= most * (1 + 1e-6)
+
+
+def test_ipopt_and_sqp_come_to_like_errors_on_the_design_model(limited):
+    scenario, problem, answer = limited
+    posed = Problem.of(scenario, options=NOMINAL)
+    rows = posed.reference.time_s
+    force = np.interp(rows, problem.time_s, answer.value(problem.force_N))
+    run = tf.simulate(posed.chain, force, scenario.run.step_s, initial_tension_N=30.0)
+    by_ipopt = float(np.sqrt(np.mean((run.output_tension_N - posed.reference.tension_N) ** 2)))
+    assert by_ipopt < 1.25 * solve(posed).rms_error_N
+
+
+def test_the_scenario_chooses_the_solver(examples):
+    scenario = finger(examples, duration_s=0.2)
+    by_sqp = solve(Problem.of(scenario, options=NOMINAL))
+    found = solve(Problem.of(scenario, options=replace(NOMINAL, solver=Solver.IPOPT)))
+    assert found.status.value == "optimal"
+    assert found.rms_error_N < 1.1 * by_sqp.rms_error_N
+
+
+def test_a_constraint_of_the_user_holds(limited, examples):
+    _, free, before = limited
+    most = 0.95 * float(before.value(free.tension_N)[:, 1].max())
+    problem = tf.opti(finger(examples), options=NOMINAL)
+    problem.opti.subject_to(problem.tension_N[1, 1:] <= most)
+    middle = problem.solve().value(problem.tension_N)[1:, 1]
+    assert most * (1 - 1e-3) < middle.max() <= most * (1 + 1e-6)
+
+
+def test_a_cost_of_the_user_is_what_is_minimised(limited, examples):
+    _, free, before = limited
+    problem = tf.opti(finger(examples), options=NOMINAL)
+    problem.opti.subject_to(problem.cost <= 2 * before.value(free.cost))
+    problem.opti.minimize(ca.sumsqr(problem.force_N) / 1e5)
+    force = problem.solve().value(problem.force_N)
+    assert np.sum(force**2) < np.sum(before.value(free.force_N) ** 2)
+
+
+def test_a_problem_without_solution_says_what_the_solver_says(examples):
+    problem = tf.opti(finger(examples, duration_s=0.1), options=NOMINAL)
+    problem.opti.solver("ipopt", *ipopt_options(iterations=30))
+    problem.opti.subject_to(problem.tension_N[1, -1] <= 1.0)
+    with pytest.raises(tf.SolveError, match=r"not solved: \w+ after \d+ iterations"):
+        problem.solve()
+
+
+@pytest.mark.parametrize(("degree", "order"), [(1, 1.0), (2, 2.0)])
+def test_collocation_converges_and_with_a_higher_degree_faster(examples, degree, order):
+    """Without friction's kinks; the second degree's order of 3 ends at the solver's tolerance."""
+    transmission = finger(examples).transmission
+    smooth = replace(transmission, friction=replace(transmission.friction, mu_dynamic=0.0, mu_static=0.0))
+    chain = Chain.of(smooth, tf.Level.PRESLIDING)
+    page, start = chain_equations(chain), chain.rest_state(30.0).vector()
+    duration = 0.2
+
+    def ends(intervals):
+        step = duration / intervals
+        force = 30.0 + 5.0 * np.sin(np.pi / 2 / duration * np.arange(intervals + 1.0) * step) ** 2
+        inputs = np.column_stack([force, np.zeros((intervals + 1, 3))])
+        places = chain.path_at(np.zeros(intervals + 1)).table()
+        opti = ca.Opti()
+        history = History(inputs=ca.MX(ca.DM(inputs.T)), places=ca.DM(places.T))
+        found = collocate(opti, page, step, start, history, (inputs, places), degree=degree, smoothing=1e-9)
+        opti.minimize(0)
+        opti.solver("ipopt", *ipopt_options())
+        exact = integrate(page, start, inputs, step, places=places, rtol=1e-10, atol=1e-13).states[-1]
+        # elongations alone: speeds at the corners of the force ring
+        rows = chain.layout.part("e")
+        return np.abs(np.asarray(opti.solve().value(found.states))[rows, -1] - exact[rows]).max()
+
+    coarse, fine = ends(20), ends(40)
+    assert np.log2(coarse / fine) > order - 0.5
+
+
+def joint(examples, duration_s=0.15):
+    scenario = tf.load_scenario(examples / "instrument_pair.toml")
+    tendons = tuple(replace(t, path=replace(t.path, segments=2)) for t in scenario.mechanism.tendons)
+    return replace(
+        scenario,
+        mechanism=replace(scenario.mechanism, tendons=tendons),
+        reference=replace(scenario.reference, duration_s=duration_s),
+    )
+
+
+def test_a_joint_follows_its_reference_by_its_motors(examples):
+    scenario = joint(examples)
+    problem = tf.opti(scenario)
+    answer = problem.solve()
+    task = JointTask.of(scenario)
+    motor = answer.value(problem.motor_rad)
+    rows = task.time_s
+    run = tf.simulate(
+        task.problem, np.column_stack([np.interp(rows, problem.time_s, c) for c in motor.T]), scenario.run.step_s
+    )
+    assert np.abs(run.angle_rad - task.wanted).max() < 0.01 * np.ptp(task.wanted)
+
+
+def test_a_payload_of_the_user_loads_the_joint(examples):
+    """A mass on a spring at the joint; its equations are the user's."""
+    problem = tf.opti(joint(examples), payload=True)
+    n, h = len(problem.time_s), problem.time_s[1]
+    place, speed = problem.opti.variable(n), problem.opti.variable(n)
+    torque, inertia = 0.05 * (problem.angle_rad - place), 1e-6
+    problem.opti.subject_to(problem.contact_N_m[1:] == torque[1:])
+    problem.opti.subject_to(ca.diff(place) == h * speed[1:])
+    problem.opti.subject_to(inertia * ca.diff(speed) == h * torque[1:])
+    problem.opti.subject_to(place[0] == problem.angle_rad[0])
+    problem.opti.subject_to(speed[0] == 0)
+    answer = problem.solve()
+    carried, moved = answer.value(problem.contact_N_m), answer.value(speed)
+    assert np.abs(carried).max() > 0
+    assert carried.sum() * h == pytest.approx(inertia * moved[-1], rel=1e-6)  # its momentum
+
+
+def test_what_it_cannot_pose_is_refused_with_the_way_out(examples):
+    with pytest.raises(tf.InputError, match="mechanism_equations"):
+        tf.opti(tf.load_scenario(examples / "three_joint_finger.toml"))
+    with pytest.raises(tf.InputError, match="leave out periodic"):
+        tf.opti(tf.load_scenario(examples / "exosuit.toml"))
+    with pytest.raises(tf.ParameterError, match="degree must be a whole number"):
+        tf.opti(tf.load_scenario(examples / "finger.toml"), degree=0)
+
+
+def _reference(scenario):
+    sampled = tf.sample_reference(scenario)
+    return sampled.time_s, sampled.tension_N
