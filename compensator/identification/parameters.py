@@ -12,7 +12,7 @@ from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.pace import UNHURRIED
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.parameters import Transmission
-from tendonff.models.tendon.load_dependence import LARGEST_EXPONENT
+from tendonff.models.parameters.transmission import LARGEST_EXPONENT
 from tendonff.ocp.fits.chain import ChainModel, ChainResponse, Drive, Numbers, Reading
 from tendonff.ocp.fits.least_squares import Unknown
 from tendonff.ocp.fits.static import StaticParameter
