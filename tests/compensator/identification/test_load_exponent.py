@@ -10,7 +10,7 @@ from tendonff.compensator.compensators.base import Problem, with_motion
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.identification.run import identify
-from tendonff.compensator.scenario.scenario import load_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.fidelity import Level
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.tendon.simulate import simulate
