@@ -25,7 +25,7 @@ from pathlib import Path
 import tendonff as tf
 from benchmarks.safety_mutants import LIVE, RESTS, SWAPS
 from tendonff.compensator.joint.export.text import accepted_rad
-from tendonff.compensator.joint.scenario.scenario import sample_joint
+from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
 
 FLAGS = ("-std=c99", "-O1", "-w", "-ffp-contract=off", "-fno-math-errno")
 DRIVER, JOINT_DRIVER = (Path(__file__).with_name(name) for name in ("mutants.c", "mutants_joint.c"))
@@ -177,12 +177,12 @@ def difference(one: list[list[float]], two: list[list[float]]) -> float:
 
 
 def subject(
-    scenario: tf.Scenario | tf.JointScenario, options: argparse.Namespace
+    scenario: tf.Scenario | JointScenario, options: argparse.Namespace
 ) -> tuple[Path, dict[str, str], tuple[str, ...]]:
     """Driver, exported files and what the driver has to know."""
     precision = tf.Precision(options.precision)
-    if isinstance(scenario, tf.JointScenario):
-        joints = tf.export_joint_c([scenario], precision=precision, force_export=True)
+    if isinstance(scenario, JointScenario):
+        joints = tf.export_c(scenario, precision=precision, force_export=True)
         angle = sample_joint(scenario).angle_rad
         low, high = accepted_rad(scenario, sample_joint(scenario))
         values = zip(("LOW", "HIGH", "START"), (low, high, float(angle[0])), strict=True)
@@ -232,6 +232,8 @@ def main() -> int:
         alive = []
         listed = [] if "tff_path.c" in files or driver is JOINT_DRIVER else list(safety(files, options.precision))
         listed = [m for m in listed if options.only in m.what and not options.random_only]
+        if getattr(scenario, "adaptation", None) is None or not scenario.adaptation.integral_gain_per_s:
+            listed = [m for m in listed if "integra" not in m.what]  # the same without integral action
         for mutant in listed:
             if survives(mutant):
                 alive.append(mutant.what)

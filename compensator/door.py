@@ -86,7 +86,7 @@ def _not(kinds: Sequence[Kind], why: str) -> Mapping[Kind, str]:
     return dict.fromkeys(kinds, why)
 
 
-_FINGER_ALONE = "tf.Runtime gives their motor angles step by step"
+_FINGER_ALONE = "tf.Runtime and export-c give their motor angles step by step"
 _APART = "a project holds single joints or fingers, each kind in a folder of its own; give one kind at a time"
 _LIVE = "the filter of a live reference is that of a tension; the exported inverse of a joint leads to its reference"
 _PROBES = "the optimal profile is that of a tension; joints have the exact inverse"

@@ -6,21 +6,25 @@ and the last link are the half pieces at the ends::
     actuator |--o----o----o--|-------|---o-------o---| load        o mass in the middle of its piece
               link 1  2    3       4         5     6               sections: arc, straight, arc
 
-Wrap angles and lengths of the sections are affine in the joint angles, so those of pieces and links are too.
+Wrap angles and lengths of the sections are affine in the angle of a joint, or tables over several (`TabulatedSection`);
+those of pieces and links are shares of them.
 """
 
 import functools
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
 from enum import StrEnum
 from typing import Any
 
+import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from tendonff.models.cached import cached_property
 from tendonff.models.errors import ParameterError
 from tendonff.models.layout import Array
+from tendonff.models.path_table import PathTable
 
 FURTHEST_RAD = 7.0
 """No joint turns further, by a good turn."""
@@ -150,15 +154,126 @@ class Section:
             return bearing, bearing
         return self.mu_dynamic, self.mu_dynamic if self.mu_dynamic_release is None else self.mu_dynamic_release
 
-    def angle_at(self, joint_rad: ArrayLike) -> Array:
-        """Wrap angle phi(q) at these angles of its joint [rad], not below 0."""
-        return bent_rad(self.angle_rad, self.angle_per_rad, np.asarray(joint_rad, dtype=np.float64))
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Joints that it follows."""
+        return () if self.joint is None else (self.joint,)
+
+    @property
+    def moves(self) -> bool:
+        """Whether a joint bends it or changes its length."""
+        return bool(self.angle_per_rad or self.length_per_rad_m)
+
+    def angle_at(self, places: Mapping[str, Any]) -> Array:
+        """Wrap angle phi(q) for angles by joint [rad], not below 0; a joint that is not named stands at zero."""
+        bent: Array = np.maximum(self.angle_rad + self.angle_per_rad * _place(self.joint, places), 0.0)
+        return bent
+
+    def gained_at(self, places: Mapping[str, Any]) -> Array:
+        """Gain of its length since joint angle zero, for angles by joint [m]."""
+        gained: Array = self.length_per_rad_m * _place(self.joint, places)
+        return gained
+
+    def gained_slopes_at(self, places: Mapping[str, Any]) -> dict[str, Array]:
+        """Slope of its length over each joint that it follows, for angles by joint [m/rad]."""
+        return {joint: np.full(_place(joint, places).shape, self.length_per_rad_m) for joint in self.joints}
+
+    def symbolic(self, places: Mapping[str, ca.SX]) -> tuple[ca.SX, ca.SX]:
+        """Wrap angle before it is cut off at zero, and gained length, as CasADi scalars."""
+        at = places.get(self.joint or "", ca.SX(0))
+        return self.angle_rad + self.angle_per_rad * at, self.length_per_rad_m * at
+
+    def largest_angle_rad(self, motion: "JointMotion | None") -> float:
+        """Largest wrap angle over a motion [rad]."""
+        if motion is None or not self.joints:
+            return self.angle_rad
+        return float(self.angle_at(motion.by_joint).max())
 
 
-def bent_rad(still_rad: Array | float, per_rad: Array | float, joint_rad: Array) -> Array:
-    """Wrap angle phi(q) [rad]: phi(0) + q dphi/dq, and 0 where the tendon lifts off; of one section or of each."""
-    bent: Array = np.maximum(still_rad + per_rad * joint_rad, 0.0)
-    return bent
+def _place(joint: str | None, places: Mapping[str, Any]) -> Array:
+    return np.asarray(places.get(joint or "", 0.0), dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TabulatedSection(Section):
+    """A section whose wrap angle and length are functions of one to three joints.
+
+    Parameters
+    ----------
+    angle : PathTable, optional
+        Wrap angle [rad]; below zero where the tendon is off, cut off there. Default: constant.
+    length : PathTable, optional
+        Length [m]. Default: constant.
+
+    Notes
+    -----
+    `tabulated` sets `angle_rad`, over which the bristles are spread, to the largest angle of the table, for at joint
+    angle zero there may be none; `length_m` is the length there, or as near to it as the table's range allows.
+    """
+
+    angle: PathTable | None = None
+    length: PathTable | None = None
+
+    @classmethod
+    def tabulated(cls, section: Section, angle: PathTable | None, length: PathTable | None) -> "TabulatedSection":
+        """A section that follows no joint, with tables instead of its constants."""
+        if section.joint is not None:
+            raise ParameterError(f'section "{section.name}" has a table, so it names no joint; leave joint out')
+        given = {field.name: getattr(section, field.name) for field in fields(Section)}
+        if angle is not None:
+            given["angle_rad"] = max(angle.peak, 0.0)
+        if length is not None:
+            given["length_m"] = length.home
+        return cls(**given, angle=angle, length=length)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Joints that it follows."""
+        return tuple(dict.fromkeys(joint for table in self.tables for joint in table.joints))
+
+    @property
+    def tables(self) -> tuple[PathTable, ...]:
+        """Those that it has."""
+        return tuple(table for table in (self.angle, self.length) if table is not None)
+
+    @property
+    def moves(self) -> bool:
+        """Whether a joint bends it or changes its length."""
+        return bool(self.tables)
+
+    def angle_at(self, places: Mapping[str, Any]) -> Array:
+        """Wrap angle for angles by joint [rad], not below 0."""
+        if self.angle is None:
+            return np.array(self.angle_rad)
+        bent: Array = np.maximum(self.angle.at(places), 0.0)
+        return bent
+
+    def gained_at(self, places: Mapping[str, Any]) -> Array:
+        """Gain of its length since joint angle zero [m]."""
+        if self.length is None:
+            return np.array(0.0)
+        return self.length.at(places) - (self.length_m or 0.0)
+
+    def gained_slopes_at(self, places: Mapping[str, Any]) -> dict[str, Array]:
+        """Slope of its length over each joint that it follows [m/rad]."""
+        slopes = {} if self.length is None else self.length.slopes_at(places)
+        return {joint: slopes.get(joint, np.zeros(_place(joint, places).shape)) for joint in self.joints}
+
+    def symbolic(self, places: Mapping[str, ca.SX]) -> tuple[ca.SX, ca.SX]:
+        """Wrap angle before it is cut off at zero, and gained length, as CasADi scalars."""
+        angle = ca.SX(self.angle_rad) if self.angle is None else self.angle.symbolic(places)
+        gained = ca.SX(0) if self.length is None else self.length.symbolic(places) - (self.length_m or 0.0)
+        return angle, gained
+
+    def largest_angle_rad(self, motion: "JointMotion | None") -> float:
+        """Largest wrap angle over the ranges of a motion [rad]: every combination of joints within them."""
+        if motion is None or self.angle is None:
+            return self.angle_rad
+        low, high = (
+            dict(zip(motion.names, each.tolist(), strict=True))
+            for each in (motion.angle_rad.min(axis=0), motion.angle_rad.max(axis=0))
+        )
+        return max(self.angle.largest(low, high), 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -194,6 +309,11 @@ class JointMotion:
         """Joints at constant angles, shape (joints,)."""
         angles = np.asarray(angle_rad, float)[None, :]
         return JointMotion(names=self.names, time_s=np.zeros(1), angle_rad=angles, range_rad=self.range_rad)
+
+    @property
+    def by_joint(self) -> dict[str, Array]:
+        """Angles by the names of the joints."""
+        return dict(zip(self.names, self.angle_rad.T, strict=True))
 
     @property
     def moves(self) -> bool:
@@ -267,13 +387,7 @@ class CutPath:
     @property
     def still(self) -> bool:
         """Whether no section follows a joint."""
-        return not self.by_joint[1:].any()
-
-    @cached_property
-    def by_joint(self) -> Array:
-        """Wrap angle of each section at joint angle zero, its change and that of the length per radian."""
-        numbers = [(s.angle_rad, s.angle_per_rad, s.length_per_rad_m) for s in self.sections]
-        return np.array(numbers, dtype=np.float64).T
+        return not any(section.moves for section in self.sections)
 
     @cached_property
     def at_zero(self) -> PathRows:
@@ -291,12 +405,13 @@ class CutPath:
         `far_m`, shape (rows,), is what a joint does to the far end's position.
         """
         rows = len(next(iter(joints.values()))) if joints else 1
-        turned = np.zeros((rows, len(self.sections)))  # the joint of each section
-        for k, section in enumerate(self.sections):
-            if joints and section.joint is not None:
-                turned[:, k] = joints[section.joint]
-        still, bending, gaining = self.by_joint
-        angle, gained = bent_rad(still, bending, turned), gaining * turned
+        angle, gained = (
+            np.column_stack([np.broadcast_to(each, rows) for each in columns])
+            for columns in (
+                [section.angle_at(joints) for section in self.sections],
+                [section.gained_at(joints) for section in self.sections],
+            )
+        )
         lengths = self.lengths if self.length_m is None else self.lengths + gained / self.length_m
         of_links = np.broadcast_to(lengths, gained.shape) @ self.parts.T
         return PathRows(
@@ -310,26 +425,27 @@ class CutPath:
 def check_motion(sections: tuple[Section, ...], length_m: float | None, motion: JointMotion) -> None:
     """Refuse a motion under which the path has no meaning; the length of the whole is known where lengths are given."""
     for section in sections:
-        if section.joint is None:
+        for joint in section.joints:
+            if joint not in motion.names:
+                given = ", ".join(motion.names) or "none"
+                raise ParameterError(
+                    f'section "{section.name}" names the joint "{joint}", which is not given (given: {given}); '
+                    f"add a table [joints.{joint}]"
+                )
+        if not section.joints:
             continue
-        if section.joint not in motion.names:
-            given = ", ".join(motion.names) or "none"
-            raise ParameterError(
-                f'section "{section.name}" names the joint "{section.joint}", which is not given (given: {given}); '
-                f"add a table [joints.{section.joint}]"
-            )
-        q = motion.angle_rad[:, motion.names.index(section.joint)]
-        most = float(section.angle_at(q).max())
+        name = ", ".join(f'"{joint}"' for joint in section.joints)
+        most = section.largest_angle_rad(motion)
         if most > 2 * math.pi * MOST_TURNS:
             raise ParameterError(
                 f'section "{section.name}": the wrap angle would reach {most:g} rad, more than {MOST_TURNS:g} turns; '
-                f'check angle_per_rad and the motion of "{section.joint}", which is in radians'
+                f"check angle_per_rad and the motion of {name}, which is in radians"
             )
-        least = (section.length_m or 0.0) + float((section.length_per_rad_m * q).min())
+        least = (section.length_m or 0.0) + float(np.min(section.gained_at(motion.by_joint)))
         if section.length_m is not None and length_m is not None and least < 0:
             raise ParameterError(
                 f'section "{section.name}": its length would become {least:g} m; check length_m, length_per_rad_m and '
-                f'the motion of "{section.joint}"'
+                f"the motion of {name}"
             )
 
 
@@ -355,7 +471,7 @@ def cut_path(
         check_motion(sections, total, motion)
     if not lengths.sum() > 0:
         lengths = np.ones(len(sections))
-    most = np.array([_largest_angle(section, motion) for section in sections])
+    most = np.array([section.largest_angle_rad(motion) for section in sections])
     if not most.any():  # nothing touches: the masses go by length
         most = lengths
     counts = _apportion(most, count, sections)
@@ -378,13 +494,6 @@ def _length_of(section: Section, radius_m: float | None) -> float | None:
     if section.length_m is not None:
         return section.length_m
     return None if radius_m is None else section.angle_rad * radius_m
-
-
-def _largest_angle(section: Section, motion: JointMotion | None) -> float:
-    if motion is None or section.joint is None:
-        return section.angle_rad
-    q = motion.angle_rad[:, motion.names.index(section.joint)]
-    return float(section.angle_at(q).max())
 
 
 def _apportion(weights: Array, count: int, sections: tuple[Section, ...]) -> NDArray[np.int_]:

@@ -30,6 +30,7 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.compensator.files.reading import InputError
     from tendonff.compensator.identification.answer.result import Identification
     from tendonff.compensator.identification.measured.centreline.run import read_centreline
+    from tendonff.compensator.mjcf.run import import_mjcf
     from tendonff.compensator.observe.estimate import Estimate, Observation, ObserverStatus
     from tendonff.compensator.observe.observer import Observer
     from tendonff.compensator.runtime.kinds import RuntimeKind, RuntimeStatus
@@ -128,6 +129,7 @@ __all__ = [
     "export_c",
     "export_fmu",
     "identify",
+    "import_mjcf",
     "integrate",
     "invert",
     "linear_system",
@@ -170,6 +172,7 @@ _HOMES = {
     "compensator.files.reading": ("InputError",),
     "compensator.identification.measured.centreline.run": ("read_centreline",),
     "compensator.identification.answer.result": ("Identification",),
+    "compensator.mjcf.run": ("import_mjcf",),
     "compensator.observe.estimate": ("Estimate", "Observation", "ObserverStatus"),
     "compensator.observe.observer": ("Observer",),
     "compensator.runtime.kinds": ("RuntimeKind", "RuntimeStatus"),

@@ -20,6 +20,7 @@ from tendonff.compensator.cli.commands.deploy.export_fmu import export_fmu
 from tendonff.compensator.cli.commands.deploy.table import table
 from tendonff.compensator.cli.commands.model.example import example
 from tendonff.compensator.cli.commands.model.experiment import experiment
+from tendonff.compensator.cli.commands.model.import_ import import_
 from tendonff.compensator.cli.commands.model.new import new
 from tendonff.compensator.cli.commands.model.path import path
 from tendonff.compensator.cli.commands.model.simulate import simulate
@@ -82,6 +83,7 @@ _GROUPS: Mapping[str, Mapping[Callable[..., object], str]] = {
     "Model": {
         new: "mine.toml --for bowden",
         example: "finger",
+        import_: "hand.xml --out hand.toml",
         path: "centreline.csv",
         simulate: "mine.toml --force force.csv --out run",
         experiment: "mine.toml",
@@ -107,7 +109,7 @@ _GROUPS: Mapping[str, Mapping[Callable[..., object], str]] = {
 
 
 def _name(command: Callable[..., object]) -> str:
-    return command.__name__.replace("_", "-")
+    return command.__name__.rstrip("_").replace("_", "-")  # import_ is `import`, a keyword of Python
 
 
 for _commands in _GROUPS.values():

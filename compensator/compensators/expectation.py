@@ -20,6 +20,7 @@ from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.unit import NEWTON, Unit
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
+from tendonff.models.parameters.numbers import FACTORS
 
 K = TypeVar("K", bound=Hashable)
 P = TypeVar("P")
@@ -184,12 +185,19 @@ class Expectation:
             return []
         swings = ", ".join(f"{name} {two_digits(100 * band.amplification)}" for name, band in over.items())
         largest = max(over.values(), key=lambda band: band.amplification).amplified_sample
-        where = ", ".join(f"{key} = {value:.3g}" for key, value in largest.numbers.items()) or "the nominal values"
+        where = sample_words(largest.numbers) or "the nominal values"
         text = Danger(
             f"over-compensation, in % of the swing, largest over the samples ({where}): {swings}; inside a feedback "
             "loop over-compensation injects energy: choose mu too low rather than too high"
         )
         return [text]
+
+
+def sample_words(numbers: Mapping[str, float]) -> str:
+    """Numbers of a sample: "0.75 mu" of a factor, "friction.adhesion_N = 3" of a value."""
+    return ", ".join(
+        f"{value:.3g} {key}" if key in FACTORS else f"{key} = {value:.3g}" for key, value in numbers.items()
+    )
 
 
 def unfit_for(unit: Unit, percent: float) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from tendonff.compensator.compensators.expectation import ErrorBand, Expectation
+from tendonff.compensator.compensators.expectation import ErrorBand, Expectation, sample_words
 from tendonff.compensator.reporting.colours import GREY, INK, Style
 from tendonff.compensator.reporting.page import Cell, Table
 from tendonff.compensator.reporting.plots import legend_below, new_figure
@@ -70,7 +70,7 @@ def robustness_table(found: Expectation, labels: Mapping[str, str], segments: in
     unit, rows = found.unit, list[tuple[Cell, ...]]()
     for name, band in found.bands.items():
         worst, over = band.worst, 100 * band.amplification
-        at = ", ".join(f"{key} = {value:.3g}" for key, value in band.worst_sample.numbers.items()) or "nominal"
+        at = sample_words(band.worst_sample.numbers) or "nominal"
         errors = (band.nominal.rmse_percent_of_range, worst.rmse_percent_of_range)
         rows.append((labels[name], *errors, unit.factor * worst.rmse, unit.factor * band.worst_peak, over, at))
     return Table(

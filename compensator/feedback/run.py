@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,9 +25,29 @@ _DESIGNED, _SHOWN = 9, 24  # most mechanisms that gains are designed for, and th
 _LESS, _MOST_REDUCTIONS = 0.75, 4
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Tuned:
+    """Laws of a task that come to rest in simulation.
+
+    Attributes
+    ----------
+    design : LoopDesign
+    alone : CaseErrors
+        Of the feedforward.
+    cycles : tuple of LimitCycle
+    reductions : int
+        How often the gains were lowered for that.
+    """
+
+    design: LoopDesign
+    alone: CaseErrors
+    cycles: tuple[LimitCycle, ...]
+    reductions: int
+
+
 @in_turn
-def design_feedback(task: FeedbackTask) -> FeedbackResult:
-    """Design the feedback of a task and judge it.
+def tune_feedback(task: FeedbackTask) -> Tuned:
+    """Laws of a task: as high as margins allow, and lower where loops hunt in simulation.
 
     Raises
     ------
@@ -54,28 +75,35 @@ def design_feedback(task: FeedbackTask) -> FeedbackResult:
         )
     except ParameterError as error:
         raise InputError(f"{task.file} [feedback]: {error}") from None
-    fine = [task.system(each, task.masses) for each in samples[:_SHOWN]]
-    alone = _errors(task, fine, (), task.feedforward)
+    alone = _errors(task, [task.system(each, task.masses) for each in samples[:_SHOWN]], (), task.feedforward)
     reductions = 0
     cycles = _limit_cycles(task, design, alone)
     while any(cycle.hunts for cycle in cycles) and reductions < _MOST_REDUCTIONS:
         design = design.with_laws([law.scaled(_LESS) for law in design.laws])
         cycles = _limit_cycles(task, design, alone)
         reductions += 1
-    plain = [law.plain() for law in design.laws]
+    return Tuned(design=design, alone=alone, cycles=cycles, reductions=reductions)
+
+
+@in_turn
+def design_feedback(task: FeedbackTask) -> FeedbackResult:
+    """Design the feedback of a task and judge it; errors as of `tune_feedback`."""
+    tuned = tune_feedback(task)
+    design = tuned.design
+    fine = [task.system(sample.system, task.masses) for sample in task.doubt.samples[:_SHOWN]]
     return FeedbackResult(
         names=task.names,
         unit=task.unit,
         command_unit=task.command_unit,
         design=design,
         cases={
-            "feedforward": alone,
-            "feedback": _errors(task, fine, plain, task.alone),
+            "feedforward": tuned.alone,
+            "feedback": _errors(task, fine, [law.plain() for law in design.laws], task.alone),
             "both": _errors(task, fine, design.laws, task.feedforward),
         },
-        cycles=cycles,
+        cycles=tuned.cycles,
         time_s=_times(task),
-        reductions=reductions,
+        reductions=tuned.reductions,
         doubt=str(task.doubt),
     )
 

@@ -224,7 +224,8 @@ class FingerTask(MotorTask):
     @property
     def notes(self) -> tuple[str, ...]:
         """Notes on the inverse for the user."""
-        return (self.inversion.message,) if self.inversion.status is MechanismStatus.SLACK else ()
+        slack = (self.inversion.message,) if self.inversion.status is MechanismStatus.SLACK else ()
+        return (*slack, *self.finger.beyond_tables(self.sampled.motion))
 
     @cached_property
     def middle(self) -> Finger | None:

@@ -13,6 +13,7 @@ from typing import ClassVar
 import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray, InputError, read_csv, read_text, suggestion
+from tendonff.compensator.finger.paths import read_paths, tabulated, with_measures
 from tendonff.compensator.joint.scenario.base import with_base
 from tendonff.compensator.joint.scenario.reference import JointQuantity, JointSine, JointWaypoints
 from tendonff.compensator.joint.scenario.scenario import tendon_part
@@ -28,6 +29,7 @@ from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters import Arm, DriveKind, DrivenJoint, JointDrive, JointTendon, LengthTable
 from tendonff.models.joint.parameters.finger import Finger, Motor
 from tendonff.models.mechanism.sharing import Sharing
+from tendonff.models.parameters import Path as TendonPath
 from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.models.path import JointMotion
 
@@ -36,7 +38,7 @@ _TABLES = (
     *("path", "tendon", "friction"),
 )
 _PARTS = ("path", "tendon", "friction")
-_OF_TENDON = ("name", "moment_arms_m", "moment_arm_m", "joint", "lengths", *_PARTS)
+_OF_TENDON = ("name", "moment_arms_m", "moment_arm_m", "joint", "lengths", "paths", *_PARTS)
 _REFERENCE = ("kind", "file", "duration_s", "fade_in_s", "times_s", "shape", "periodic", "quantity")
 
 
@@ -302,19 +304,33 @@ def _tendons(
         name = row.get("name", f"tendon{k}")
         if not isinstance(name, str) or not name.isidentifier():
             raise InputError(f"{file} [{where}]: name must be letters, digits and underscores, got {show(name)}")
-        parts = {}
+        parts: dict[str, object] = {}
         for key in _PARTS:
             if key not in row and key not in raw:
                 raise InputError(
                     f"{file} [{where}]: [{key}] is missing; give it for all tendons, or in [tendons.{key}]"
                 )
             at = f"{where}.{key}" if key in row else key
-            parts[key] = tendon_part(key, row.get(key, raw.get(key)), file, at)
+            content = row.get(key, raw.get(key))
+            if key == "path" and "paths" in row:
+                parts[key] = _measured_path(row["paths"], content, source, at, inputs)
+            else:
+                parts[key] = tendon_part(key, content, file, at)
         try:
             found.append(JointTendon(name=name, arms=_arms(row, joints, source, where, inputs), **parts))  # type: ignore[arg-type]
         except ParameterError as error:
             raise InputError(f"{file} [{where}]: {error}") from None
     return tuple(found)
+
+
+def _measured_path(named: object, raw: object, source: Path, where: str, inputs: list[Path]) -> TendonPath:
+    """A path whose sections have their bends and lengths from a file of paths."""
+    if not isinstance(named, str):
+        raise InputError(f"{source.name} [{where}]: paths must name a CSV file, got {show(named)}")
+    inputs.append(file := source.parent / named)
+    known = read_paths(file)
+    at = f"{source.name} [{where}]"
+    return tabulated(tendon_part("path", with_measures(raw, known, file, at), source.name, where), known, file)  # type: ignore[arg-type]
 
 
 def _arms(

@@ -77,6 +77,7 @@ class JointFeedbackTask(FeedbackTask):
             goals=(0,),
             direction=motors_per_joint(problem, (0,)),
             lag_s=drive.servo_time_s,
+            drive_delay_s=drive.servo.lag_s(self.joint.scenario.run.step_s, live=True),
             play=drive.play_rad,
         )
 

@@ -20,7 +20,7 @@ from tendonff.models.joint.parameters import DriveKind, DrivenJoint, Mechanism
 from tendonff.models.joint.parameters.finger import Finger
 from tendonff.models.parameters import Actuator, Load, Transmission
 from tendonff.models.parameters.drive import Drive
-from tendonff.models.path import Section, SectionKind
+from tendonff.models.path import Section, SectionKind, TabulatedSection
 
 System = Transmission | Mechanism | Finger
 
@@ -88,7 +88,7 @@ def described_figure(system: System) -> Figure:
 def caption_of(system: System) -> str:
     """Caption of the drawing."""
     routes, chain = _described(system)
-    pins = any(section.joint is not None for route in routes for section in route.sections)
+    pins = any(section.joints for route in routes for section in route.sections)
     return _CAPTION + _PIN_CAPTION * pins + _CHAIN_CAPTION * (chain is not None)
 
 
@@ -144,6 +144,8 @@ def _section_text(section: Section) -> str:
         moved.append(f"{section.angle_per_rad:+.3g} rad")
     if section.length_per_rad_m:
         moved.append(f"{1e3 * section.length_per_rad_m:+.3g} mm")
+    if isinstance(section, TabulatedSection):
+        found += f"; tables over {', '.join(section.joints)}"
     if moved:
         found += f"; per rad of {section.joint} {', '.join(moved)}"
     return fill(found.replace("-", "\N{MINUS SIGN}"), _WRAPPED)
@@ -199,8 +201,8 @@ def _draw_route(panel: Axes, route: _Route) -> None:
         line = np.concatenate(points)
         place = line[-1]
         lines.append(line)
-        if section.joint is not None:
-            pins.append((section.joint, line[len(line) // 2], outward))
+        if section.joints:
+            pins.append((", ".join(section.joints), line[len(line) // 2], outward))
     size = float(np.ptp(np.concatenate(lines), axis=0).max())
     first = _arc(np.zeros(2), start + math.pi, 0.0, _STUB_SHARE * size)
     last = _arc(place, heading, 0.0, _STUB_SHARE * size)

@@ -6,16 +6,21 @@ from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.stream import choose_stream, followed_range
 from tendonff.compensator.compensators.table import accepted_range
 from tendonff.compensator.compensators.tuning import check_tuning
+from tendonff.compensator.export.feedback import feedback_files
 from tendonff.compensator.export.modules import ADAPTIVE, STREAM, c_modules
 from tendonff.compensator.export.text.c_text import c_sources
+from tendonff.compensator.feedback.code import feedback_module
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.joint.compensators import JointTask
 from tendonff.compensator.joint.export.text import accepted_rad, joint_sources, problem_of
+from tendonff.compensator.joint.feedback import JointFeedbackTask
 from tendonff.compensator.joint.scenario.reference import JointQuantity
 from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
 from tendonff.compensator.runtime.kinds import RuntimeKind
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.feedback.closed_loop import samples_of
 from tendonff.ocp.joint.target import other_joints
 from tendonff.ocp.step.joints import Joints
 
@@ -54,6 +59,36 @@ unsigned tff_runtime_step(void *memory, double dt, double reference, double meas
     (void)joints;
     out[0] = self->command_rad[0];
     out[1] = self->command_rad[1];
+    return status;
+}}
+"""
+_FED_JOINT = """#include "tff_joint.h"
+#include "tff_feedback.h"
+typedef struct {{ tff_joint joint; tff_feedback feedback; double last, measured; int steps; }} fed;
+long tff_runtime_size(void) {{ return (long)sizeof(fed); }}
+int tff_runtime_init(void *memory, double start, const double *joints)
+{{
+    fed *const self = memory;
+    (void)joints;
+    tff_feedback_init_at(&self->feedback, start);
+    self->last = start;
+    self->steps = 0;
+    return tff_joint_init(&self->joint, 0, start, 0.0{others});
+}}
+unsigned tff_runtime_step(void *memory, double dt, double reference, double measured, const double *joints, double *out)
+{{
+    fed *const self = memory;
+    const unsigned status = tff_joint_step_dt(&self->joint, dt, reference, 0.0{others});
+    int k;
+    (void)joints;
+    if (self->steps == 0) {{
+        (void)tff_feedback_step(&self->feedback, self->last, measured);
+    }}
+    self->steps = (self->steps + 1) % {every};
+    self->last = reference;
+    for (k = 0; k < TFF_FEEDBACK_COMMANDS; k++) {{
+        out[k] = self->joint.command_rad[k] + self->feedback.command[k];
+    }}
     return status;
 }}
 """
@@ -134,13 +169,25 @@ def joint_runtime(scenario: JointScenario, kind: RuntimeKind | None) -> RuntimeC
     columns = sampled.others(own)
     start = [float(columns[name][0]) for name in names]
     others = ", joints" if names else ""
+    fed = (
+        None
+        if adaptive or scenario.feedback is None
+        else JointFeedbackTask.of(JointTask.of(scenario), scenario.feedback)
+    )
     reference, angle = (sampled.contact_N_m, f"joints[{len(names)}]") if torque else (sampled.angle_rad, "reference")
+    sources = joint_sources((scenario,))
+    if fed is not None:
+        sources |= feedback_files(
+            feedback_module(fed), prefix="tff", precision=Precision.DOUBLE, include="tff_joint.h", provenance=" *"
+        )
+        del sources["tff_feedback_test.c"]
     return RuntimeCode(
         kind=kind,
         driven=True,
-        sources=joint_sources((scenario,)),
-        driver=(_ADAPTIVE_JOINT if adaptive else _JOINT).format(
+        sources=sources,
+        driver=(_ADAPTIVE_JOINT if adaptive else _JOINT if fed is None else _FED_JOINT).format(
             others=others,
+            every=1 if fed is None else samples_of(fed.sample_s, scenario.run.step_s),
             angle=angle,
             contact="reference" if torque else "0.0",
             angle_at_start=angle.replace("reference", "start"),

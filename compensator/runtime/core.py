@@ -46,7 +46,7 @@ class RuntimeCore(Protocol):
         """On what is tuned."""
 
     def step(
-        self, reference: float | Angles, dt: float | None, measured: float | None, joints: Angles
+        self, reference: float | Angles, dt: float | None, measured: float | None, joints: Angles, torque_N_m: Angles
     ) -> float | NDArray[np.float64]:
         """Advance and command."""
 
@@ -92,9 +92,11 @@ class CompiledCore:
             raise InputError(f"a runtime cannot start at {self.start:g}: it is out of the scenario's range")
 
     def step(
-        self, reference: float | Angles, dt: float | None, measured: float | None, joints: Angles
+        self, reference: float | Angles, dt: float | None, measured: float | None, joints: Angles, torque_N_m: Angles
     ) -> float | NDArray[np.float64]:
         """Advance and command; see `Runtime.step`."""
+        if torque_N_m is not None:
+            raise ParameterError("torque_N_m is for several joints; reference of a torque has the torque itself")
         for k, angle in enumerate(self._given(joints)):
             self._angles[k] = _number("an angle of joints", angle)
         self._status = self._step(
@@ -160,7 +162,7 @@ class SeveralJoints:
         self.content, self.restore = inverse.content, inverse.restore
 
     def step(
-        self, reference: float | Angles, dt: float | None, measured: float | None, joints: Angles
+        self, reference: float | Angles, dt: float | None, measured: float | None, joints: Angles, torque_N_m: Angles
     ) -> NDArray[np.float64]:
         """Advance and command; see `Runtime.step`."""
         if joints or measured is not None or (dt is not None and not math.isclose(dt, self.step_s)):
@@ -170,7 +172,7 @@ class SeveralJoints:
             )
         if not isinstance(reference, Mapping | Sequence | np.ndarray | None) or isinstance(reference, str):
             raise ParameterError(f"reference must hold an angle of each of {', '.join(self.joints)}")
-        return self._inverse.step(reference)
+        return self._inverse.step(reference, torque_N_m)
 
     @property
     def status(self) -> tuple[RuntimeStatus, ...]:

@@ -113,6 +113,7 @@ class Runtime:
         dt: float | None = None,
         measured: float | None = None,
         joints: Mapping[str, float] | Sequence[float] | None = None,
+        torque_N_m: Mapping[str, float] | Sequence[float] | None = None,
     ) -> float | NDArray[np.float64]:
         """Advance by one step and give the command of the actuator.
 
@@ -126,9 +127,14 @@ class Runtime:
             Time since the last call [s]; default: `step_s`, and no other of several joints. A longer one than 30 ms
             (1.5 steps, if those are longer) is a pause: the rig is taken to stand where it was.
         measured : float, optional
-            Measurement that the adaptive kind learns from [N, m or rad]; None or NaN teaches nothing.
+            Measurement that the adaptive kind learns from [N, m or rad]; None or NaN teaches nothing. Of a driven joint
+            with [feedback] what the feedback corrects by [rad], taken at every sample of it; None or NaN holds its
+            error.
         joints : mapping of str to float, or sequence of float, optional
             Angles [rad] of the joints that `joints` names, by name or in that order.
+        torque_N_m : mapping of str to float, or sequence of float, optional
+            Of several joints: what they give to what they touch, or their motion needs besides their own numbers, such
+            as gravity [N m], by name or in the order of `joints`.
 
         Returns
         -------
@@ -141,7 +147,7 @@ class Runtime:
         ParameterError
             If an angle of a joint is missing, or something else than a number is given.
         """
-        return self._core.step(reference, dt, measured, joints)
+        return self._core.step(reference, dt, measured, joints, torque_N_m)
 
     @property
     def status(self) -> tuple[RuntimeStatus, ...]:

@@ -196,6 +196,7 @@ class Feedback:
     limit: float | None = None
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "sensor", FeedbackSensor(self.sensor))
         require("delay_s", self.delay_s, least=0, hint="the age of a measurement when it arrives, 0.01 for 10 ms")
         require_given("sample_s", self.sample_s, above=0, hint="the time between two calls, 0.005 for 200 Hz")
         require("resolution", self.resolution, least=0, hint="leave it out for none")

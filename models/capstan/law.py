@@ -68,7 +68,7 @@ def held_within(start: float, low: Array, high: Array) -> Array:
 
 def _angles(transmission: Transmission, joint_rad: Mapping[str, float]) -> list[float]:
     """Wrap angle of each section where the joints stand [rad]."""
-    return [float(part.angle_at(joint_rad.get(part.joint or "", 0.0))) for part in transmission.path.parts]
+    return [float(part.angle_at(joint_rad)) for part in transmission.path.parts]
 
 
 def section_exponents(

@@ -299,7 +299,7 @@ def _sections(tendon: JointTendon, joints: dict[str, float], tension_N: float) -
         angle = 0.0 if section.joint is None else joints.get(section.joint, 0.0)
         length = float(share) + (0.0 if cut.length_m is None else section.length_per_rad_m * angle / cut.length_m)
         pull, release = law.in_section(section).slip_coefficients
-        wrap = float(section.angle_at(angle))
+        wrap = float(section.angle_at({section.joint or "": angle}))
         follows = section.joint == tendon.arm.joint
         found.append(
             SlidingSection(

@@ -221,10 +221,9 @@ def _tendon(tendon: CutTendon, q: Places, every_q: ca.SX, every_w: ca.SX, pose: 
 
 def _pose(path: CutPath, q: Places, every_q: ca.SX, every_w: ca.SX) -> Pose:
     """Pose of a path whose sections follow bodies; `CutPath.at` has the same for histories of numbers."""
-    turned = ca.vertcat(*(q[s.joint] if s.joint is not None else ca.SX(0) for s in path.sections))
-    still, bending, gaining = (ca.DM(column) for column in path.by_joint)
-    angle = at_least(still + bending * turned, 0.0)[path.section_of.tolist()] / ca.DM(path.pieces)
-    gained, parts = gaining * turned, ca.sparsify(ca.DM(path.parts))
+    bent, gains = zip(*(section.symbolic(q) for section in path.sections), strict=True)
+    angle = at_least(ca.vertcat(*bent), 0.0)[path.section_of.tolist()] / ca.DM(path.pieces)
+    gained, parts = ca.vertcat(*gains), ca.sparsify(ca.DM(path.parts))
     lengths = ca.DM(path.lengths) + (0 if path.length_m is None else gained / path.length_m)
     of_links = ca.mtimes(parts, gained)
     return Pose(

@@ -10,7 +10,6 @@ import numpy as np
 from tendonff.models.errors import ParameterError
 from tendonff.models.layout import Array
 from tendonff.models.mechanism.parts import Tendon
-from tendonff.models.tendon.bounds import at_least
 from tendonff.models.turns import in_turn
 
 
@@ -29,7 +28,10 @@ class Geometry:
     bodies: tuple[str, ...]
 
     def length_m(self, angles: Array) -> Array:
-        """Length between drum and far end, up to an offset of each tendon [m]: (rows, bodies) -> (rows, tendons)."""
+        """Length between drum and far end [m]: (rows, bodies) -> (rows, tendons).
+
+        Up to an offset of each tendon, which is none where the far end is fixed and every section has a length.
+        """
         return self._evaluated(angles)[:, :, 0]
 
     def wrap_angle_rad(self, angles: Array) -> Array:
@@ -45,11 +47,21 @@ class Geometry:
         given = np.asarray(angles, dtype=np.float64)
         if given.ndim != 2 or given.shape[1] != len(self.bodies):
             raise ParameterError(f"angles must have a column for each of {', '.join(self.bodies)}, got {given.shape}")
-        found = np.array(self._function.map(len(given))(given.T)).reshape(len(self.tendons), -1, len(given), order="F")
-        return np.ascontiguousarray(found.transpose(2, 0, 1))
+        found = np.array(self._ends.map(len(given))(given.T)).reshape(len(self.tendons), -1, len(given), order="F")
+        rows = np.ascontiguousarray(found.transpose(2, 0, 1))
+        places = dict(zip(self.bodies, given.T, strict=True))
+        for t, tendon in enumerate(self.tendons):
+            for section in tendon.path.parts:
+                rows[:, t, 0] += (section.length_m or 0.0) + section.gained_at(places)
+                rows[:, t, 1] += section.angle_at(places)
+                for name, slope in section.gained_slopes_at(places).items():
+                    if name in self.bodies:
+                        rows[:, t, 2 + self.bodies.index(name)] -= slope
+        return rows
 
     @cached_property
-    def _function(self) -> ca.Function:
+    def _ends(self) -> ca.Function:
+        """Shares of the far ends: length, no wrap angle, moment arms."""
         q = ca.SX.sym("q", len(self.bodies))
         places = dict(zip(self.bodies, ca.vertsplit(q), strict=True))
         rows = []
@@ -57,13 +69,8 @@ class Geometry:
             for name in tendon.far.bodies:
                 places.setdefault(name, ca.SX(0))
             length = -tendon.far.travel_m(places)
-            wrap = ca.SX(0)
-            for section in tendon.path.parts:
-                at = places.get(section.joint or "", ca.SX(0))
-                length += section.length_per_rad_m * at
-                wrap += at_least(section.angle_rad + section.angle_per_rad * at, 0.0)
-            rows.append(ca.horzcat(length, wrap, -ca.jacobian(length, q)))
-        return ca.Function("geometry", [q], [ca.vertcat(*rows)])
+            rows.append(ca.horzcat(length, 0, -ca.jacobian(length, q)))
+        return ca.Function("ends", [q], [ca.densify(ca.vertcat(*rows))])
 
 
 @in_turn

@@ -187,7 +187,7 @@ class Mechanism:
         )
 
     def _cut(self, tendon: Tendon, level: Level, segments: int | None, numbers: Mapping[str, ca.SX]) -> CutTendon:
-        followed = tuple(dict.fromkeys(s.joint for s in tendon.path.sections if s.joint is not None))
+        followed = tuple(dict.fromkeys(joint for section in tendon.path.sections for joint in section.joints))
         spans = np.array([self.body(name).span for name in followed], dtype=np.float64).reshape(-1, 2).T
         motion = JointMotion(names=followed, time_s=np.arange(2.0), angle_rad=spans) if followed else None
         count = tendon.path.segments if segments is None else segments

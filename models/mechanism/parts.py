@@ -213,7 +213,7 @@ class Tendon:
     @property
     def bodies(self) -> tuple[str, ...]:
         """Names of the bodies that move its ends or its sections."""
-        sections = (section.joint for section in self.path.sections if section.joint is not None)
+        sections = (joint for section in self.path.sections for joint in section.joints)
         return tuple(dict.fromkeys((*self.near.bodies, *sections, *self.far.bodies)))
 
 

@@ -36,7 +36,7 @@ def rest_state(
     parts: list[Array] = [np.array([places[body.name], *np.zeros(1 + len(body.states))]) for body in mechanism.free]
     for tendon in mechanism.tendons:
         elements, n = tendon.elements, tendon.count
-        joints = {s.joint: np.array([places[s.joint]]) for s in elements.path.sections if s.joint is not None}
+        joints = {joint: np.array([places[joint]]) for s in elements.path.sections for joint in s.joints}
         ratio = elements.path.at(joints).ratio[0]
         stretch, states = elements.link.shortened(ratio).rest(tension_N[tendon.name])
         loose = (slack_m or {}).get(tendon.name, 0.0) / (n + 1)

@@ -22,7 +22,7 @@ def capstan_exponent(tendon: Tendon, places: Mapping[str, float]) -> float:
     friction, found = tendon.friction, 0.0
     for section in tendon.path.parts:
         pull, _ = section.dynamic_coefficients(friction.mu_dynamic, friction.release_dynamic)
-        found += pull * max(section.angle_rad + section.angle_per_rad * places.get(section.joint or "", 0.0), 0.0)
+        found += pull * float(section.angle_at(places))
     return found
 
 
@@ -43,13 +43,12 @@ def local_arms_m(tendon: Tendon, places: Mapping[str, float], speeds: Mapping[st
         arms[arm.body] = slope
         sliding += slope * speeds.get(arm.body, 0.0)
     for section in reversed(tendon.path.parts):
-        name = section.joint or ""
-        gained = section.length_per_rad_m * speeds.get(name, 0.0)
+        slopes = {name: float(slope) for name, slope in section.gained_slopes_at(places).items()}
+        gained = math.fsum(slope * speeds.get(name, 0.0) for name, slope in slopes.items())
         pull, release = section.dynamic_coefficients(friction.mu_dynamic, friction.release_dynamic)
-        wrap = max(section.angle_rad + section.angle_per_rad * places.get(name, 0.0), 0.0)
-        exponent = (pull if sliding - gained / 2 > 0 else -release) * wrap
-        if section.length_per_rad_m:
-            arms[name] = arms.get(name, 0.0) - section.length_per_rad_m * tension * math.exp(exponent / 2)
+        exponent = (pull if sliding - gained / 2 > 0 else -release) * float(section.angle_at(places))
+        for name, slope in slopes.items():
+            arms[name] = arms.get(name, 0.0) - slope * tension * math.exp(exponent / 2)
         tension *= math.exp(exponent)
         sliding -= gained
     return arms

@@ -20,9 +20,19 @@ from tendonff.ocp.mechanism.compiled import CompiledMechanism
 from tendonff.ocp.mechanism.problem import Array, MechanismMemory, rest
 
 _SLOW_RAD_PER_S = 1.0  # at which the gain of sliding is taken
+_SLIDES = 0.3  # of the largest speed of the reference: enough to slide
 _INSTANTS = 7  # of a motion that are linearised
-_WIDTHS = (0.003, 0.006, 0.012, 0.025, 0.05)  # half widths of the play to try, over the range of the reference
-_NARROWER = (0.4, 0.15)  # times the width with the best shape: what may do better in the loop
+_WIDTHS = (
+    0.003,
+    0.006,
+    0.012,
+    0.025,
+    0.05,
+    0.1,
+    0.2,
+)  # half widths of the play to try, over the range of the reference
+_NARROWER = (0.3,)  # times the width with the best shape: what may do better in the loop
+_WIDEST = 0.012  # of the range: in a turn the correction is inverted at once, whatever the error does
 _SHAPED = 0.5  # share of a feedforward's error that the shape of friction must explain to be used
 _TURNED = 0.5  # share of the integral that then turns with the reference
 _PEAK = 1.05  # of the feedforward's peak, above which a peak has a price
@@ -179,12 +189,13 @@ def design_loops(
             found = max(found, float(np.sqrt(np.mean(error**2))) + _PEAK_PRICE * over)
         return found
 
+    duration_s = len(course.reference[scored]) * course.step_s
     lag_s = delay_s + systems[0].lag_s + sensor.sample_s / 2
     chosen: list[tuple[float, tuple[FeedbackLaw, ...], float, tuple[Sampled, ...]]] = []
     for floor in _FLOORS:
         stable = [each for each in (branch.damped(floor) for branch in found) if not each.grows]
         plants = tuple(Sampled.of(each, sensor.sample_s, delay_s) for each in stable)
-        if plants and (best := tune(plants, laws, requirement, lag_s, cost)) is not None:
+        if plants and (best := tune(plants, laws, requirement, lag_s, duration_s, cost)) is not None:
             chosen.append((*best, floor, plants))
         if chosen and chosen[-1][0] < _ENOUGH * max(rms):
             break
@@ -217,8 +228,23 @@ def _narrowed(
     """The laws with the width of their plays that costs least."""
     if not any(law.friction_share for law in laws):
         return laws
-    tried = [tuple(replace(law, width=share * law.width) for law in laws) for share in (1.0, *_NARROWER)]
+    tried = [
+        tuple(replace(law, width=width * law.width, friction_share=share) for law in laws)
+        for width in (1.0, *_NARROWER)
+        for share in (_TURNED, 1.0)
+    ]
     return min(tried, key=cost)
+
+
+def _sliding_rows(reference: Array) -> list[int]:
+    """Rows where a reference moves fastest, one of each part of the motion that moves it at a speed that counts.
+
+    Near a turn the tendon is between sticking and sliding; both branches bound what it does there.
+    """
+    speed = np.abs(np.gradient(reference, axis=0)).max(axis=1)
+    parts = np.array_split(np.arange(1, len(speed)), _INSTANTS)
+    rows = [int(part[np.argmax(speed[part])]) for part in parts if len(part)]
+    return [row for row in rows if speed[row] >= _SLIDES * speed.max()]
 
 
 def _states(system: FeedbackSystem, course: Course) -> tuple[list[MechanismMemory], list[str]]:
@@ -228,9 +254,8 @@ def _states(system: FeedbackSystem, course: Course) -> tuple[list[MechanismMemor
     forced = np.array([not leads for leads in problem.leads[problem.known :]])
     position = np.hstack([course.known, course.command])
     effort = np.hstack([course.effort, np.where(forced, -course.command, 0.0)])
-    edges = np.unique(np.linspace(0, len(position) - 1, _INSTANTS + 2).astype(int))
     memories, names = [], []
-    for before, after in itertools.pairwise(edges[:-1]):
+    for before, after in itertools.pairwise([0, *_sliding_rows(course.reference)]):
         engine.run(memory, position[before : after + 1], effort[before : after + 1])
         memories.append(memory.copy())
         names.append(f"at {after * course.step_s:.3g} s")
@@ -261,6 +286,8 @@ def _shape(
         explained = [_explained(columns, error) for error in own if np.abs(error).max() > 1e-6 * span]
         if explained and (fit := float(np.median(explained))) > best:
             best, width = fit, share * span
+    shaped = best > _SHAPED
+    width = min(width, _WIDEST * span)
     scale = max((float(np.sqrt(np.mean(error**2))) for error in own), default=0.0)
     return FeedbackLaw(
         sample_s=sensor.sample_s,
@@ -268,10 +295,11 @@ def _shape(
         proportional=1.0,
         integral_per_s=1.0,
         deadband=sensor.resolution / 2,
-        friction_share=_TURNED if best > _SHAPED else 0.0,
+        friction_share=_TURNED if shaped else 0.0,
         width=max(width, sensor.resolution),
         scales_with_reference=size,
-        error_scale=max(scale, sensor.resolution) if learns_age and best > _SHAPED else 0.0,
+        stroke=max(20 * width, 4 * scale) if shaped else 0.0,
+        error_scale=max(scale, sensor.resolution) if learns_age and shaped else 0.0,
     )
 
 

@@ -22,8 +22,10 @@ and Delta dr/dt is taken off the error, up to delay_s either way.
 import math
 from collections import deque
 from dataclasses import dataclass, replace
+from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from tendonff.models.errors import ParameterError, require
 from tendonff.models.tendon.bounds import at_least
@@ -45,12 +47,14 @@ NUMBERS = (
     *("stroke_width", "lag_share", "gain", "delay", "sample", "scale", "noise"),
 )
 """Constants of the law, in the order of `FeedbackLaw.numbers`."""
+_SEEN = 5  # inputs of the law before its states
 MOST_AGE = 1.0
 """Share of the stated delay by which a measurement may be older or younger."""
 
 _PRIOR = (3.0, 3.0, 0.5)  # standard deviations of alpha and beta over the scale, of Delta over the delay
 _NOISE = 0.25  # of the residual, over the scale
-_FAR = 1e30  # a width of a play that nothing crosses
+_WAITING = 0.1  # share of the integrals' gains while the tendon sticks
+_FAR = 1e30  # a correction that nothing reaches
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,6 +87,9 @@ class FeedbackLaw:
         What a unit of correction does to the goal while it slides [unit of the goal per unit of the command].
     lag_s : float, optional
         Time constant with which the drive follows [s], >= 0.
+    stroke : float, optional
+        Way of the reference after a turn, either way, in which the tendon still sticks [unit of the goal], >= 0. There
+        integrals wait, with a tenth of their gains, and no age is learned.
     error_scale : float, optional
         Size of errors that friction makes [unit of the goal]; 0: the age of the measurement is not learned.
     """
@@ -99,12 +106,22 @@ class FeedbackLaw:
     scales_with_reference: float = 0.0
     gain: float = 1.0
     lag_s: float = 0.0
+    stroke: float = 0.0
     error_scale: float = 0.0
 
     def __post_init__(self) -> None:
         require("sample_s", self.sample_s, above=0, hint="the time between two calls of the controller")
         require("width", self.width, above=0, hint="a hundredth of the reference's range")
-        for name in ("delay_s", "proportional", "integral_per_s", "filter_s", "deadband", "lag_s", "error_scale"):
+        for name in (
+            "delay_s",
+            "proportional",
+            "integral_per_s",
+            "filter_s",
+            "deadband",
+            "lag_s",
+            "stroke",
+            "error_scale",
+        ):
             require(name, getattr(self, name), least=0, hint="0 for none")
         if not self.clamp > 0:
             raise ParameterError(f"clamp must be > 0, got {self.clamp}; leave it out for none")
@@ -148,7 +165,7 @@ class FeedbackLaw:
             self.width,
             0.0 if scaled else 1.0,
             1 / scaled if scaled else 0.0,
-            max(10 * self.width, 2 * self.error_scale) if self.learns_age else _FAR,
+            self.stroke / 2,
             _share(self.sample_s, self.lag_s),
             self.gain,
             self.delay_s,
@@ -159,7 +176,8 @@ class FeedbackLaw:
 
     def start(self, reference: float) -> tuple[float, ...]:
         """Values of `STATES` at rest under a reference."""
-        covariance = [a**2 if i == j else 0.0 for i, a in enumerate(_PRIOR) for j in range(i + 1)]
+        prior = _PRIOR if self.learns_age else (0.0, 0.0, 0.0)
+        covariance = [a**2 if i == j else 0.0 for i, a in enumerate(prior) for j in range(i + 1)]
         return (*([0.0] * 5), *([reference] * 4), *([0.0] * 3), *covariance)
 
     def scaled(self, gain: float) -> "FeedbackLaw":
@@ -198,7 +216,7 @@ def feedback_step() -> Law:
 
     # age: least squares along strokes, where friction stands still
     stroke = _play(s["stroke"], aged, n["stroke_width"])
-    sliding = ca.fabs(aged - stroke) > 0.99 * n["stroke_width"]
+    sliding = ca.fabs(aged - stroke) >= 0.99 * n["stroke_width"]
     rate = (aged - s["before"]) / n["sample"]
     x = ca.vertcat(aged_shape, 1, rate * n["delay"] / n["scale"])
     age = ca.vertcat(*(s[name] for name in AGE_STATES[:3]))
@@ -215,8 +233,9 @@ def feedback_step() -> Law:
     error = aged - measured - older
     error = at_least(error - n["deadband"], 0.0) - at_least(-error - n["deadband"], 0.0)
     filtered = s["filtered"] + fresh * n["filter_share"] * (error - s["filtered"])
-    integral = s["integral"] + fresh * n["ki_h"] * filtered
-    friction = s["friction"] + fresh * n["kf_h"] * aged_shape * filtered
+    heard = ca.if_else(sliding, fresh, _WAITING * fresh)
+    integral = s["integral"] + heard * n["ki_h"] * filtered
+    friction = s["friction"] + heard * n["kf_h"] * aged_shape * filtered
     wanted = n["kp"] * filtered + integral + friction * shape
     correction = _within(wanted, n["clamp"])
     outward = (wanted - correction) * filtered > 0
@@ -238,7 +257,22 @@ def _within(value: ca.SX, most: ca.SX) -> ca.SX:
     return -at_least(-at_least(value, -most), -most)
 
 
-_STEP: ca.Function = feedback_step().function()
+def _view(values: Any) -> memoryview:
+    return memoryview(values)
+
+
+class _Step:
+    """The law as a function of one array of its inputs, evaluated in place."""
+
+    def __init__(self) -> None:
+        law = feedback_step()
+        whole = ca.vertcat(*law.inputs)
+        self._function = ca.Function("feedback", [whole], [ca.vertcat(*law.outputs.values())])
+        self._buffer, self.evaluate = self._function.buffer()
+        self.given = np.zeros(len(law.inputs))
+        self.found = np.zeros(len(law.outputs))
+        self._buffer.set_arg(0, _view(self.given))
+        self._buffer.set_res(0, _view(self.found))
 
 
 class FeedbackController:
@@ -256,18 +290,19 @@ class FeedbackController:
         whole, self._part = law.age
         self._references = deque([reference] * (whole + 2), maxlen=whole + 2)
         self._corrections = deque([0.0] * (whole + 2), maxlen=whole + 2)
-        self._states = law.start(reference)
-        self._numbers = law.numbers
+        self._step = _Step()
+        self._step.given[_SEEN:] = (*law.start(reference), *law.numbers)
+        self._states = self._step.given[_SEEN : _SEEN + len(STATES)]
 
     @property
     def correction(self) -> float:
         """The last correction [unit of the command]."""
-        return self._states[STATES.index("correction")]
+        return float(self._states[STATES.index("correction")])
 
     @property
     def age_s(self) -> float:
         """Age of the measurement as it has been learned [s]."""
-        share = self._states[STATES.index(AGE_STATES[2])]
+        share = float(self._states[STATES.index(AGE_STATES[2])])
         return self.law.delay_s * (1 + min(max(share, -MOST_AGE), MOST_AGE))
 
     def step(self, reference: float, measured: float) -> float:
@@ -281,9 +316,11 @@ class FeedbackController:
             That arrives now.
         """
         self._references.appendleft(reference if math.isfinite(reference) else self._references[0])
-        self._corrections.appendleft(self._states[STATES.index("lagged")])
+        self._corrections.appendleft(float(self._states[STATES.index("lagged")]))
         aged, lagged = (past[-2] + self._part * (past[-1] - past[-2]) for past in (self._references, self._corrections))
         fresh = math.isfinite(measured)
-        seen = (self._references[0], aged, lagged, measured if fresh else aged, float(fresh))
-        self._states = tuple(map(float, _STEP(*seen, *self._states, *self._numbers)))
+        step = self._step
+        step.given[:_SEEN] = (self._references[0], aged, lagged, measured if fresh else aged, float(fresh))
+        step.evaluate()
+        self._states[:] = step.found
         return self.correction

@@ -13,8 +13,9 @@ from tendonff.ocp.feedback.linear import Branch, Complex
 from tendonff.ocp.feedback.requirement import Requirement
 from tendonff.ocp.mechanism.problem import Array
 
-_RATIOS = (0.1, 0.4, 1.5)
-"""Ki/Kp to try, over the inverse of all delays and lags, the filter's included [-]."""
+_RATES, _FASTEST = 5, 6.0
+"""Number of Ki/Kp to try, from one turn of phase in the whole motion up to so many times the inverse of all delays and
+lags, the filter's included."""
 _FILTERS = (0.0, 0.5, 2.5)
 """Time constants of the filter to try, over all other delays and lags [-]."""
 _WORTH_A_FILTER = 0.95  # of the error without one, below which a filter helps
@@ -145,6 +146,7 @@ def tune(
     laws: Sequence[FeedbackLaw],
     requirement: Requirement,
     lag_s: float,
+    duration_s: float,
     cost: Callable[[tuple[FeedbackLaw, ...]], float],
 ) -> tuple[float, tuple[FeedbackLaw, ...]] | None:
     """Gains and filter of all loops with the least cost, and that, within the margins; None where no gain keeps them.
@@ -158,12 +160,15 @@ def tune(
     requirement : Requirement
     lag_s : float
         All delays and lags of the loop [s], which set what to try.
+    duration_s : float
+        Of the motion [s].
     cost : callable
         Of laws to compare.
     """
     best: tuple[float, tuple[FeedbackLaw, ...]] | None = None
     for filter_s in (share * lag_s for share in _FILTERS):
-        for rate in (ratio / (lag_s + filter_s) for ratio in _RATIOS):
+        fastest = _FASTEST / (lag_s + filter_s)
+        for rate in np.geomspace(min(math.tau / duration_s, fastest), fastest, _RATES).tolist():
             shapes = [replace(law, proportional=1.0, integral_per_s=rate, filter_s=filter_s) for law in laws]
             if (found := as_high_as_allowed(plants, shapes, requirement)) is None:
                 continue

@@ -1,6 +1,7 @@
 """Bodies and tendons in compiled C."""
 
 import ctypes
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,10 +11,12 @@ from numpy.typing import NDArray
 from tendonff.models.joint.balance import Followed
 from tendonff.models.layout import fields_of
 from tendonff.models.mechanism import Arm, Tendon
+from tendonff.models.path import TabulatedSection
+from tendonff.models.path_table import MOST_AXES, PathTable
 from tendonff.models.tendon.chain import Chain
 from tendonff.models.turns import out_of_turn
 from tendonff.ocp.joint.laws import JOINT_NUMBERS, joint_torque, link_back, path_mass_back, representative
-from tendonff.ocp.mechanism.problem import Array, MechanismMemory, MechanismProblem
+from tendonff.ocp.mechanism.problem import Array, MechanismMemory, MechanismProblem, rest
 from tendonff.ocp.step.blocks import in_blocks
 from tendonff.ocp.step.c_engine import CORE, ReportStruct, chain_struct, host_source, library_of, pointer
 from tendonff.ocp.step.laws import ElementLaws
@@ -30,11 +33,22 @@ class _Effect(ctypes.Structure):
     )
 
 
+class _Table(ctypes.Structure):
+    _fields_ = (
+        *((name, ctypes.c_void_p) for name in ("values", "share")),
+        *((name, ctypes.c_double * MOST_AXES) for name in ("low", "step")),
+        ("per_m", ctypes.c_double),
+        *((name, ctypes.c_int * MOST_AXES) for name in ("body", "nodes")),
+        *((name, ctypes.c_int) for name in ("axes", "first", "count")),
+    )
+
+
 class _Tendon(ctypes.Structure):
     _fields_ = (
         *((name, ctypes.c_void_p) for name in ("chain", "home", "effects")),
         ("start_m", ctypes.c_double),
-        *((name, ctypes.c_void_p) for name in ("x", "x_old", "memory")),
+        *((name, ctypes.c_void_p) for name in ("x", "x_old", "memory", "tables")),
+        ("tabled", ctypes.c_int),
     )
 
 
@@ -143,6 +157,7 @@ class CompiledMechanism:
         self._kept: list[Any] = []
         pairs = list(zip(problem.mechanism.tendons, chains, strict=True))
         self._effects = [self._effects_of(tendon, chain) for tendon, chain in pairs]
+        self._tables = [self._tables_of(chain) for chain in chains]
         self._homes = [home_of(chain) for chain in chains]
         bodies = ctypes.c_int(problem.bodies)
         self._work = [np.empty(self._library.tff_strand_reals(ctypes.c_int(n), bodies)) for n in self._counts]
@@ -160,6 +175,21 @@ class CompiledMechanism:
             )
         return records
 
+    def _tables_of(self, chain: Chain) -> Any:
+        """Records of the tables of a path."""
+        parts = table_parts(chain, self._problem.names)
+        self._kept += parts
+        reals, whole = ctypes.c_double * MOST_AXES, ctypes.c_int * MOST_AXES
+        return (_Table * len(parts))(
+            *(
+                _Table(
+                    *(part.values.ctypes.data, part.share.ctypes.data, reals(*part.low), reals(*part.step), part.per_m),
+                    *(whole(*part.bodies), whole(*part.nodes), len(part.nodes), part.first, len(part.share)),
+                )
+                for part in parts
+            )
+        )
+
     def _tendons(self, memory: MechanismMemory) -> Any:
         """Records of the tendons."""
         work = self._work
@@ -171,10 +201,28 @@ class CompiledMechanism:
                     ctypes.addressof(self._effects[k]),
                     float(memory.start_m[k]),
                     *(each.ctypes.data for each in (memory.x[k], memory.x_old[k], work[k])),
+                    *(ctypes.addressof(self._tables[k]), len(self._tables[k])),
                 )
                 for k in range(len(work))
             )
         )
+
+    def path_at(self, position: Array) -> list[Array]:
+        """Rows of each tendon's path where bodies stand, shape (rows, 3 N + 3).
+
+        Wrap angles of the masses (N), whole length over that of each link (N + 1), gained lengths (N + 1), far end.
+
+        Parameters
+        ----------
+        position : ndarray, shape (rows, bodies)
+        """
+        given = np.ascontiguousarray(position, dtype=np.float64)
+        records, rows = self._tendons(rest(self._problem)), ctypes.c_long(len(given))
+        found = [np.empty((len(given), 3 * n + 3)) for n in self._counts]
+        for record, out in zip(records, found, strict=True):
+            bodies = ctypes.c_int(self._problem.bodies)
+            self._library.tff_bodies_place(ctypes.byref(record), bodies, rows, pointer(given), pointer(out))
+        return found
 
     def invert(self, memory: MechanismMemory, position: Array, effort: Array) -> InverseRows:
         """Motors for positions of the bodies at the present instant and the ends of the steps that follow.
@@ -316,14 +364,67 @@ def effect_parts(tendon: Tendon, chain: Chain, body: str) -> EffectParts:
     straight = arm.metres_per_unit if isinstance(arm, Arm) else 0.0
     table = None if arm is None or isinstance(arm, Arm) else arm
     per = np.concatenate([followed.angle_per_rad, followed.length_per_rad, followed.gained_per_rad_m, [straight]])
+    tabled = _tabled_links(chain, body)
     return EffectParts(
-        per=per if arm is not None or followed.any else None,
+        per=per if arm is not None or followed.any or tabled.any() else None,
         knots=None if table is None else table.knots,
         cubics=np.empty(0) if table is None else np.ascontiguousarray(table.cubics).ravel(),
         pieces=0 if table is None else len(table.cubics),
         masses=_range(followed.angle_per_rad != 0),
-        links=_range((followed.length_per_rad != 0) | (followed.gained_per_rad_m != 0)),
+        links=_range((followed.length_per_rad != 0) | (followed.gained_per_rad_m != 0) | tabled),
     )
+
+
+def _tabled_links(chain: Chain, body: str) -> NDArray[np.bool_]:
+    """Links whose lengths a table over a body changes, shape (N + 1,)."""
+    path = chain.elements.path
+    tables = [section.length if isinstance(section, TabulatedSection) else None for section in path.sections]
+    follows = np.array([table is not None and body in table.joints for table in tables], dtype=bool)
+    found: NDArray[np.bool_] = (path.parts[:, follows] != 0).any(axis=1)
+    return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TableParts:
+    """A table of a path, as the core takes it."""
+
+    values: Array  # coefficients
+    share: Array  # of its value, for each mass or link that it changes
+    low: tuple[float, ...]
+    step: tuple[float, ...]
+    per_m: float  # of a length: 1 over the length of the whole tendon; 0: a wrap angle
+    bodies: tuple[int, ...]
+    nodes: tuple[int, ...]
+    first: int  # mass or link that it changes
+
+
+def table_parts(chain: Chain, bodies: Sequence[str]) -> list[TableParts]:
+    """Tables of a tendon's path, less what `home_of` has; bodies by their names in order."""
+    path, found = chain.elements.path, list[TableParts]()
+
+    def add(table: PathTable, less: float, rows: NDArray[np.int_], share: Array, per_m: float) -> None:
+        found.append(
+            TableParts(
+                values=np.ascontiguousarray(table.coefficients - less),
+                share=np.array(share, dtype=np.float64),
+                low=tuple(table.low_rad.tolist()),
+                step=tuple(table.step_rad.tolist()),
+                per_m=per_m,
+                bodies=tuple(bodies.index(joint) for joint in table.joints),
+                nodes=table.nodes,
+                first=int(rows[0]),
+            )
+        )
+
+    for k, section in enumerate(path.sections):
+        if isinstance(section, TabulatedSection):
+            masses, links = np.flatnonzero(path.section_of == k), np.flatnonzero(path.parts[:, k])
+            if section.angle is not None and len(masses):  # of a section that is never touched, nothing bends
+                add(section.angle, float(section.angle_at({})), masses, 1 / path.pieces[masses], 0.0)
+            if section.length is not None:
+                per_m = 1 / (path.length_m or 1.0)
+                add(section.length, float(section.length.at({})), links, path.parts[links, k], per_m)
+    return found
 
 
 def _range(touched: NDArray[np.bool_]) -> tuple[int, int]:

@@ -7,18 +7,20 @@ stands in a record for each tendon.
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from tendonff.models.layout import fields_of
 from tendonff.models.mechanism import Tendon
+from tendonff.models.path_table import MOST_AXES
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.codegen.partial_evaluation import PartialEvaluator
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import CodeError
 from tendonff.ocp.joint.laws import JOINT_NUMBERS, joint_torque, link_back, path_mass_back, representative
 from tendonff.ocp.joint.target import ConstantData, shared_numbers
-from tendonff.ocp.mechanism.compiled import MS, effect_parts, home_of
+from tendonff.ocp.mechanism.compiled import MS, effect_parts, home_of, table_parts
 from tendonff.ocp.mechanism.problem import Array, MechanismProblem
 from tendonff.ocp.step.folding import scheme_rows
 from tendonff.ocp.step.laws import ElementLaws, twins_of
@@ -198,7 +200,23 @@ def _tendon(
         )
     chain_rows = data.rows("weights", f"weights_{label}", rows)
     records = data.rows("effect", f"effects_{label}", effects)
-    return [chain_rows, data.array(home_of(chain)), records, data.number(0.0), "NULL", "NULL", "NULL"]
+    tables = [
+        [
+            *(data.array(part.values.ravel()), data.array(part.share)),
+            *("{" + ", ".join(map(data.number, _padded(each))) + "}" for each in (part.low, part.step)),
+            data.number(part.per_m),
+            *("{" + ", ".join(map(str, _padded(each))) + "}" for each in (part.bodies, part.nodes)),
+            *map(str, (len(part.nodes), part.first, len(part.share))),
+        ]
+        for part in table_parts(chain, problem.names)
+    ]
+    named = data.rows("path_table", f"tables_{label}", tables) if tables else "NULL"
+    home = data.array(home_of(chain))
+    return [chain_rows, home, records, data.number(0.0), "NULL", "NULL", "NULL", named, str(len(tables))]
+
+
+def _padded(values: Sequence[Any]) -> list[Any]:
+    return [*values, *[0] * (MOST_AXES - len(values))]
 
 
 def _arrays(data: ConstantData, problem: MechanismProblem, pretension_N: Array) -> dict[str, str]:

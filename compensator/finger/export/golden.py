@@ -17,7 +17,9 @@ from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import CodeError, SolveError
 from tendonff.ocp.mechanism.response import MechanismRun, MechanismStatus, invert_mechanism
 
-_ROWS, _BACK_ROWS = 600, 200
+_ROWS, BACK_ROWS = 600, 200
+_LOAD = 2.0
+"""Of the load at the end of a golden course, in torques that the tendons give at the start: loops then hang loose."""
 _SLACK_BIT, _SPEED_BIT, _TORQUE_BIT = 32, 4, 2
 _DOUBLE_RAD, _DOUBLE_N = 1e-9, 1e-5
 _UNMEASURED_RAD, _UNMEASURED_N = 2e-4, 0.05
@@ -70,26 +72,42 @@ class FingerAnswers:
 
 
 def golden_course(task: FingerTask, precision: Precision) -> FingerCourse:
-    """The beginning of the reference and the way back of its end; alone where such a turn at speed has no answer.
+    """The beginning of the reference, the way back of its end, and there a load that rises and falls.
 
-    SolveError where the reference has none either.
+    Without the load, the way back or both where these have no answer; SolveError where the reference has none either.
     """
     rows = np.arange(min(_ROWS, len(task.sampled.time_s)))
-    try:
-        return _course(task, np.concatenate([rows, rows[::-1][1 : 1 + _BACK_ROWS]]), precision)
-    except SolveError:
-        return _course(task, rows, precision)
+    back = np.concatenate([rows, rows[::-1][1 : 1 + BACK_ROWS]])
+    for course in (back, rows):
+        for share in (1.0, 0.0):
+            try:
+                return _course(task, course, precision, share * _load_N_m(task, len(course)))
+            except SolveError as error:
+                last = error
+    raise last
+
+
+def _load_N_m(task: FingerTask, rows: int) -> FloatArray:
+    """Torques over the last rows, shape (rows, joints), of the size that the tendons give at the start."""
+    problem, joints = task.problem(task.finger), len(task.finger.joints)
+    place = np.clip(np.arange(rows) - (rows - BACK_ROWS), 0, BACK_ROWS) / BACK_ROWS
+    sizes = _LOAD * problem.tension_N.max() * problem.scale_m()[:joints]
+    signs = np.where(np.arange(joints) % 2 == 0, 1.0, -1.0)
+    sizes[task.scenario.wanted :] = 0.0
+    load: FloatArray = np.sin(np.pi * place)[:, None] ** 2 * sizes * signs
+    return load
 
 
 def followed_course(task: FingerTask, precision: Precision) -> FingerCourse:
     """The whole reference; SolveError where there is no answer."""
-    return _course(task, np.arange(len(task.sampled.time_s)), precision)
+    every = np.arange(len(task.sampled.time_s))
+    return _course(task, every, precision, np.zeros_like(task.sampled.effort_N_m))
 
 
-def _course(task: FingerTask, rows: np.ndarray, precision: Precision) -> FingerCourse:
+def _course(task: FingerTask, rows: np.ndarray, precision: Precision, load_N_m: FloatArray) -> FingerCourse:
     sampled, wanted = task.sampled, task.scenario.wanted
     every = rounded(sampled.angle_rad[rows].ravel(), precision).reshape(len(rows), -1)
-    effort = rounded(sampled.effort_N_m[rows].ravel(), precision).reshape(len(rows), -1)
+    effort = rounded((sampled.effort_N_m[rows] + load_N_m).ravel(), precision).reshape(len(rows), -1)
     time = np.arange(len(rows), dtype=np.float64) * task.step_s
     motion = JointMotion(names=sampled.motion.names, time_s=time, angle_rad=every)
     moved = replace(task, sampled=replace(sampled, time_s=time, angle_rad=every, effort_N_m=effort, motion=motion))

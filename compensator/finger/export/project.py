@@ -13,6 +13,7 @@ from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import atomic_directory, write_text
 from tendonff.compensator.finger.compensators import REFINEMENT, FingerTask
 from tendonff.compensator.finger.export.golden import (
+    BACK_ROWS,
     FingerCourse,
     followed_course,
     golden_context,
@@ -132,6 +133,7 @@ def export_fingers(
         )
     loss = None if found is None else largest_departure([*courses, *runs], found)
     context = module.context | {
+        "load_rows": BACK_ROWS,
         "loss": f"{loss:.2g}" if loss is not None and precision is Precision.FLOAT else "",
         "verifying": f"{max(verifying_masses(task.finger) for task in tasks)} masses a tendon at step/{REFINEMENT}",
         "usual": "" if found is None else f"{max(float(each.evaluations.mean()) for each in found):.1f}",

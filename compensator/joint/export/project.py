@@ -9,7 +9,9 @@ import numpy as np
 
 from tendonff._version import __version__
 from tendonff.compensator.compensators.next_step import next_step
+from tendonff.compensator.export.feedback import feedback_files
 from tendonff.compensator.export.modules import check_prefix
+from tendonff.compensator.feedback.code import feedback_module
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.files.writing import atomic_directory, write_text
@@ -24,6 +26,7 @@ from tendonff.compensator.joint.export.golden import (
 )
 from tendonff.compensator.joint.export.judgement import JudgedJoint, judge_joint, judgement_lines
 from tendonff.compensator.joint.export.text import module_text, problem_of, render, transmission_files
+from tendonff.compensator.joint.feedback import JointFeedbackTask
 from tendonff.compensator.joint.plant import REFINEMENT, verifying_masses
 from tendonff.compensator.joint.scenario.scenario import JointScenario, on_level, sample_joint
 from tendonff.models.fidelity import Level
@@ -158,10 +161,16 @@ def export_joints(
         "loss": f"{loss:.2g}" if loss is not None and precision is Precision.FLOAT else "",
         "verifying": f"{max(verifying_masses(s.mechanism) for s in scenarios)} masses a tendon at step/{REFINEMENT}",
     }
-    files = sources | {name: render(f"{name}.j2", context) for name in _FILES}
+    fed, unfed = _feedback(scenarios, precision, prefix, context["provenance"])
+    context["feedback"] = bool(fed)
+    if fed:
+        context["modules"] = [*context["modules"], "feedback"]
+        context["headers"] = [*context["headers"], f"{prefix}_feedback.h"]
+    files = sources | fed | {name: render(f"{name}.j2", context) for name in _FILES}
     files |= transmission_files(context, others)
     files["design.json"] = _design_json(scenarios, problems, judged, precision, prefix, loss)
     kept = [note for each in sampled for note in each.warnings]
+    kept += unfed
     kept += [f"{fault}; exported because of --force-export" for fault in faults]
     return ExportedJoints(
         files=files,
@@ -170,6 +179,20 @@ def export_joints(
         headlines=tuple(headlines),
         warnings=(*_warnings(runs, scenarios), *kept),
     )
+
+
+def _feedback(
+    scenarios: Sequence[JointScenario], precision: Precision, prefix: str, provenance: str
+) -> tuple[dict[str, str], list[str]]:
+    """Files of the feedback where the one scenario asks for it, and a warning where several do."""
+    settings = [scenario.feedback for scenario in scenarios]
+    if settings[0] is None or len(scenarios) > 1:
+        several = any(each is not None for each in settings)
+        text = "the feedback module is left out of a project of several joints; export each joint with [feedback] alone"
+        return {}, [text] if several else []
+    module = feedback_module(JointFeedbackTask.of(JointTask.of(scenarios[0]), settings[0]))
+    include = f"{prefix}_joint.h"
+    return feedback_files(module, prefix=prefix, precision=precision, include=include, provenance=provenance), []
 
 
 def _headline(scenario: JointScenario) -> str:

@@ -6,6 +6,7 @@ from tendonff.models.errors import ParameterError, require
 from tendonff.models.joint.parameters.drive import JointDrive
 from tendonff.models.joint.parameters.joint import DrivenJoint
 from tendonff.models.joint.parameters.tendon import JointTendon
+from tendonff.models.layout import Array
 from tendonff.models.mechanism import (
     Arm,
     Attachment,
@@ -26,7 +27,7 @@ from tendonff.models.mechanism.geometry import Geometry
 from tendonff.models.mechanism.loads import LoadLaw
 from tendonff.models.mechanism.mechanism import led_joints
 from tendonff.models.mechanism.sharing import Sharing
-from tendonff.models.path import JointMotion
+from tendonff.models.path import JointMotion, TabulatedSection
 
 _BRISTLE_ARM_M = 0.01
 """Moment arm at which the dry friction of a joint has the bristles of the first tendon [m]."""
@@ -122,6 +123,32 @@ class Finger:
         """Lengths, wrap angles and moment arms by the angles of the joints."""
         return Geometry(tendons=tuple(self._tendon(tendon) for tendon in self.tendons), bodies=self.names)
 
+    def length_m(self, angles: Array) -> Array:
+        """Length of each tendon between drum and far end, as `Geometry` [m]: (rows, joints) -> (rows, tendons)."""
+        return self.geometry().length_m(angles)
+
+    def wrap_angle_rad(self, angles: Array) -> Array:
+        """Sum of the wrap angles of each tendon [rad]: (rows, joints) -> (rows, tendons)."""
+        return self.geometry().wrap_angle_rad(angles)
+
+    def moment_arm_m(self, angles: Array) -> Array:
+        """Moment arms under a uniform tension [m]: (rows, joints) -> (rows, tendons, joints)."""
+        return self.geometry().moment_arm_m(angles)
+
+    def beyond_tables(self, motion: JointMotion) -> tuple[str, ...]:
+        """Sections whose tables a motion leaves, where they go on straight, in words; one for each joint."""
+        found: dict[str, tuple[float, str]] = {}
+        for tendon in self.tendons:
+            for section in tendon.path.sections:
+                for table in section.tables if isinstance(section, TabulatedSection) else ():
+                    for joint, off in table.beyond(motion.by_joint).items():
+                        if off > found.get(joint, (0.0, ""))[0]:
+                            found[joint] = off, f'section "{section.name}" of tendon "{tendon.name}"'
+        return tuple(
+            f'"{joint}" leaves the table of {where} by {off:.3g} rad, where it goes on straight; import a wider range'
+            for joint, (off, where) in found.items()
+        )
+
     def mechanism(self, motion: JointMotion) -> Mechanism:
         """Bodies, tendons and drives: joints are free, motors led, and other joints that sections name are led.
 
@@ -138,8 +165,8 @@ class Finger:
             )
             for joint in self.joints
         )
-        named = (section.joint for tendon in self.tendons for section in tendon.path.sections)
-        others = tuple(dict.fromkeys(name for name in named if name is not None and name not in self.names))
+        named = (joint for tendon in self.tendons for section in tendon.path.sections for joint in section.joints)
+        others = tuple(dict.fromkeys(name for name in named if name not in self.names))
         motors = tuple(
             Body(name=motor.body, unit=Unit.RADIAN, inertia=max(motor.drive.inertia_kg_m2, 1e-9))
             for motor in self.motors

@@ -150,7 +150,7 @@ class JointTendon:
 
     def follows(self, joint: str) -> bool:
         """Whether a section of its path bends or gets longer with a joint."""
-        return any(s.joint == joint and (s.angle_per_rad or s.length_per_rad_m) for s in self.path.sections)
+        return any(joint in section.joints and section.moves for section in self.path.sections)
 
     def moment_arm_at(self, angle_rad: Array) -> Array:
         """Moment arm with a tension that is the same along the path, -d(whole length)/dq [m]."""

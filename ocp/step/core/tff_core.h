@@ -14,6 +14,7 @@
 #define TFF_MOST_EQUATIONS ((2 * TFF_MOST_TENDONS) + TFF_MOST_BODIES)
 #define TFF_SHARE_LOST ((tff_real)1e12) /* a tension that no tendon has [N] */
 #define TFF_HALF ((tff_real)0.5)
+#define TFF_MOST_AXES 3
 
 /* Effect of a body on a tendon. */
 typedef struct {
@@ -26,6 +27,18 @@ typedef struct {
     int link, links;         /* and lengths of so many links */
 } tff_effect;
 
+/* A smooth function of one to three bodies, a sum of cubic B-splines, and what it changes: wrap angles of masses, or the
+ * length and the gained length of links. Beyond its range it goes on straight. */
+typedef struct {
+    const tff_real *values;  /* coefficients, the last axis fastest; each axis has nodes + 2 */
+    const tff_real *share;   /* of its value, for each mass or link that it changes */
+    tff_real low[TFF_MOST_AXES], step[TFF_MOST_AXES];
+    tff_real per_m;          /* of a length: 1 over the length of the whole tendon; 0: a wrap angle */
+    int body[TFF_MOST_AXES];
+    int nodes[TFF_MOST_AXES];
+    int axes, first, count;  /* masses or links first .. first + count - 1 */
+} tff_path_table;
+
 typedef struct {
     const tff_weights *chain;
     const tff_real *home;      /* 3 n + 3, the path with all bodies at zero: wrap angles (n), link lengths (n + 1), gained lengths (n + 1), far end */
@@ -34,6 +47,8 @@ typedef struct {
     tff_real *x;
     tff_real *x_old;
     tff_real *memory;          /* TFF_STRAND_REALS(n, bodies) */
+    const tff_path_table *tables;
+    int tabled;                /* their number */
 } tff_tendon;
 
 /* A tendon in a step: views of its memory, and what one evaluation finds. */
@@ -129,6 +144,108 @@ static tff_real tff_far_travel(const tff_effect *e, int last, tff_real q, tff_re
     return (c[0] + (s * (c[1] + (s * (c[2] + (s * c[3])))))) + (*arm * (q - within));
 }
 
+/* Weights of four neighbouring coefficients at s in [0, 1] of a piece of the length `step`, and their slopes. */
+static void tff_path_weights(tff_real s, tff_real step, tff_real *weight, tff_real *rise)
+{
+    const tff_real r = 1 - s;
+    weight[0] = r * r * r / 6;
+    weight[1] = (4 - (3 * s * s * (2 - s))) / 6;
+    weight[2] = (4 - (3 * r * r * (2 - r))) / 6;
+    weight[3] = s * s * s / 6;
+    rise[0] = -TFF_HALF * r * r / step;
+    rise[1] = TFF_HALF * ((3 * s * s) - (4 * s)) / step;
+    rise[2] = -TFF_HALF * ((3 * r * r) - (4 * r)) / step;
+    rise[3] = TFF_HALF * s * s / step;
+}
+
+/* Value of a table for positions of the bodies, `stride` apart, and its slopes over its axes. */
+static tff_real tff_path_table_at(const tff_path_table *t, const tff_real *q, int stride, tff_real *slope)
+{
+    tff_real weight[TFF_MOST_AXES][4];
+    tff_real rise[TFF_MOST_AXES][4];
+    tff_real over[TFF_MOST_AXES];
+    tff_real value = 0;
+    int size[TFF_MOST_AXES];
+    int at = 0;
+    int corners = 1;
+    int a;
+    int b;
+    int k;
+    for (a = 0; a < t->axes; a++) {
+        const tff_real high = t->low[a] + (t->step[a] * (tff_real)(t->nodes[a] - 1));
+        const tff_real given = q[t->body[a] * stride];
+        const tff_real above = (given < t->low[a]) ? t->low[a] : given;
+        const tff_real within = (above > high) ? high : above;
+        const tff_real u = (within - t->low[a]) / t->step[a];
+        const int most = t->nodes[a] - 2;
+        const int piece = ((int)u > most) ? most : (int)u;
+        tff_path_weights(u - (tff_real)piece, t->step[a], weight[a], rise[a]);
+        over[a] = given - within;
+        slope[a] = 0;
+        size[a] = t->nodes[a] + 2;
+        at = (at * size[a]) + piece;
+        corners *= 4;
+    }
+    for (k = 0; k < corners; k++) {
+        tff_real share = 1;
+        tff_real by[TFF_MOST_AXES];
+        int left = k;
+        int next = 1;
+        int where = at;
+        for (a = 0; a < t->axes; a++) {
+            by[a] = 1;
+        }
+        for (a = t->axes - 1; a >= 0; a--) {
+            const int own = left % 4;
+            where += own * next;
+            next *= size[a];
+            left /= 4;
+            share *= weight[a][own];
+            for (b = 0; b < t->axes; b++) {
+                by[b] *= (b == a) ? rise[a][own] : weight[a][own];
+            }
+        }
+        value += share * t->values[where];
+        for (a = 0; a < t->axes; a++) {
+            slope[a] += by[a] * t->values[where];
+        }
+    }
+    for (a = 0; a < t->axes; a++) {
+        value += slope[a] * over[a];
+    }
+    return value;
+}
+
+/* What the tables of a tendon add to its path, and to what each body takes off it. */
+static void tff_place_tables(const tff_tendon *t, const tff_real *q, int stride, tff_real *out, tff_real *weight)
+{
+    const int n = t->chain->count;
+    int k;
+    int a;
+    int i;
+    for (k = 0; k < t->tabled; k++) {
+        const tff_path_table *const table = &t->tables[k];
+        const int bends = (table->per_m > 0) ? 0 : 1;
+        tff_real slope[TFF_MOST_AXES];
+        const tff_real value = tff_path_table_at(table, q, stride, slope);
+        for (i = 0; i < table->count; i++) {
+            const tff_real own = table->share[i] * value;
+            const int row = table->first + i;
+            if (bends != 0) {
+                out[row] += own;
+            } else {
+                out[n + row] += own * table->per_m;
+                out[((2 * n) + 1) + row] += own;
+            }
+        }
+        for (a = 0; (weight != NULL) && (bends == 0) && (a < table->axes); a++) {
+            for (i = 0; i < table->count; i++) {
+                weight[(table->body[a] * (n + 1)) + table->first + i] -= table->share[i] * slope[a];
+            }
+        }
+    }
+}
+
 /* The path for positions of the bodies, `stride` apart; `weight`, where it is given, receives what each body takes off
  * the links' lengths. */
 static void tff_place_at(const tff_tendon *t, int bodies, const tff_real *q, int stride, tff_real *out, tff_real *weight)
@@ -164,6 +281,7 @@ static void tff_place_at(const tff_tendon *t, int bodies, const tff_real *q, int
             }
         }
     }
+    tff_place_tables(t, q, stride, out, weight);
     for (i = 0; i < n; i++) {
         out[i] = (out[i] > 0) ? out[i] : 0;
     }

@@ -1,6 +1,9 @@
 """`design` of a scenario with [feedback]: files, sentence, and what is refused."""
 
 import json
+import math
+import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -8,6 +11,7 @@ import pytest
 import tendonff as tf
 from tendonff.compensator.door import design
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.joint.export.project import export_joints
 
 pytestmark = pytest.mark.compiler
 
@@ -86,3 +90,33 @@ def test_the_report_has_both_figures_and_the_sentence(written):
 def test_what_has_no_meaning_is_refused(tmp_path, feedback, message):
     with pytest.raises(InputError, match=message):
         design(scenario(tmp_path, feedback))
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("export")
+    told = scenario(folder)
+    export_joints(told).write(folder / "c")
+    return told, folder / "c"
+
+
+@pytest.mark.slow
+def test_the_exported_module_passes_its_self_test(exported):
+    _, folder = exported
+    done = subprocess.run(["make", "test"], cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "feedback: largest departure 0 rad, passed" in done.stdout
+
+
+@pytest.mark.slow
+def test_the_runtime_adds_the_correction_at_the_sample_time_of_the_feedback(exported):
+    told, _ = exported
+    plain, fed = tf.Runtime(replace(told, feedback=None)), tf.Runtime(told)
+    differences = []
+    for k in range(40):
+        angle = 0.3 * (1 - math.cos(0.01 * k))
+        differences.append(fed.step(angle, measured=angle - 0.01) - plain.step(angle))
+    held = [differences[k : k + 5] for k in range(0, 40, 5)]
+    assert all(max(five) - min(five) < 1e-12 for five in held)
+    assert differences[0] > 0
+    assert len(set(differences)) > 4

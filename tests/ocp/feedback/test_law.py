@@ -75,7 +75,7 @@ def test_what_was_learned_one_way_is_turned_round_where_the_reference_turns():
 
 @pytest.mark.parametrize("true_s", [0.006, 0.012, 0.020])
 def test_the_age_of_the_measurement_is_learned_beside_friction(true_s):
-    found = FeedbackController(replace(LAW, friction_share=0.5, error_scale=0.005, gain=1.0))
+    found = FeedbackController(replace(LAW, friction_share=0.5, stroke=0.2, error_scale=0.005))
     reference = wave(TIME)
     reached = reference - 0.005 * np.sign(np.gradient(reference))
     corrected = np.zeros(len(TIME) + 1)

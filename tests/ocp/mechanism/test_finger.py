@@ -170,7 +170,7 @@ def test_without_friction_motors_turn_by_lengths_and_stretch():
     geometry = Geometry(tendons=finger(wanted).tendons, bodies=tuple(JOINTS))
     length = geometry.length_m(wanted)
     at_zero = np.array([sum(s.length_m or 0.0 for s in sections(arms)) for arms in ARMS.values()])
-    stretch = found.tension_N / 2e4 * (1 + length / at_zero)
+    stretch = found.tension_N / 2e4 * length / at_zero
     travel = -(length - length[0]) + stretch - stretch[0]
     assert found.motor * DRUM_M == pytest.approx(travel, abs=5e-6)  # inertia and viscous friction of the tendons
     speed = np.gradient(wanted, STEP_S, axis=0)

@@ -1,0 +1,98 @@
+"""Feedback of the tension of one tendon: its loop about the transmission, from the scenario's data."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.plant import FINE_SEGMENTS
+from tendonff.compensator.compensators.profile import FloatArray, Profile
+from tendonff.compensator.feedback.task import FeedbackTask
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.scenario.settings import Feedback, FeedbackSensor
+from tendonff.compensator.scenario.unit import NEWTON
+from tendonff.models.mechanism import Mechanism
+from tendonff.models.parameters import Transmission
+from tendonff.ocp.feedback.closed_loop import Course
+from tendonff.ocp.feedback.system import FeedbackSystem, Quantity, behind_servos
+from tendonff.ocp.mechanism.start import mechanism_problem
+
+_CYCLES = 3  # of a reference that repeats, of which the last counts
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TensionFeedbackTask(FeedbackTask):
+    """Feedback of one tension.
+
+    Attributes
+    ----------
+    problem : Problem
+    """
+
+    problem: Problem
+
+    @classmethod
+    def of(
+        cls, problem: Problem, settings: Feedback, profiles: Mapping[str, Profile], file: str
+    ) -> "TensionFeedbackTask":
+        """The feedback that a scenario asks for; InputError where it has none."""
+        if settings.sensor is not FeedbackSensor.OUTPUT_TENSION:
+            raise InputError(
+                f'{file} [feedback]: the tension of one tendon needs sensor = "output_tension", got "{settings.sensor}"'
+            )
+        cycles = _CYCLES if problem.reference.periodic else 1
+        rows = len(problem.reference.tension_N)
+        stiffness = problem.transmission.actuator.servo_stiffness_N_per_m
+        return cls(
+            settings=settings,
+            file=file,
+            names=("output_tension",),
+            unit=NEWTON,
+            command_unit="N" if stiffness is None else "m",
+            doubt=problem.doubt,
+            masses=max(FINE_SEGMENTS, 2 * problem.transmission.path.segments),
+            feedforward=_course(problem, profiles["inverse"], cycles),
+            alone=_course(problem, profiles.get("none", profiles["inverse"]), cycles),
+            scored=slice((cycles - 1) * (rows - 1), None),
+            scales_with_reference=True,
+            problem=problem,
+        )
+
+    def system(self, mechanism: Transmission, masses: int | None = None) -> FeedbackSystem:
+        """See `FeedbackTask.system`."""
+        described, stiffness = behind_servos(Mechanism.of(mechanism))
+        tension_N, motion, load = self.problem.reference.initial_tension_N, mechanism.motion, mechanism.load
+        start = {} if motion is None else dict(zip(motion.names, motion.angle_rad[0].tolist(), strict=True))
+        if load.joint is None:
+            start["load"] = tension_N / load.stiffness_N_per_m
+        problem = mechanism_problem(described, self.problem.level, start, segments=masses)
+        return FeedbackSystem(
+            problem=problem.starting(np.array([tension_N])),
+            quantity=Quantity.TENSION,
+            goals=(0,),
+            direction=stiffness[:1, None],
+        )
+
+
+def _course(problem: Problem, profile: Profile, cycles: int) -> Course:
+    """Reference and forces on the actuator's end; of a cycle several."""
+    reference, motion = problem.reference, problem.transmission.motion
+    force = profile.force_N
+    stiffness = problem.transmission.actuator.servo_stiffness_N_per_m
+    if stiffness is not None and profile.command_m is not None:
+        force = reference.initial_tension_N + stiffness * profile.command_m
+
+    def repeated(rows: FloatArray) -> FloatArray:
+        return np.vstack([*[rows[:-1]] * (cycles - 1), rows])
+
+    joints = np.zeros((len(force), 0)) if motion is None else motion.at(reference.time_s)
+    bodies = np.zeros((len(force), 0 if problem.transmission.load.joint is not None else 1))
+    known = repeated(np.hstack([bodies, joints]))
+    return Course(
+        step_s=reference.step_s,
+        reference=repeated(reference.tension_N[:, None]),
+        command=repeated(force[:, None]),
+        known=known,
+        effort=np.zeros_like(known),
+    )
