@@ -1,4 +1,4 @@
-"""What lies between a command and what the drive does: sampling, hold, delay, lag and backlash, for any kind of drive.
+"""Way from a command to what the drive does: sampling, hold, delay, lag and backlash, for any kind of drive.
 
     command --[ sampling, resolution ]--[ line | hold | late ]--[ delay ]--[ lag ]--[ play ]--> drive
 
@@ -24,7 +24,7 @@ _SAME = 1e-9  # of an interval, by which two times are one
 
 
 class CommandHold(StrEnum):
-    """What the drive makes of commands between their samples.
+    """Course of a drive between samples of its commands.
 
     Attributes
     ----------

@@ -62,7 +62,7 @@ class Profile:
 
     @property
     def given(self) -> FloatArray:
-        """What is sent to the drive, shape (n,): a command where there is one, else the force [N]."""
+        """Values sent to the drive, shape (n,): a command where there is one, else the force [N]."""
         commands = (values for values in (self.command_m, self.command_N) if values is not None)
         return next(commands, self.force_N)
 

@@ -90,7 +90,7 @@ class FingerScenario:
 
     @property
     def measurement(self) -> Measurement:
-        """How measured files are read where nothing else is said."""
+        """Format of measured files by default."""
         return Measurement()
 
     @property

@@ -108,6 +108,7 @@ class JointTask(MotorTask):
     @property
     def notes(self) -> tuple[str, ...]:
         """Notes on the inverse for the user."""
+        _ = self.inversion  # whose errors name the file
         return self._inverse[1]
 
     @property

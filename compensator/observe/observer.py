@@ -20,7 +20,7 @@ from tendonff.models.turns import in_turn
 
 
 class ObserverCore(Protocol):
-    """What an observer runs: from tension and position of the near end, or from angle and torque of a motor."""
+    """Law of an observer: from tension and position of the near end, or from angle and torque of a motor."""
 
     sees_motor: bool
     joints: tuple[str, ...]

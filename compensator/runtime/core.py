@@ -26,7 +26,7 @@ Angles: TypeAlias = Mapping[str, float] | Sequence[float] | None
 
 
 class RuntimeCore(Protocol):
-    """What a runtime runs; see `Runtime` for the attributes and the step."""
+    """Compensator that a runtime runs; see `Runtime` for the attributes and the step."""
 
     kind: RuntimeKind
     digest: str

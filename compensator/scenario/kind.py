@@ -4,7 +4,7 @@ from enum import StrEnum
 
 
 class Kind(StrEnum):
-    """What a scenario file describes; the reader knows it by the tables of the file."""
+    """Kind of a scenario file; the reader knows it by the tables of the file."""
 
     TENSION = "tension of one tendon"
     JOINT = "driven joint"

@@ -24,6 +24,7 @@ EXAMPLES = ("bowden", "finger", "finger_fast", "finger_stribeck", "surgical")
 LEVELS = ("elastic", "viscoelastic", "presliding")
 MOVING = "finger_moving"
 CROSSING = "servo_cycle"  # beside this file
+JOINTS = ("hand_joint", "instrument_pair", "spring_cycle")  # a loop, a pair, one tendon against a spring in a cycle
 EXPERIMENTS = ("finger",)
 TABLES = (("finger", "presliding"), ("finger", "elastic"))
 SIMULATIONS = (*(("finger", level) for level in LEVELS), ("finger_stribeck", "presliding"))
@@ -176,6 +177,28 @@ def test_design_gives_what_is_stored_where_drive_path_and_cycle_meet(command, go
 
 
 @pytest.mark.compiler
+@pytest.mark.parametrize("example", JOINTS)
+def test_design_of_joints_gives_what_is_stored(example, command, golden):
+    here = Path(__file__).with_name(example)
+    stored = golden(f"{example}/design")
+    stored.messages(command("design", here if here.with_suffix(".toml").exists() else example, "--out", "out"))
+    stored.table(Path("out/profile.csv"))
+    stored.data(Path("out/summary.json"))
+
+
+@pytest.mark.compiler
+def test_what_takes_a_joint_gives_what_is_stored(command, golden):
+    """Simulation of motor angles, and all arrays of the exported code."""
+    scenario = Path(__file__).with_name("spring_cycle")
+    stored = golden("spring_cycle/works")
+    write_rows(Path("motor.csv"), {"time_s": [0, 0.2, 0.5], "motor_flexor_rad": [0, 0.3, -0.1]})
+    command("simulate", scenario, "--force", "motor.csv", "--out", "run.csv")
+    stored.table(Path("run.csv"))
+    command("export-c", scenario, "--out", "c")
+    stored.arrays(Path("c"))
+
+
+@pytest.mark.compiler
 @pytest.mark.parametrize("kind", ["samples", "grid"])
 def test_sweep_gives_what_is_stored(kind, command, golden):
     asked = ["--samples", 3] if kind == "samples" else ["--over", "friction.mu_dynamic=0.15:0.25:3"]
@@ -248,6 +271,8 @@ def test_every_stored_folder_belongs_to_a_test():
         *(f"{e}/export-c-{x}" for e, x in EXPORTS),
         *(f"{e}/export-fmu-{x}" for e, x in UNITS),
         *(f"{CROSSING}/{x}" for x in ("design", "sweep-samples", "sweep-grid")),
+        *(f"{e}/design" for e in JOINTS),
+        "spring_cycle/works",
         "finger_adaptive/adapt",
         *(f"finger/identify-{x}" for x in ("synthetic", "davinci-tool4")),
     }

@@ -16,7 +16,7 @@ _ELEMENT = re.compile(r"(.+)\[(\d+)\]")
 
 
 def _kind(of: Any, pa: Any) -> str:
-    """What a column holds: "text", "number", "list", or "" for what is not read."""
+    """Kind of a column: "text", "number", "list", or "" for what is not read."""
     types = pa.types
     if types.is_dictionary(of):
         of = of.value_type

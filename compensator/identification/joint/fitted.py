@@ -137,6 +137,12 @@ def _part(tendon: JointTendon, part: str) -> dict[str, object]:
     return found
 
 
+def set_keys(record: Any) -> dict[str, object]:
+    """Keys and values of a record of the scenario that say something."""
+    pairs = ((field.name, getattr(record, field.name)) for field in fields(record))
+    return {key: value for key, value in pairs if value not in (None, ())}
+
+
 def to_toml(raw: Mapping[str, object]) -> str:
     """Plain tables as TOML: scalars and lists first, then tables and rows of tables."""
     return "".join(_lines(raw, "")).lstrip("\n")

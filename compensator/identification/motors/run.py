@@ -3,7 +3,7 @@
 import os
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.finger.scenario import FingerScenario, SampledFinger, sample_finger
 from tendonff.compensator.identification.answer.result import Estimate, estimate_columns, is_known
-from tendonff.compensator.identification.joint.fitted import to_toml
+from tendonff.compensator.identification.joint.fitted import set_keys, to_toml
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.motors.law import MotorsLaw
 from tendonff.compensator.identification.motors.log import MotorsLog, read_logs
@@ -276,7 +276,7 @@ def _fitted_text(scenario: FingerScenario | JointScenario, finger: Finger, estim
     for row, tendon in zip(raw["tendons"], finger.tendons, strict=True):
         row["name"] = tendon.name
         for part in ("tendon", "friction"):
-            row[part] = _keys(getattr(tendon, part))
+            row[part] = set_keys(getattr(tendon, part))
     for joint in finger.joints:
         if joint.gravity_N_m:
             raw["joints"][joint.name]["gravity_N_m"] = joint.gravity_N_m
@@ -331,8 +331,3 @@ def _half_width(estimate: Estimate) -> float:
         return ASSUMED_SPREAD
     half = (estimate.interval[1] - estimate.interval[0]) / 2 / abs(estimate.value)
     return round(min(max(half, 1e-4), 0.99), 4)
-
-
-def _keys(instance: Any) -> dict[str, object]:
-    pairs = ((field.name, getattr(instance, field.name)) for field in fields(instance))
-    return {key: value for key, value in pairs if value not in (None, ())}

@@ -198,6 +198,7 @@ def golden_context(
         "motor_torque_N_m": asked,
         "tolerance_N_m": f"{newton_metre:.3g}",
         "torque_max_N_m": f"{drive.torque_max_N_m or 1e30:.9g}",
+        "drift_rad": f"{STEP_RAD + 0.8 * observed_motor(scenario, course.angle_rad)[1] * step:.6g}",
         "observed_rad": f"{_observed_rad(scenario, course, rad):.3g}",
         "tolerance_rad": f"{rad:.3g}",
         "tolerance_command": f"{command:.3g}",
@@ -209,7 +210,7 @@ def golden_context(
 
 
 def _observed_rad(scenario: JointScenario, course: JointCourse, rad: float) -> float:
-    """What an observer may miss of the joint's angle when it is given the motor's; 0 where it takes no such motor."""
+    """Error that an observer may make in the joint's angle by the motor's; 0 where it takes no such motor."""
     mechanism, step = scenario.mechanism, scenario.run.step_s
     observed, fastest = observed_motor(scenario, course.angle_rad)
     quick = float(np.abs(np.diff(course.motor_rad, axis=0)).max(initial=0.0)) > STEP_RAD + fastest * step

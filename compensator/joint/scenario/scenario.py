@@ -101,7 +101,7 @@ class JointScenario:
 
     @property
     def measurement(self) -> Measurement:
-        """How measured files are read where nothing else is said."""
+        """Format of measured files by default."""
         return Measurement()
 
     @property

@@ -1,15 +1,21 @@
 """A joint on the interactive page."""
 
 import math
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import reduce
+from operator import getitem
+from typing import Any
 
 import numpy as np
 
 from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.compensators.score import score
+from tendonff.compensator.identification.joint.fitted import set_keys, to_toml
 from tendonff.compensator.joint.compensators import JointTask, compensators_of, joint_compensator
-from tendonff.compensator.joint.scenario.scenario import JointScenario
+from tendonff.compensator.joint.scenario.base import with_base
+from tendonff.compensator.joint.scenario.scenario import JointScenario, parse_joint_scenario
 from tendonff.compensator.studies.explore.subject import MOST_POINTS, Course, Curve, Exploration, Knob, Panel, Subject
 from tendonff.models.joint.parameters import DriveKind
 from tendonff.models.parameters.numbers import number_of, with_numbers
@@ -126,9 +132,19 @@ class JointExplorer(Subject):
         label = joint_compensator(found.recommended).label
         return found.headline(label, next_step(found, self.file, f"tendonff design {self.file} --out out"))
 
-    def toml(self, values: Mapping[str, float]) -> str:  # noqa: ARG002
-        """There is none: a scenario of a joint is not written anew, its comments would be lost."""
-        return ""
+    def toml(self, values: Mapping[str, float]) -> str:
+        """Scenario file with these values and without comments; empty where a file cannot say them."""
+        scenario = self._changed(values).scenario
+        raw: dict[str, Any] = with_base(tomllib.loads(scenario.text), scenario.source, [])
+        for row, tendon in zip(raw["tendons"], scenario.mechanism.tendons, strict=True):
+            row |= {"name": tendon.name, "tendon": set_keys(tendon.tendon), "friction": set_keys(tendon.friction)}
+        for knob in self.knobs:
+            *tables, key = knob.key.split(".")
+            if tables and (value := number_of(scenario.mechanism, knob.key)) is not None:
+                reduce(getitem, tables, raw)[key] = value
+        text = to_toml(raw)
+        said = parse_joint_scenario(text, scenario.source)
+        return text if said.mechanism == scenario.mechanism else ""
 
     def _changed(self, values: Mapping[str, float]) -> JointTask:
         """The task with the knobs at these values."""

@@ -74,7 +74,7 @@ class JointTable:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the user should know."""
+        """Warnings for the user."""
         return self.harm
 
     @property

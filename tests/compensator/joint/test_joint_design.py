@@ -5,15 +5,19 @@ import csv
 import json
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.joint import compensators
 from tendonff.compensator.joint.design.run import design_joint
 from tendonff.compensator.joint.drive import commanded, driven
 from tendonff.compensator.scenarios import load_scenario
+from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters import DriveKind, JointDrive
 from tendonff.ocp.joint.simulate import simulate_joint
 from tendonff.ocp.joint.start import joint_problem
@@ -245,3 +249,26 @@ def test_a_homing_stroke_wipes_out_what_was_stored(tmp_path: Path, examples: Pat
         errors.append(np.rad2deg(np.abs(run.angle_rad[-len(wanted) :] - wanted).max()))
     assert errors[0] < 0.05
     assert errors[1] > 10 * errors[0]
+
+
+def test_a_compensator_that_fails_does_not_end_the_design(examples, tmp_path, monkeypatch):
+    def fails(_task):
+        raise FloatingPointError("divide by zero")
+
+    broken = [
+        replace(each, motor_rad=fails) if each.name == "static" else each for each in compensators.JOINT_COMPENSATORS
+    ]
+    monkeypatch.setattr(compensators, "JOINT_COMPENSATORS", tuple(broken))
+    result = design_joint(load_scenario(variant(examples, tmp_path, COARSE)))
+    assert set(result.profiles) == {"linear", "inverse"}
+    assert not result.is_usable
+    assert any("static: failed: FloatingPointError: divide by zero" in each for each in result.warnings)
+
+
+def test_notes_asked_first_raise_the_error_that_names_the_file(examples, tmp_path, monkeypatch):
+    def fails(*_):
+        raise ParameterError("moment arms change their sign")
+
+    monkeypatch.setattr(compensators, "inverse_of", fails)
+    with pytest.raises(InputError, match=r"s.toml: moment arms change their sign"):
+        _ = compensators.JointTask.of(load_scenario(variant(examples, tmp_path, COARSE))).notes

@@ -42,3 +42,9 @@ def test_what_is_out_of_bounds_is_refused(explorer: JointExplorer) -> None:
     values = {knob.key: knob.value for knob in explorer.knobs} | {"stiffness": -1.0}
     with pytest.raises(TendonffError):
         explorer.explore(values, design_knows=True, curves=explorer.fast)
+
+
+def test_what_is_saved_reads_back_as_what_was_explored(explorer: JointExplorer, tmp_path: Path) -> None:
+    values = {knob.key: knob.value for knob in explorer.knobs} | {"mu": 1.5, "stiffness": 0.7}
+    (tmp_path / "explored.toml").write_text(explorer.toml(values), encoding="utf-8")
+    assert load_scenario(tmp_path / "explored.toml").mechanism == explorer._changed(values).mechanism

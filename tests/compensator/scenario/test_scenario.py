@@ -393,7 +393,7 @@ def test_what_is_no_readable_file_is_refused(tmp_path: Path) -> None:
         load_scenario(tmp_path / "absent.toml")
     with pytest.raises(InputError, match="is a folder"):
         load_scenario(tmp_path)
-    (tmp_path / "x.toml").write_bytes(b"\xff\xfe")
+    (tmp_path / "x.toml").write_bytes(b"\x80\x81")
     with pytest.raises(InputError, match="not UTF-8"):
         load_scenario(tmp_path / "x.toml")
 
