@@ -232,7 +232,7 @@ def main() -> int:
         alive = []
         listed = [] if "tff_path.c" in files or driver is JOINT_DRIVER else list(safety(files, options.precision))
         listed = [m for m in listed if options.only in m.what and not options.random_only]
-        if getattr(scenario, "adaptation", None) is None or not scenario.adaptation.integral_gain_per_s:
+        if not getattr(scenario.adaptation, "integral_gain_per_s", 0.0):
             listed = [m for m in listed if "integra" not in m.what]  # the same without integral action
         for mutant in listed:
             if survives(mutant):

@@ -20,6 +20,10 @@ REFINEMENT = 10
 """The verifying mechanism has more masses and smaller steps than the design."""
 
 _SETTLING_CYCLES = 4
+_STEADY = 1e-3  # of the motion's range, by which the last two cycles may differ
+
+UNSETTLED = "the cycle still changes"
+"""Begin of the message of a run whose last two cycles differ."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,6 +86,7 @@ class JointPlant:
         keep = slice(rows * (repeats - 1), None, fine)
         return replace(
             run,
+            message=_settled(run, rows) if repeats > 1 else run.message,
             time_s=time,
             motor_rad=run.motor_rad[keep],
             motor_torque_N_m=run.motor_torque_N_m[keep],
@@ -97,6 +102,19 @@ class JointPlant:
         if self.scenario.reference.quantity is JointQuantity.ANGLE:
             return run.angle_rad
         return run.torque_N_m - joint_load(self.mechanism, self.sampled, self.scenario.run.step_s)
+
+
+def _settled(run: JointSimulation, rows: int) -> str:
+    """The message of a run over cycles of so many rows, or by how much the last two differ."""
+    apart = [
+        (float(np.abs(each[-rows:] - each[-2 * rows : -rows]).max()), float(np.ptp(each[-rows:])), unit)
+        for each, unit in ((run.angle_rad, "rad"), (run.torque_N_m, "N m"))
+    ]
+    change, whole, unit = max(apart, key=lambda each: each[0] / max(each[1], 1e-12))
+    if change <= _STEADY * whole:
+        return run.message
+    share = 100 * change / max(whole, 1e-12)
+    return f"{UNSETTLED} by {change:.2g} {unit} ({share:.2g} %) after {_SETTLING_CYCLES} periods"
 
 
 def joint_load(mechanism: Mechanism, sampled: SampledJoint, step_s: float) -> FloatArray:

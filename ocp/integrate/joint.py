@@ -93,7 +93,10 @@ class IntegratedJoint:
         if done:
             speed = float(states[-1, 1]) if not led else float(rates[-1, 0])
             joint = (speed, float(angle[-1]), *states[-1, 2:own].tolist())
-            self._moved(memory, states[-1, own:], joint, travel_m[done])
+            # the compiled step goes on from there as from rest, by implicit Euler
+            memory.z = np.array([*joint, 0.0][:3])
+            memory.x = chain_states(problem, states[-1, own:], joint[1], joint[0], memory.start_m + travel_m[done])
+            memory.x_old, memory.z_old, memory.fresh = [x.copy() for x in memory.x], memory.z.copy(), True
             memory.time_s, memory.tension_N = memory.time_s + done * self._step_s, tension[-1].copy()
         return JointRows(
             angle_rad=angle.copy(),
@@ -107,17 +110,21 @@ class IntegratedJoint:
             reason=None if done == len(travel_m) - 1 else gave_up(self._method),
         )
 
-    def _moved(self, memory: JointMemory, inner: Array, joint: tuple[float, ...], travel: Array) -> None:
-        """The memory at the end of a run; the compiled step goes on from there as from rest, by implicit Euler."""
-        problem, first, (speed, angle, *_) = self._problem, 0, joint
-        memory.z = np.array([*joint, 0.0][:3])
-        for k, (chain, tendon) in enumerate(zip(problem.chains, problem.mechanism.tendons, strict=True)):
-            n, size = chain.count, chain.layout.size - 4
-            own, first = inner[first : first + size], first + size
-            far, arm = (float(each(np.array(angle))) for each in (tendon.arm.travel_m, tendon.arm.arm_at))
-            near = memory.start_m[k] + travel[k]
-            memory.x[k] = np.concatenate([[own[0]], own[:n], [arm * speed], own[n:], [near, far]])
-        memory.x_old, memory.z_old, memory.fresh = [x.copy() for x in memory.x], memory.z.copy(), True
+
+def chain_states(
+    problem: JointProblem, inner: Array, angle_rad: float, speed_rad_per_s: float, near_m: Array
+) -> list[Array]:
+    """State of each chain, of the page's states behind the joint's own, the joint's motion and the near ends' places.
+
+    The speed of a near end is that of the mass beside it.
+    """
+    found, first = [], 0
+    for k, (chain, tendon) in enumerate(zip(problem.chains, problem.mechanism.tendons, strict=True)):
+        n, size = chain.count, chain.layout.size - 4
+        own, first = inner[first : first + size], first + size
+        far, arm = (float(each(np.array(angle_rad))) for each in (tendon.arm.travel_m, tendon.arm.arm_at))
+        found.append(np.concatenate([[own[0]], own[:n], [arm * speed_rad_per_s], own[n:], [near_m[k], far]]))
+    return found
 
 
 def _of_tendon(x: Array, count: int) -> Array:

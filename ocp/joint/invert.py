@@ -13,9 +13,8 @@ import numpy as np
 
 from tendonff.models.errors import ParameterError
 from tendonff.models.turns import in_turn
-from tendonff.ocp.codegen.compiler import find_compiler, why_no_compiler
 from tendonff.ocp.codegen.engine import Engine, resolve_engine
-from tendonff.ocp.errors import CodeError
+from tendonff.ocp.joint.by_casadi import CasadiJoint
 from tendonff.ocp.joint.compiled import CompiledJoint
 from tendonff.ocp.joint.protocol import Array, JointEngine, JointMemory, JointProblem
 from tendonff.ocp.joint.start import start_memory
@@ -87,13 +86,9 @@ class JointInversion:
 
 
 def engine_of(problem: JointProblem, step_s: float, engine: Engine) -> JointEngine:
-    """Engine of a problem; ParameterError for a step that is no time, CodeError where no C compiler works."""
+    """Engine of a problem; ParameterError for a step that is no time."""
     require_step(step_s)
-    if resolve_engine(engine) is not Engine.COMPILED:
-        asked = "the engine casadi was asked for, here or by TENDONFF_ENGINE; leave that out"
-        reason = why_no_compiler() if find_compiler() is None else asked
-        raise CodeError(f"the exact inverse of a joint runs in compiled C only; {reason}")
-    return CompiledJoint(problem, step_s)
+    return CompiledJoint(problem, step_s) if resolve_engine(engine) is Engine.COMPILED else CasadiJoint(problem, step_s)
 
 
 def require_step(step_s: float) -> None:

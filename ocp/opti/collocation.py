@@ -11,10 +11,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from tendonff.ocp.codegen.smoothing import smoothed, switches
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.integrate.integrator import Equations, Integrator, evaluated, gave_up
 from tendonff.ocp.integrate.method import Accuracy, Method
-from tendonff.ocp.opti.smoothing import smoothed, switches
 
 Array = NDArray[np.float64]
 

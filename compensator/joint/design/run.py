@@ -14,7 +14,7 @@ from tendonff.compensator.joint.design.figures import joint_figures
 from tendonff.compensator.joint.design.output import profile_columns, write_files
 from tendonff.compensator.joint.design.result import JointDesign, JointProfile
 from tendonff.compensator.joint.feedback import JointFeedbackTask
-from tendonff.compensator.joint.plant import REFINEMENT, joint_load, verifying_masses
+from tendonff.compensator.joint.plant import REFINEMENT, UNSETTLED, joint_load, verifying_masses
 from tendonff.compensator.joint.scenario.doubts import joint_doubts
 from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint
 from tendonff.compensator.reporting.results import Views, register_views
@@ -85,6 +85,7 @@ def design_joint(scenario: JointScenario, *, strict: bool = False, progress: Pro
         *sampled.warnings,
         *task.notes,
         *tried.warnings,
+        *(f"{name}: {run.message}" for name, run in tried.responses.items() if run.message.startswith(UNSETTLED)),
         *warned,
         *_drive_warnings(drive, inversion, scenario.run.step_s),
     ]

@@ -13,12 +13,13 @@ import pytest
 
 from tendonff.compensator.cli import run
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.joint import compensators
+from tendonff.compensator.joint import compensators, plant
 from tendonff.compensator.joint.design.run import design_joint
 from tendonff.compensator.joint.drive import commanded, driven
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters import DriveKind, JointDrive
+from tendonff.ocp.joint.invert import JointStatus
 from tendonff.ocp.joint.simulate import simulate_joint
 from tendonff.ocp.joint.start import joint_problem
 
@@ -261,8 +262,20 @@ def test_a_compensator_that_fails_does_not_end_the_design(examples, tmp_path, mo
     monkeypatch.setattr(compensators, "JOINT_COMPENSATORS", tuple(broken))
     result = design_joint(load_scenario(variant(examples, tmp_path, COARSE)))
     assert set(result.profiles) == {"linear", "inverse"}
+    assert replace(result, failed={}).is_usable
+    pushing = replace(result.inversion, status=JointStatus.WOULD_PUSH)
+    assert not replace(result, failed={}, inversion=pushing).is_usable  # the command ends with exit code 1
     assert not result.is_usable
     assert any("static: failed: FloatingPointError: divide by zero" in each for each in result.warnings)
+
+
+def test_a_cycle_that_has_not_settled_is_said(monkeypatch):
+    scenario = load_scenario(Path(__file__).parents[2] / "golden" / "spring_cycle.toml")
+    task = compensators.JointTask.of(scenario)
+    command, at = compensators.joint_compensator("inverse").command_rad(task), task.plant(task.mechanism, task.level)
+    assert not at.respond(command).message.startswith(plant.UNSETTLED)
+    monkeypatch.setattr(plant, "_STEADY", 0.0)
+    assert "after 4 periods" in at.respond(command).message
 
 
 def test_notes_asked_first_raise_the_error_that_names_the_file(examples, tmp_path, monkeypatch):

@@ -10,7 +10,6 @@ from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.joint.parameters import Arm, DriveKind, LengthTable, Mechanism
 from tendonff.ocp.codegen.engine import Engine
-from tendonff.ocp.errors import CodeError
 from tendonff.ocp.joint.invert import JointStatus, invert_joint, steady_joint_inverse
 from tendonff.ocp.joint.simulate import JointOutcome, simulate_joint
 from tendonff.ocp.joint.start import joint_problem, start_tensions
@@ -185,6 +184,21 @@ def test_bad_numbers_are_refused_by_place() -> None:
         simulate_joint(given, np.zeros((4, 2)), STEP)
 
 
-def test_without_a_compiler_it_says_so() -> None:
-    with pytest.raises(CodeError, match="compiled C only; the engine casadi was asked for"):
-        invert_joint(problem(mechanism()), ANGLE, STEP, engine=Engine.CASADI)
+@pytest.mark.parametrize("level", [Level.PRESLIDING, Level.ELASTIC])
+def test_without_a_compiler_inverse_and_simulation_give_the_same_numbers(level: Level) -> None:
+    given, rows = problem(mechanism(), level), ANGLE[:150]
+    by_c, by_casadi = (invert_joint(given, rows, STEP, engine=each) for each in (Engine.COMPILED, Engine.CASADI))
+    assert by_casadi.status is by_c.status
+    assert by_casadi.motor_rad == pytest.approx(by_c.motor_rad, abs=1e-6 * np.ptp(by_c.motor_rad))
+    assert by_casadi.tension_N == pytest.approx(by_c.tension_N, abs=1e-5)
+    runs = [simulate_joint(given, by_c.motor_rad, STEP, engine=each) for each in (Engine.COMPILED, Engine.CASADI)]
+    assert runs[1].angle_rad == pytest.approx(runs[0].angle_rad, abs=1e-6 * np.ptp(rows))
+    assert runs[1].final.x[0][1:] == pytest.approx(runs[0].final.x[0][1:], abs=1e-4)
+
+
+def test_without_a_compiler_a_run_goes_on_where_the_last_one_ended() -> None:
+    given, rows = problem(mechanism()), ANGLE[:81]
+    whole = invert_joint(given, rows, STEP, engine=Engine.CASADI)
+    half = invert_joint(given, rows[:41], STEP, engine=Engine.CASADI)
+    rest = invert_joint(given, rows[40:], STEP, engine=Engine.CASADI, memory=half.final)
+    assert rest.motor_rad[-1] == pytest.approx(whole.motor_rad[-1], abs=1e-7)

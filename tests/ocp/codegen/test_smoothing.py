@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from tendonff.ocp.opti.smoothing import smoothed, switches
+from tendonff.ocp.codegen.smoothing import smoothed, switches
 
 X = ca.SX.sym("x")
 WIDTH = 1e-2

@@ -1,0 +1,247 @@
+"""Engine CASADI of a joint between tendons: no compiler needed, the same numbers, several times slower.
+
+It solves the equations of the page under the scheme of `ocp.step.scheme`, step by step, with Newton's method. Forward
+the motors are given. In the inverse the joint's motion is: its balance decides the motors, and the looser tendon of a
+pair keeps its least tension.
+"""
+
+import io
+from contextlib import redirect_stderr, redirect_stdout
+
+import casadi as ca
+import numpy as np
+
+from tendonff.models.cached import cached_property
+from tendonff.models.mechanism.equations import equations_of
+from tendonff.ocp.codegen.smoothing import smoothed, switches
+from tendonff.ocp.integrate.joint import chain_states, cut_joint, led_places, page_state
+from tendonff.ocp.joint.protocol import Array, JointInverseRows, JointMemory, JointProblem, JointRows
+from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT
+
+_TOLERANCE = 1e-9
+"""Largest scaled residual that Newton's method aims at: of states over their sizes, of balances [N]."""
+
+_SOLVED = 1e-6
+"""Largest that counts as solved."""
+
+_WIDTHS = np.geomspace(1e-2, 1e-8, 25)
+"""Of rounded switches [m/s], [N], where Newton's method fails on the sharp ones."""
+
+_SPEED, _STRETCH, _FORCE, _ANGLE, _TURN = 1e-2, 1e-3, 1.0, 1e-2, 1.0
+"""Sizes by which unknowns are scaled [m/s], [m], [N], [rad], [rad/s]."""
+
+
+class _Root:
+    """Zero of a function of scaled unknowns, shape (unknowns,), and of given numbers."""
+
+    def __init__(self, unknown: ca.SX, given: ca.SX, residual: ca.SX, sizes: Array) -> None:
+        scaled = ca.SX.sym("scaled", unknown.numel())
+        (found,) = ca.substitute([residual], [unknown], [scaled * sizes])
+        self._exact, self._sizes = ca.Function("residual", [scaled, given], [found]), sizes
+        self._newton = _newton(self._exact)
+        self._worst = ca.Function("worst", [scaled, given], [ca.norm_inf(found)])
+
+    def solve(self, guess: Array, given: Array) -> Array | None:
+        """The unknowns; None where Newton's method finds none."""
+        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+            found = np.asarray(self._newton(guess / self._sizes, given)).ravel()
+            if not self._is_solved(found, given):
+                found = guess / self._sizes
+                for newton in (*self._rounded, self._newton):
+                    found = np.asarray(newton(found, given)).ravel()
+        return found * self._sizes if self._is_solved(found, given) else None
+
+    @cached_property
+    def _rounded(self) -> list[ca.Function]:
+        """With friction's switch rounded off, less and less: from each solution the next is found."""
+        count = switches(self._exact).size1_out(0)
+        return [_newton(smoothed(self._exact, np.full(count, width))) for width in _WIDTHS]
+
+    def _is_solved(self, found: Array, given: Array) -> bool:
+        return bool(np.isfinite(found).all()) and float(self._worst(found, given)) <= _SOLVED
+
+
+class CasadiJoint:
+    """Invert and advance one mechanism; see `protocol.JointEngine`."""
+
+    def __init__(self, problem: JointProblem, step_s: float) -> None:
+        self._problem, self._step_s = problem, step_s
+        self._cut = cut_joint(problem)
+        self._motors = 1 if problem.loop else len(problem.chains)
+        self._page = page = equations_of(self._cut)
+        weight, base = ca.SX.sym("weight"), ca.SX.sym("base", page.state.numel())
+        base_place, least = ca.SX.sym("base_place", page.place.numel()), ca.SX.sym("least")
+        x, place, rates = page.state, page.place, (page.place - base_place) / weight
+        rate, tension, effort = ca.substitute([page.rate, page.tension_N, page.effort[0]], [page.place_rate], [rates])
+        self._states, self._place = x, place
+        self._given = ca.vertcat(x[:2], place, weight, base, base_place, page.inputs, least)
+        self._scale = self._sizes()
+        self._defect = (x - base - weight * rate)[2:] / self._scale
+        inertia = problem.mechanism.joint.inertia_kg_m2
+        self._balance = inertia * ((x[1] - base[1]) / weight - rate[1]) / problem.scale_m
+        links = np.cumsum([chain.count + 1 for chain in problem.chains])
+        far, near = tension[(links - 1).tolist()], tension[[0, *links[:-1].tolist()]]
+        self._shared = ca.SX(0, 1) if self._motors == 1 else ca.mmin(far) - least
+        self._outputs = ca.Function("outputs", [x, place, weight, base_place], [far, near, ca.mmin(tension), effort])
+
+    def _sizes(self) -> Array:
+        """Of the states behind angle and speed of the joint."""
+        own = self._page.state.numel() - 2
+        found = [_FORCE] * (own - sum(chain.layout.size - 4 for chain in self._problem.chains))
+        for chain in self._problem.chains:
+            n, links = chain.count, len(chain.link.states) + 1
+            found += [_SPEED] * n + [_STRETCH] * (links * (n + 1)) + [_FORCE] * (n * len(chain.friction.states))
+        return np.array(found)
+
+    @cached_property
+    def _inverse(self) -> _Root:
+        """States and motors of a step, of the joint's motion."""
+        motor = self._place[: self._motors]
+        unknown = ca.vertcat(self._states[2:], motor)
+        sizes = np.append(self._scale, np.full(self._motors, _ANGLE))
+        return self._root(unknown, ca.vertcat(self._defect, self._balance, self._shared), sizes)
+
+    @cached_property
+    def _free(self) -> _Root:
+        """States of a step and the joint's speed, of the motors."""
+        x, weight = self._states, self._given[2 + self._place.numel()]
+        base = self._given[3 + self._place.numel()]
+        residual = ca.substitute(ca.vertcat(self._balance, self._defect), x[0], base + weight * x[1])
+        return self._root(x[1:], residual, np.append(_TURN, self._scale))
+
+    @cached_property
+    def _led(self) -> _Root:
+        """States of a step, of the motors and of the joint's motion."""
+        return self._root(self._states[2:], self._defect, self._scale)
+
+    def _root(self, unknown: ca.SX, residual: ca.SX, sizes: Array) -> _Root:
+        """The zero of a residual; what is unknown has no effect where it is among the given numbers."""
+        given = ca.SX.sym("given", self._given.numel())
+        known = [k for k in range(given.numel()) if not ca.depends_on(unknown, self._given[k])]
+        (of_given,) = ca.substitute([residual], [self._given[known]], [given[known]])
+        return _Root(unknown, given, of_given, sizes)
+
+    def invert(
+        self, memory: JointMemory, angle_rad: Array, contact_N_m: Array, least_tension_N: float
+    ) -> JointInverseRows:
+        """See `protocol.JointEngine`."""
+        motor = np.full((len(angle_rad), self._motors), np.nan)
+        x, places, out, torque, done = self._advance(memory, motor, contact_N_m, angle_rad, least_tension_N)
+        del torque
+        per_rad = np.array(self._problem.windings_m) / self._problem.mechanism.drive.gear_ratio
+        far = out[:, : len(per_rad)]
+        return JointInverseRows(
+            travel_m=places[2 : done + 2, : self._motors] * per_rad,
+            tension_N=far,
+            drum_N=out[:, len(per_rad) : -1],
+            slack_m=np.array([self._loose_m(each, force) for each, force in zip(x, far, strict=True)]),
+            lowest_N=out[:, -1],
+            evaluations=done,
+        )
+
+    def run(self, memory: JointMemory, travel_m: Array, contact_N_m: Array, angle_rad: Array | None) -> JointRows:
+        """See `protocol.JointRunner`."""
+        per_rad = np.array(self._problem.windings_m) / self._problem.mechanism.drive.gear_ratio
+        motor = (np.asarray(travel_m, dtype=np.float64) / per_rad)[:, : self._motors]
+        x, _, out, torque, done = self._advance(memory, motor, contact_N_m, angle_rad, 0.0)
+        count = len(per_rad)
+        return JointRows(
+            angle_rad=np.array([each[0] for each in x]),
+            torque_N_m=torque,
+            lowest_N=out[:, -1],
+            tension_N=out[:, :count],
+            drum_N=out[:, count:-1],
+            iterations=done,
+            splits=0,
+            residual_N=_SOLVED,
+            reason=None if done == len(motor) - 1 else "Newton's method did not converge; try the method idas",
+        )
+
+    def _advance(
+        self, memory: JointMemory, motor: Array, contact_N_m: Array, angle_rad: Array | None, least_N: float
+    ) -> tuple[list[Array], Array, Array, Array, int]:
+        """States, places from the step before on, tensions (far, near, lowest), torques, and the number of steps."""
+        problem, h, rows, first = self._problem, self._step_s, len(motor) - 1, slice(0, self._motors)
+        inverse = bool(np.isnan(motor).any())
+        root = self._inverse if inverse else self._free if angle_rad is None else self._led
+        per_rad = np.array(problem.windings_m) / problem.mechanism.drive.gear_ratio
+        x, x_old = (page_state(problem, each) for each in (memory, _before(memory)))
+        x = self._hanging(x, memory) if inverse and memory.fresh and memory.closure_rad > 0 else x
+        now, old = (np.array([c[-2] for c in each] - memory.start_m) / per_rad for each in (memory.x, memory.x_old))
+        places = led_places(problem, self._cut, memory.time_s - h, h, np.zeros((rows + 2, len(per_rad))))
+        places[0, first], places[1, first], places[2:, first] = old[first], now[first], motor[1:]
+        found: list[Array] = []
+        out, torque = np.empty((rows, 2 * len(per_rad) + 1)), np.empty(rows)
+        for k in range(rows):
+            carry, weight = (0.0, h) if memory.fresh and k == 0 else (BDF2_CARRY, BDF2_WEIGHT * h)
+            base, place = x + carry * (x - x_old), places[k + 2]
+            base_place = places[k + 1] + carry * (places[k + 1] - places[k])
+            x_old, x = x, x.copy()
+            if angle_rad is not None:
+                x[0] = angle_rad[k + 1]
+                x[1] = (x[0] - base[0]) / weight
+            if inverse:
+                place[first] = base_place[first]
+            contact = 0.0 if angle_rad is not None and not inverse else -contact_N_m[k + 1]
+            given = np.concatenate([x[:2], place, [weight], base, base_place, [contact, least_N]])
+            guess = x[1:] if root is self._free else np.append(x[2:], place[first] if inverse else np.empty(0))
+            unknown = root.solve(guess, given)
+            if unknown is None:
+                break
+            if root is self._free:
+                x[1:] = unknown
+                x[0] = base[0] + weight * x[1]
+            else:
+                x[2:] = unknown[: len(x) - 2]
+                place[first] = unknown[len(x) - 2 :] if inverse else place[first]
+            *tensions, turning = self._outputs(x, place, weight, base_place)
+            out[k], torque[k] = np.concatenate([np.asarray(each).ravel() for each in tensions]), float(turning)
+            found.append(x)
+        done = len(found)
+        if done:
+            own = x.size - sum(chain.layout.size - 4 for chain in problem.chains)
+            last = (found[-1], places[done + 1]), (found[-2] if done > 1 else x_old, places[done])
+            memory.x, memory.x_old = (
+                chain_states(problem, each[own:], each[0], each[1], memory.start_m + place[first] * per_rad)
+                for each, place in last
+            )
+            memory.z, memory.z_old = (np.array([each[1], each[0], *each[2:own], 0.0])[:3] for each, _ in last)
+            memory.time_s, memory.fresh = memory.time_s + done * h, False
+            memory.tension_N = out[done - 1, : len(per_rad)].copy()
+        return found, places, out[:done], torque[:done], done
+
+    def _stretches(self, x: Array) -> list[slice]:
+        """Where each tendon's elongations are."""
+        end, found = x.size, list[slice]()
+        for chain in reversed(self._problem.chains):
+            begin, n = end - (chain.layout.size - 4), chain.count
+            found.insert(0, slice(begin + n, begin + 2 * n + 1))
+            end = begin
+        return found
+
+    def _loose_m(self, x: Array, far_N: Array) -> float:
+        """Length that hangs in a loop's slack tendon."""
+        loose = [-float(x[own].sum()) for own, force in zip(self._stretches(x), far_N, strict=True) if force <= 0]
+        return max([*loose, 0.0]) if self._problem.loop else 0.0
+
+    def _hanging(self, x: Array, memory: JointMemory) -> Array:
+        """The start with what a loop's drum holds too much hanging in its slack tendon."""
+        x = x.copy()
+        for k, own in enumerate(self._stretches(x)):
+            links, chain = own.stop - own.start, self._problem.chains[k]
+            if memory.tension_N[k] == 0:
+                each = memory.closure_rad * abs(self._problem.windings_m[k]) / links
+                x[own.start : own.stop + links * len(chain.link.states)] -= each
+        return x
+
+
+def _newton(residual: ca.Function) -> ca.Function:
+    options = {"abstol": _TOLERANCE, "max_iter": 100, "line_search": True, "error_on_fail": False}
+    return ca.rootfinder("step", "newton", residual, options)
+
+
+def _before(memory: JointMemory) -> JointMemory:
+    """The memory with its earlier state as the present one."""
+    earlier = memory.copy()
+    earlier.x, earlier.z = earlier.x_old, earlier.z_old
+    return earlier
