@@ -114,7 +114,7 @@ def _name(command: Callable[..., object]) -> str:
 
 for _commands in _GROUPS.values():
     for _command, _example in _commands.items():
-        app.command(epilog=f"Example: tendonff {_name(_command)} {_example}")(_command)
+        app.command(_name(_command), epilog=f"Example: tendonff {_name(_command)} {_example}")(_command)
 
 
 def run(arguments: Sequence[str]) -> int:

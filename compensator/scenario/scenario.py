@@ -19,7 +19,7 @@ from tendonff.compensator.scenario.joints import Joint, read_joints
 from tendonff.compensator.scenario.kind import Kind
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenario.reference import CsvReference, ReferenceSpec, SineReference, WaypointReference
-from tendonff.compensator.scenario.settings import REMOVED_OPTIMAL, Adaptation, Compare, Run, Stream
+from tendonff.compensator.scenario.settings import REMOVED_OPTIMAL, Adaptation, Compare, Feedback, Run, Stream
 from tendonff.compensator.scenario.tables import (
     ROPE_KEYS,
     check_names,
@@ -58,7 +58,11 @@ _OPTIONAL: dict[str, type] = {
     "measurement": Measurement,
     "stream": Stream,
 }
-_ON_REQUEST: dict[str, type] = {"adaptation": Adaptation, "compare": Compare}  # absent: there is none of it
+_ON_REQUEST: dict[str, type] = {
+    "adaptation": Adaptation,
+    "compare": Compare,
+    "feedback": Feedback,
+}  # tables whose absence means that there is none of it
 
 _HELD_BY_JOINT = {"mass_kg": 1e-3, "stiffness_N_per_m": 1e3, "damping_N_s_per_m": 0.0}
 """Numbers of a load without effect where a joint moves it."""
@@ -80,6 +84,8 @@ class Scenario:
         Self-tuning on the controller; None for none.
     compare : Compare or None
         A force of the user's own for `compare`; None for none.
+    feedback : Feedback or None
+        Feedback beside the feedforward; None for none.
     joints : dict of str to Joint
         What the joints of a moving path do, by name.
     source : Path
@@ -111,6 +117,7 @@ class Scenario:
     measurement: Measurement = field(default_factory=Measurement)
     stream: Stream = field(default_factory=Stream)
     adaptation: Adaptation | None = None
+    feedback: Feedback | None = None
     compare: Compare | None = None
     joints: dict[str, Joint] = field(default_factory=dict)
     source: Path = Path("scenario.toml")

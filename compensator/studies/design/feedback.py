@@ -67,21 +67,25 @@ class TensionFeedbackTask(FeedbackTask):
         if load.joint is None:
             start["load"] = tension_N / load.stiffness_N_per_m
         problem = mechanism_problem(described, self.problem.level, start, segments=masses)
+        servo = mechanism.actuator.servo
         return FeedbackSystem(
             problem=problem.starting(np.array([tension_N])),
             quantity=Quantity.TENSION,
             goals=(0,),
             direction=stiffness[:1, None],
+            lag_s=servo.servo_time_s,
+            drive_delay_s=servo.lag_s(self.problem.reference.step_s, live=True),
         )
 
 
 def _course(problem: Problem, profile: Profile, cycles: int) -> Course:
     """Reference and forces on the actuator's end; of a cycle several."""
-    reference, motion = problem.reference, problem.transmission.motion
-    force = profile.force_N
-    stiffness = problem.transmission.actuator.servo_stiffness_N_per_m
+    reference, motion, actuator = problem.reference, problem.transmission.motion, problem.transmission.actuator
+    stiffness, step = actuator.servo_stiffness_N_per_m, reference.step_s
     if stiffness is not None and profile.command_m is not None:
-        force = reference.initial_tension_N + stiffness * profile.command_m
+        force = reference.initial_tension_N + stiffness * actuator.servo.follow(profile.command_m, step)
+    else:
+        force = actuator.servo.follow(profile.force_N, step)
 
     def repeated(rows: FloatArray) -> FloatArray:
         return np.vstack([*[rows[:-1]] * (cycles - 1), rows])

@@ -12,6 +12,7 @@ from tendonff.compensator.compensators.base import Compensator
 from tendonff.compensator.compensators.expectation import FRICTIONLESS
 from tendonff.compensator.compensators.expected import BOUND, contributions_figure
 from tendonff.compensator.compensators.profile import FloatArray
+from tendonff.compensator.feedback.figures import feedback_figures
 from tendonff.compensator.reporting.colours import GREY, INK
 from tendonff.compensator.reporting.plots import (
     coinciding,
@@ -41,6 +42,7 @@ def design_figures(result: Design) -> dict[str, Figure]:
             "drive": drive_figure(result),
             "loop": loop_figure(result),
             "error": error_figure(result),
+            **({} if result.feedback is None else feedback_figures(result.feedback)),
         }
 
 

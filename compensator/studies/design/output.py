@@ -12,6 +12,7 @@ from tendonff.compensator.compensators.expected import expectation_summary
 from tendonff.compensator.compensators.plant import FINE_REFINEMENT, FINE_SEGMENTS
 from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.compensators.score import Verified
+from tendonff.compensator.feedback.result import feedback_summary
 from tendonff.compensator.files.writing import atomic_directory, write_csv
 from tendonff.compensator.reporting.page import summary_head, write_pages
 from tendonff.compensator.reporting.terminal import print_scores
@@ -89,6 +90,7 @@ def summary(result: Design) -> dict[str, object]:
             "expected_error_N": error if math.isfinite(error) else None,
             "stretches": [asdict(stretch) for stretch in result.stick_slip.stretches],
         },
+        **({} if result.feedback is None else {"feedback": feedback_summary(result.feedback)}),
         **({} if result.ignored is None else {"ignored_motion": result.ignored.named(unit)}),
         "warnings": list(result.warnings),
     }
@@ -131,6 +133,7 @@ def show(result: Design, folder: Path) -> None:
             "* design level, used for the worst case and the last column too",
             result.headline,
             ways(result),
+            *(() if result.feedback is None else (result.feedback.sentence,)),
             *(() if result.tracking is None else (f"optimal control: {result.tracking.message}",)),
             f"written to {folder}",
         ),

@@ -8,6 +8,8 @@ from matplotlib.figure import Figure
 from tendonff.compensator.compensators.expectation import two_digits
 from tendonff.compensator.compensators.expected import robustness_table
 from tendonff.compensator.compensators.plant import FINE_REFINEMENT, FINE_SEGMENTS
+from tendonff.compensator.feedback.report import CAPTIONS as FEEDBACK_CAPTIONS
+from tendonff.compensator.feedback.report import feedback_section
 from tendonff.compensator.reporting.colours import INK, Style
 from tendonff.compensator.reporting.interactive import zoomed
 from tendonff.compensator.reporting.page import (
@@ -93,7 +95,7 @@ def design_report(result: Design, figures: dict[str, Figure], view: Interactive 
     """The page of a design."""
     joints = "" if result.ignored is None else " Bottom: the joint angles."
     ignored = () if result.ignored is None else (Text(result.ignored.text),)
-    pictures = pictures_of(figures, {**_CAPTIONS, "tension": _CAPTIONS["tension"] + joints})
+    pictures = pictures_of(figures, {**_CAPTIONS, **FEEDBACK_CAPTIONS, "tension": _CAPTIONS["tension"] + joints})
     worst, unit = result.expectation.worst_percent, result.reference.unit
     scores = Table(
         caption=f"RMS error, % of reference range. Worst case: over {result.expectation.doubt}, on {FINE_SEGMENTS} "
@@ -140,6 +142,7 @@ def design_report(result: Design, figures: dict[str, Figure], view: Interactive 
             Section(title="Sizing the drive", blocks=(pictures["drive"], *_drive(result))),
             Section(title="Hysteresis", blocks=(pictures["loop"],)),
             Section(title="Sensitivity to model fidelity", blocks=(pictures["error"],)),
+            *([] if result.feedback is None else [feedback_section(result.feedback, pictures)]),
             *_robust_section(result),
         ),
         provenance=provenance_of(result.scenario, "design"),

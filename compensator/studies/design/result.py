@@ -9,6 +9,7 @@ from tendonff.compensator.compensators.expectation import Expectation
 from tendonff.compensator.compensators.next_step import limited_by, next_step, within_reach
 from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
 from tendonff.compensator.compensators.score import IgnoredMotion, Score, Verified
+from tendonff.compensator.feedback.result import FeedbackResult
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.reporting.results import Result, views_of
 from tendonff.compensator.scenario.sampled.sampling import Reference
@@ -47,6 +48,8 @@ class Design(Result):
         The same of the exact inverse where the reference is known only at run time, as exported C has it.
     ignored : IgnoredMotion or None
         What it would cost to ignore that joints move; None where none does.
+    feedback : FeedbackResult or None
+        Feedback beside the feedforward, where the scenario has [feedback].
     warnings : tuple of str
         What the user should know.
     """
@@ -62,6 +65,7 @@ class Design(Result):
     expectation: Expectation
     live: Expectation
     ignored: IgnoredMotion | None
+    feedback: FeedbackResult | None
     warnings: tuple[str, ...]
 
     @property

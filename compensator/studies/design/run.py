@@ -17,6 +17,7 @@ from tendonff.compensator.compensators.score import (
     slack_warnings,
     verify,
 )
+from tendonff.compensator.feedback.run import design_feedback
 from tendonff.compensator.files.notices import Remark, by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.reporting.results import Views, register_views
@@ -25,6 +26,7 @@ from tendonff.compensator.scenario.sampled.from_file import noise_advice, ripple
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.studies.design.drive_use import drive_warnings
+from tendonff.compensator.studies.design.feedback import TensionFeedbackTask
 from tendonff.compensator.studies.design.figures import design_figures
 from tendonff.compensator.studies.design.output import profile_columns, write_files
 from tendonff.compensator.studies.design.result import Design
@@ -106,6 +108,11 @@ def design(
     warnings += _promises(judged, proof, is_compared=not problem.is_robust)
     slack = {(v.compensator, v.plant.level.value): v.slack for v in verified if v.slack}
     warnings += slack_warnings(slack, expectation.recommended)
+    feedback = None
+    if scenario.feedback is not None and "inverse" in profiles:
+        file = scenario.source.name
+        feedback = design_feedback(TensionFeedbackTask.of(problem, scenario.feedback, profiles, file))
+        warnings += feedback.warnings
     result = Design(
         scenario=scenario,
         reference=reference,
@@ -118,6 +125,7 @@ def design(
         expectation=expectation,
         live=expect_live(problem),
         ignored=ignored_motion(problem),
+        feedback=feedback,
         warnings=tuple(warnings),
     )
     return replace(result, warnings=by_urgency((*result.warnings, *drive_warnings(result))))
