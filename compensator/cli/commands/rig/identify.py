@@ -106,8 +106,6 @@ def identify(
         raise InputError(
             "no measured file given; name at least one with --data, or ask for an excitation with --suggest"
         )
-    if _identify_servo(loaded, out, data):
-        return
     names = {
         "time_column": time_column,
         "input_column": input_column,
@@ -130,6 +128,8 @@ def identify(
         return yes or (sys.stdin.isatty() and typer.confirm(f"{question}. Go on?", err=True))
 
     with atomic_directory(out) as folder:
+        if _identify_servo(loaded, out, folder, data):
+            return
         try:
             how = replace(loaded.measurement, **{k: v for k, v in names.items() if v is not None})  # type: ignore[arg-type]
             how = _of_columns(how, "--scale", scale or [], SCALED, "input=9.81 turns kg into N")
@@ -156,7 +156,7 @@ def identify(
     say(*found.lines(str(out)))
 
 
-def _identify_servo(loaded: object, out: Path, data: list[Path]) -> bool:
+def _identify_servo(loaded: object, out: Path, folder: Path, data: list[Path]) -> bool:
     """Identify lag and delay of the drive, where the files are logs of its command and its answer."""
     from tendonff.compensator.identification.servo import identify_servo, is_servo_log
     from tendonff.compensator.scenario.scenario import Scenario
@@ -164,7 +164,7 @@ def _identify_servo(loaded: object, out: Path, data: list[Path]) -> bool:
     if not all(is_servo_log(path) for path in data):
         return False
     found = identify_servo(data, "actuator" if isinstance(loaded, Scenario) else "drive")
-    found.write(out)
+    found.write(folder)
     say(*found.lines, f"written to {out / 'drive.toml'}: copy its keys into the scenario")
     return True
 
