@@ -27,7 +27,7 @@ from tendonff.ocp.tendon.simulate import describe_failure, tensions_of
 
 
 class Parameter(StrEnum):
-    """Parameters that a sensitivity may be taken over: the fields of `Whole`."""
+    """Parameters that a sensitivity may be taken over: the fields of `Whole`, the load exponent where it has one."""
 
     MASS = "mass_kg"
     VISCOUS = "viscous_N_s_per_m"
@@ -38,6 +38,7 @@ class Parameter(StrEnum):
     RELAXATION_TIME = "relaxation_time_s"
     STRIBECK_VELOCITY = "stribeck_velocity_m_per_s"
     ADHESION = "adhesion_N"
+    LOAD_EXPONENT = "load_exponent"
     MU_DYNAMIC_PULL = "mu_dynamic_pull"
     MU_STATIC_PULL = "mu_static_pull"
     MU_DYNAMIC_RELEASE = "mu_dynamic_release"

@@ -82,6 +82,8 @@ def _measurement(key: str, file: str) -> str:
         return f"{suggest}, and log actuator_force_N beside the tension: it tells the friction of the drive"
     if name == "coulomb_N_m":
         return f"{suggest}, and log motor_torque_N_m or motor_current_A: it tells the friction of the drive"
+    if name in ("servo_time_s", "delay_s"):
+        return f"{suggest}, run suggested_drive.csv on the drive alone, log command and answer: they tell {key}"
     way = _WAYS.get((tables[0] if tables else "", name), "")
     return f"measure {key}{way}, and state what remains unknown in [robust.spread]"
 

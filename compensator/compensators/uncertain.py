@@ -1,13 +1,14 @@
 """Systems, transmissions or mechanisms of a joint, admitted by the uncertainty that the scenario states."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final, Generic, TypeVar
 
 import numpy as np
 
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.models.parameters.uncertainty import Spread, Uncertainty
+from tendonff.models.servo import ASSUMED_S, DriveClass
 
 ASSUMED: Final = Uncertainty(mu=0.1, samples=3)
 """Uncertainty where the scenario states none: friction known to 10 % either way."""
@@ -59,6 +60,7 @@ class Doubt(Generic[S]):
         """Uncertainty of a system; the assumed one where the scenario states none."""
         is_assumed = uncertainty.is_certain or uncertainty.samples == 1
         stated = assumed if is_assumed else uncertainty
+        stated = replace(stated, spread=(*stated.spread, *_of_drive(system, stated)))
         samples = sample_systems(system, stated)
         return cls(system=system, uncertainty=stated, is_assumed=is_assumed, samples=samples)
 
@@ -85,6 +87,23 @@ class Doubt(Generic[S]):
     def __str__(self) -> str:
         source = "assumed; set [robust]" if self.is_assumed else "as [robust] states"
         return f"{self.widths} ({source})"
+
+
+def _of_drive(system: object, stated: Uncertainty) -> list[Spread]:
+    """Lag and delay of a drive of which the scenario states the class alone, but for those that have an interval."""
+    known = {key for spread in stated.spreads for key in spread.keys}
+    found = []
+    for table in ("actuator", "drive"):
+        drive = getattr(system, table, None)
+        kind = getattr(drive, "drive_class", None)
+        if kind is not None:
+            intervals = ASSUMED_S[DriveClass(kind)]
+            found += [
+                Spread(keys=(f"{table}.{key}",), low=low, high=high)
+                for key, (low, high) in intervals.items()
+                if not getattr(drive, key) and f"{table}.{key}" not in known
+            ]
+    return found
 
 
 def sample_systems(system: S, uncertainty: Uncertainty) -> tuple[Sample[S], ...]:

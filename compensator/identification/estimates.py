@@ -277,6 +277,8 @@ def _dynamic(rig: _Rig, fit: DynamicFit) -> list[Estimate]:
     for parameter in (p for p in PARAMETERS if p not in CELL_GAINS):
         source = D.MU_PULL if parameter is D.MU_RELEASE and fit.model.symmetric else parameter
         statics = {"mu_static": fit.values[D.MU_PULL], "mu_static_release": fit.values[D.MU_RELEASE]}
+        if parameter is D.LOAD_EXPONENT and source not in solution.values and not fit.values[parameter]:
+            continue  # tried only where adhesion was found
         if source not in solution.values:
             size = abs(fit.values[parameter])
             expected = fit.expected.get(parameter, float("inf"))

@@ -211,6 +211,8 @@ def scenario_of_static(scenario: Scenario, fit: StaticFit, records: Sequence[Rec
         mu_dynamic_release=release,
         mu_static_release=ratio * release,
         adhesion_N=max(values[P.ADHESION], 0.0),
+        load_exponent=None,
+        reference_tension_N=None,
         pull_spread=values[P.PULL_SPREAD] or None,
         release_spread=values[P.RELEASE_SPREAD] or None,
     )

@@ -12,6 +12,7 @@ from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.pace import UNHURRIED
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.parameters import Transmission
+from tendonff.models.parameters.transmission import LARGEST_EXPONENT
 from tendonff.ocp.fits.chain import ChainModel, ChainResponse, Drive, Numbers, Reading
 from tendonff.ocp.fits.least_squares import Unknown
 from tendonff.ocp.fits.static import StaticParameter
@@ -24,6 +25,7 @@ class Role(Enum):
     CORE = "always"
     TENDON = "where the elongation, or the position of the input end, is explained"
     CONSTANT = "where the data support it"
+    LOAD = "where friction that falls with the load explains more than adhesion"
     SPEED = "where the data support a dependence on speed"
     KEPT = "never; with the number that it belongs to"
     CELL = "never; found where friction does not act"
@@ -212,6 +214,24 @@ class Parameter(_Specified, Enum):
             advice="add strokes at low tension",
         ),
     )
+    LOAD_EXPONENT = (
+        "load_exponent",
+        Spec(
+            unit="-",
+            role=Role.LOAD,
+            scale=Scale.ABSOLUTE,
+            low=1e-4,
+            high=LARGEST_EXPONENT,
+            step=0.1,
+            nudge=0.1,
+            size=0.1,
+            whole=Number.LOAD_EXPONENT,
+            key="friction.load_exponent",
+            may_vanish=True,
+            effect="load exponent",
+            advice="add strokes over a wider range of tensions",
+        ),
+    )
     STIFFNESS = (
         "stiffness_N_per_m",
         Spec(
@@ -301,7 +321,7 @@ class Parameter(_Specified, Enum):
         return (
             friction.release_dynamic
             if self is MU_RELEASE
-            else float(getattr(getattr(scenario.transmission, table), key))
+            else float(getattr(getattr(scenario.transmission, table), key) or 0.0)
         )
 
 
@@ -383,11 +403,13 @@ def put_into(transmission: Transmission, model: ParametricChain, values: Values)
         table, _, key = parameter.spec.key.partition(".")
         if key and parameter.spec.whole is not None:
             tables.setdefault(table, {})[key] = numbers[parameter.spec.whole]
+    del tables["friction"]["load_exponent"]
     tables["friction"] |= {
         "mu_dynamic": numbers[Number.MU_DYNAMIC_PULL],
         "mu_static": numbers[Number.MU_STATIC_PULL],
         "mu_dynamic_release": numbers[Number.MU_DYNAMIC_RELEASE],
         "mu_static_release": numbers[Number.MU_STATIC_RELEASE],
     }
-    changed: dict[str, Any] = {table: replace(getattr(transmission, table), **keys) for table, keys in tables.items()}
+    loaded = replace(transmission, friction=model.loaded(numbers[Number.LOAD_EXPONENT]))
+    changed: dict[str, Any] = {table: replace(getattr(loaded, table), **keys) for table, keys in tables.items()}
     return replace(transmission, **changed)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from tendonff.models.errors import LARGEST, ParameterError, require, require_given, require_whole
 from tendonff.models.parameters.drive import Drive, Motor
 from tendonff.models.path import JointMotion, Section, above_static
-from tendonff.models.servo import CommandHold, Servo
+from tendonff.models.servo import CommandHold, DriveClass, Servo, assumed_s
 
 LARGEST_EXPONENT = 0.5
 """Largest load exponent n [-]: measured ones are at most 1/3."""
@@ -248,6 +248,9 @@ class Actuator:
         What the drive makes of commands between their samples; default: a straight line.
     resolution : float, optional
         Step of the command, in its unit [N] or [m], >= 0; default: none.
+    drive_class : DriveClass, optional
+        Kind of drive, "hobby servo", "dynamixel" or "industrial": lag and delay that are not stated are those of its
+        kind, with a spread that counts in the expected error; default: an ideal drive.
     backlash_m : float, optional
         Play between a position drive and the tendon's end [m], >= 0; default: none.
     """
@@ -270,6 +273,7 @@ class Actuator:
     command_hold: CommandHold | None = None
     resolution: float | None = None
     backlash_m: float | None = None
+    drive_class: DriveClass | None = None
 
     def __post_init__(self) -> None:
         require("mass_kg", self.mass_kg, above=0, hint="include the rotor's inertia over the drum radius squared")
@@ -316,13 +320,17 @@ class Actuator:
     def servo(self) -> Servo:
         """The way from a command to the force [N], or to the position x_c1 [m]."""
         return Servo(
-            servo_time_s=self.servo_time_s or 0.0,
-            delay_s=self.delay_s or 0.0,
+            servo_time_s=self._time_s("servo_time_s"),
+            delay_s=self._time_s("delay_s"),
             command_interval_s=self.command_interval_s,
             command_hold=self.command_hold or CommandHold.LINE,
             resolution=self.resolution or 0.0,
             play=self.backlash_m or 0.0,
         )
+
+    def _time_s(self, key: str) -> float:
+        stated: float | None = getattr(self, key)
+        return assumed_s(self.drive_class, key) if stated is None else stated
 
     @property
     def largest_force_N(self) -> float:

@@ -22,7 +22,7 @@ from scipy.interpolate import CubicSpline
 
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainState
-from tendonff.models.parameters import Transmission
+from tendonff.models.parameters import Friction, Transmission
 from tendonff.models.path import JointMotion
 from tendonff.models.tendon.chain import Chain
 from tendonff.models.tendon.elements import Whole, whole_of
@@ -113,16 +113,30 @@ class ChainModel:
     level: Level
     count: int  # number N of masses
     longest_step_s: float = 1e-3  # largest time step; the samples are interpolated or thinned to stay near it
+    load_reference_N: float = 1.0  # T_0 of a load exponent that the scenario does not have
 
     def numbers(self) -> dict[str, float]:
         """The scenario's own numbers, the readings zero."""
-        whole = whole_of(self.transmission, self.level)
-        return {name.value: whole.value(name) for name in Parameter} | dict(EXACT)
+        whole, exponent = whole_of(self.transmission, self.level), self.transmission.friction.load_dependence[0]
+        own = {name.value: whole.value(name) for name in Parameter if name is not Parameter.LOAD_EXPONENT}
+        return own | {Parameter.LOAD_EXPONENT.value: exponent} | dict(EXACT)
 
     def whole(self, numbers: Numbers) -> Whole:
-        """The undivided tendon with given numbers."""
-        names = {name.value for name in Parameter}
-        return whole_of(self.transmission, self.level).changed({k: v for k, v in numbers.items() if k in names})
+        """The undivided tendon with given numbers; its law knows the load where their exponent is not zero."""
+        t, exponent = self.transmission, numbers[Parameter.LOAD_EXPONENT]
+        names = {name.value for name in Parameter if exponent or name is not Parameter.LOAD_EXPONENT}
+        loaded = replace(t, friction=self.loaded(exponent))
+        return whole_of(loaded, self.level).changed({k: v for k, v in numbers.items() if k in names})
+
+    def loaded(self, exponent: float) -> Friction:
+        """The friction with a load exponent, at the scenario's reference tension if that has one."""
+        friction = self.transmission.friction
+        if exponent == 0:
+            return friction if not friction.load_exponent else replace(friction, load_exponent=None)
+        reference = friction.reference_tension_N or self.load_reference_N
+        return replace(
+            friction, load_exponent=exponent, reference_tension_N=reference, pull_spread=None, release_spread=None
+        )
 
     def chain(self, whole: Whole, motion: JointMotion | None = None) -> Chain:
         """The chain with a massless near end."""

@@ -113,7 +113,7 @@ def simulate_joint(
     memory : JointMemory, optional
         Start from here instead of from rest.
     engine : Engine, optional
-        Of the method "bdf2"; all give the same results to 1e-7.
+        Of the method "bdf2"; all give the same results to 1e-5 of range.
     method : {"bdf2", "cvodes", "idas", "collocation"}, optional
         How it advances: by the step of this package, or by an integrator of CasADi on `mechanism_equations`, a hundred
         times slower or more.

@@ -130,12 +130,13 @@ def choose_law(
     may be free.
     """
     scenario = task.model.values()
-    base = tuple(n for n in (D.ADHESION, D.STATIC_EXCESS) if scenario[n] > 0)
+    base = tuple(n for n in (D.ADHESION, D.LOAD_EXPONENT, D.STATIC_EXCESS) if scenario[n] > 0)
     if D.STATIC_EXCESS in base:
         base = (*base, D.STRIBECK_VELOCITY)
-    extras = (*CONSTANTS, *SPEED_TERMS, D.STRIBECK_VELOCITY)
+    extras = (*CONSTANTS, D.LOAD_EXPONENT, *SPEED_TERMS, D.STRIBECK_VELOCITY)
     fixed: dict[Parameter, float] = {**task.fixed, **{n: scenario[n] for n in extras}}
-    task = replace(task, fixed=fixed, free=(*task.free, *base))
+    model = replace(task.model, load_reference_N=float(f"{mean_N:.3g}"))
+    task = replace(task, model=model, fixed=fixed, free=(*task.free, *base))
     search = _Search(task, validation, start, span_N, mean_N)
     # From one end alone a wrong symmetry is made up for by the tendon's stiffness, and hard to see afterwards.
     if task.pieces[0].explain is not Explain.POSITION:
@@ -150,6 +151,8 @@ def choose_law(
             search.best = found
     constants = CONSTANTS if biases else (D.ADHESION,)
     _add_constants(search, constants)
+    if _try_load_exponent(search, scenario):
+        _add_constants(search, constants)
     before = search.best
     for extra in SPEED_TERMS:
         if extra not in search.best.task.free:
@@ -191,6 +194,26 @@ def _add_constants(search: _Search, offered: Sequence[Parameter]) -> None:
         if not useful:
             return
         search.best = max(useful, key=search.gain)
+
+
+def _try_load_exponent(search: _Search, scenario: Mapping[Parameter, float]) -> bool:
+    """Friction that falls with the load in the place of adhesion and offsets, as which it is read otherwise."""
+    best, spec = search.best, D.LOAD_EXPONENT.spec
+    constants = [n for n in CONSTANTS if n in best.task.free]
+    if D.LOAD_EXPONENT in best.task.free or not constants:
+        return False
+    known = {**best.values, **{n: scenario[n] for n in constants}}
+    # The friction at the mean tension stays the same.
+    more = (search.mean_N + best.values[D.ADHESION]) / (search.mean_N + known[D.ADHESION])
+    start = {**known, **{n: more * known[n] for n in (D.MU_PULL, D.MU_RELEASE)}, D.LOAD_EXPONENT: spec.nudge}
+    free = (*(n for n in best.task.free if n not in constants), D.LOAD_EXPONENT)
+    name = f"{best.name.partition(',')[0]}, {spec.effect}"
+    found = search.attempt(replace(best.task, free=free, fixed=start), start, name)
+    certain = found.solution.values[D.LOAD_EXPONENT] > TUNED.sure * found.solution.standard_error(D.LOAD_EXPONENT)
+    if not certain or not search.gain(found) > TUNED.worth_a_constant:
+        return False
+    search.best = found
+    return True
 
 
 def _try_speed_term(search: _Search, extra: Parameter) -> None:

@@ -204,7 +204,7 @@ def fit_dynamic(
         """The task on few masses at a solution, residuals with slopes over all values, and their names."""
         model = replace(search.model, symmetric=task.model.symmetric)
         quick = replace(task, model=model, pieces=search.pieces, fixed=task.complete(solution.values))
-        every = (*task.free, *(n for n in D if n not in task.free))
+        every = (*task.free, *(n for n in D if n not in task.free and n is not D.LOAD_EXPONENT))
         return quick, slopes_over_all(quick, every), every
 
     def with_granted(task: ChainResiduals, solution: Solution) -> Solution:

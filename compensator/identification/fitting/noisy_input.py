@@ -284,7 +284,8 @@ def _looked_again(
     if D.INPUT_BIAS in task.free or all(run.record.input_noise_N <= 0 for run in task.pieces):
         return law, task, with_input_estimated(task, solution)
     full = task.complete(solution.values)
-    offered = [*((D.OUTPUT_BIAS,) if offsets and not proximal else ()), D.ADHESION, D.MU_RELEASE]
+    constants = [] if D.LOAD_EXPONENT in task.free else [D.ADHESION]  # nearly the same in most data
+    offered = [*((D.OUTPUT_BIAS,) if offsets and not proximal else ()), *constants, D.MU_RELEASE]
     free = (*task.free, *(name for name in offered if name not in task.free))
     wide = replace(task, model=replace(task.model, symmetric=False), free=free)
     at = {str(name): full[name] for name in free}

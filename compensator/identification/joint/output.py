@@ -9,9 +9,12 @@ from tendonff.compensator.identification.joint.fitted import moved_files
 from tendonff.compensator.identification.joint.report import identification_report
 from tendonff.compensator.identification.joint.result import JointIdentification
 from tendonff.compensator.identification.joint.routine import MotorRoutine, suggest_routine
+from tendonff.compensator.identification.servo import write_chirp
 from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.reporting.page import write_report
 from tendonff.compensator.reporting.plots import save_figure
+
+_CHIRP_RAD = 0.1
 
 
 def write_files(result: JointIdentification, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
@@ -34,6 +37,7 @@ def write_routine(scenario: JointScenario, folder: Path, *, pdf: bool = False) -
     routine = suggest_routine(scenario)
     with atomic_directory(folder) as partial:
         _write_routine(routine, partial)
+        write_chirp(partial / "suggested_drive.csv", "command_rad", _CHIRP_RAD, 0.0, scenario.run.step_s)
         save_figure(routine_figure(routine), partial / "suggested_motor", pdf=pdf)
     return routine
 

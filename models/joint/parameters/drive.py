@@ -7,7 +7,7 @@ import numpy as np
 
 from tendonff.models.errors import ParameterError, require, require_given
 from tendonff.models.layout import Array
-from tendonff.models.servo import CommandHold, Servo
+from tendonff.models.servo import CommandHold, DriveClass, Servo, assumed_s
 
 
 class DriveKind(StrEnum):
@@ -61,6 +61,9 @@ class JointDrive:
         Time between two commands [s], > 0; default: one a step.
     command_hold : CommandHold, optional
         What the drive makes of commands between their samples; default: a straight line.
+    drive_class : DriveClass, optional
+        Kind of drive, "hobby servo", "dynamixel" or "industrial": lag and delay that are not stated are those of its
+        kind, with a spread that counts in the expected error; default: an ideal drive.
     backlash_rad : float, optional
         Play of the gear, in series with the drum of a loop [rad of the commanded shaft], >= 0: the drum stands, held by
         its tendons, until the motor has crossed it. A pair's tensions keep its gears on one side.
@@ -85,6 +88,7 @@ class JointDrive:
     command_interval_s: float | None = None
     command_hold: CommandHold = CommandHold.LINE
     backlash_rad: float = 0.0
+    drive_class: DriveClass | None = None
     homing_rad: float = 0.0
 
     def __post_init__(self) -> None:
@@ -134,8 +138,8 @@ class JointDrive:
     def servo(self) -> Servo:
         """The way from a command to the drum, both as angles of the commanded shaft."""
         return Servo(
-            servo_time_s=self.servo_time_s,
-            delay_s=self.delay_s,
+            servo_time_s=self.servo_time_s or assumed_s(self.drive_class, "servo_time_s"),
+            delay_s=self.delay_s or assumed_s(self.drive_class, "delay_s"),
             command_interval_s=self.command_interval_s,
             command_hold=self.command_hold,
             resolution=self.resolution_rad,

@@ -238,6 +238,7 @@ def _weaker(transmission):
 def test_suggest_alone_writes_a_force_file(examples, tmp_path):
     assert run(["identify", str(examples / "bowden.toml"), "--suggest", "--out", str(tmp_path / "s")]) == 0
     assert {p.name for p in (tmp_path / "s").iterdir()} == {
+        "suggested_drive.csv",
         "suggested_force.csv",
         "suggested_force.svg",
     }

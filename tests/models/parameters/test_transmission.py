@@ -27,6 +27,7 @@ OTHER_RULES = (
     "travel_max_m",
     "servo_stiffness_N_per_m",
     "command_hold",
+    "drive_class",
     "backlash_m",
 )
 PARTS = ("path", "tendon", "friction", "actuator", "load")

@@ -106,6 +106,8 @@ def identify(
         raise InputError(
             "no measured file given; name at least one with --data, or ask for an excitation with --suggest"
         )
+    if _identify_servo(loaded, out, data):
+        return
     names = {
         "time_column": time_column,
         "input_column": input_column,
@@ -152,6 +154,19 @@ def identify(
             found.write(folder, pdf=pdf)
     warn(*found.warnings)
     say(*found.lines(str(out)))
+
+
+def _identify_servo(loaded: object, out: Path, data: list[Path]) -> bool:
+    """Identify lag and delay of the drive, where the files are logs of its command and its answer."""
+    from tendonff.compensator.identification.servo import identify_servo, is_servo_log
+    from tendonff.compensator.scenario.scenario import Scenario
+
+    if not all(is_servo_log(path) for path in data):
+        return False
+    found = identify_servo(data, "actuator" if isinstance(loaded, Scenario) else "drive")
+    found.write(out)
+    say(*found.lines, f"written to {out / 'drive.toml'}: copy its keys into the scenario")
+    return True
 
 
 def _say_files(line: str) -> None:

@@ -23,8 +23,9 @@ from tendonff.compensator.studies.design.run import design
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters.drive import Drive, Motor
+from tendonff.models.parameters.numbers import with_numbers
 from tendonff.models.parameters.uncertainty import Spread, Uncertainty
-from tendonff.models.servo import CommandHold
+from tendonff.models.servo import ASSUMED_S, CommandHold, DriveClass
 from tendonff.ocp.tendon import periodic
 from tendonff.ocp.tracking.held import improve_samples
 from tests.independent_plant import respond
@@ -428,6 +429,35 @@ def test_the_expected_error_counts_a_lag_that_is_not_known_well(examples):
     slower = actuated(scenario, servo_time_s=0.03)
     assert found.best.worst.rmse_percent_of_range == pytest.approx(arrived(slower, profile.command_N), rel=0.1)
     assert found.contributions[0].key == "actuator.servo_time_s"
+
+
+@pytest.mark.parametrize("kind", DriveClass)
+def test_the_expected_error_covers_nine_of_ten_drives_of_a_class(examples, kind):
+    """Only the class is stated: lag and delay are drawn from it, and both are named with the way to measure them."""
+    scenario = actuated(load_scenario(examples / "finger.toml"), drive_class=kind)
+    problem, profile = answer(scenario)
+    found = expect(problem.doubt, problem.level, {"inverse": profile}, problem.reference)
+    keys = {each.key for each in found.contributions}
+    assert {"actuator.servo_time_s", "actuator.delay_s"} <= keys
+    covered, draw = 0, np.random.default_rng(5)
+    for _ in range(10):
+        mu = draw.uniform(0.9, 1.1)
+        times = {key: draw.uniform(*ends) for key, ends in ASSUMED_S[kind].items()}
+        real = actuated(scenario, **times).transmission
+        real = with_numbers(real, {"mu": mu})
+        output = Plant(real, problem.level, 40).respond(profile, problem.reference).output_N
+        covered += percent(output - problem.reference.tension_N, problem.reference) <= (
+            1.001 * found.best.worst.rmse_percent_of_range
+        )
+    assert covered >= 9
+
+
+def test_times_that_are_stated_are_not_assumed(examples):
+    scenario = actuated(load_scenario(examples / "finger.toml"), drive_class=DriveClass.DYNAMIXEL, servo_time_s=0.02)
+    keys = {key for spread in Problem.of(scenario).doubt.spreads for key in spread.keys}
+    assert keys == {"mu", "actuator.delay_s"}
+    assert scenario.transmission.actuator.servo.servo_time_s == 0.02
+    assert scenario.transmission.actuator.servo.delay_s == pytest.approx(0.0055)
 
 
 @pytest.mark.nightly
