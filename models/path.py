@@ -17,7 +17,6 @@ from dataclasses import dataclass, fields
 from enum import StrEnum
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -178,9 +177,9 @@ class Section:
         """Slope of its length over each joint that it follows, for angles by joint [m/rad]."""
         return {joint: np.full(_place(joint, places).shape, self.length_per_rad_m) for joint in self.joints}
 
-    def symbolic(self, places: Mapping[str, ca.SX]) -> tuple[ca.SX, ca.SX]:
-        """Wrap angle before it is cut off at zero, and gained length, as CasADi scalars."""
-        at = places.get(self.joint or "", ca.SX(0))
+    def symbolic(self, places: Mapping[str, Any]) -> tuple[Any, Any]:
+        """Wrap angle before it is cut off at zero, and gained length, as CasADi scalars or numbers."""
+        at = places.get(self.joint or "", 0.0)
         return self.angle_rad + self.angle_per_rad * at, self.length_per_rad_m * at
 
     def largest_angle_rad(self, motion: "JointMotion | None") -> float:
@@ -259,10 +258,10 @@ class TabulatedSection(Section):
         slopes = {} if self.length is None else self.length.slopes_at(places)
         return {joint: slopes.get(joint, np.zeros(_place(joint, places).shape)) for joint in self.joints}
 
-    def symbolic(self, places: Mapping[str, ca.SX]) -> tuple[ca.SX, ca.SX]:
-        """Wrap angle before it is cut off at zero, and gained length, as CasADi scalars."""
-        angle = ca.SX(self.angle_rad) if self.angle is None else self.angle.symbolic(places)
-        gained = ca.SX(0) if self.length is None else self.length.symbolic(places) - (self.length_m or 0.0)
+    def symbolic(self, places: Mapping[str, Any]) -> tuple[Any, Any]:
+        """Wrap angle before it is cut off at zero, and gained length, as CasADi scalars or numbers."""
+        angle = self.angle_rad if self.angle is None else self.angle.symbolic(places)
+        gained = 0.0 if self.length is None else self.length.symbolic(places) - (self.length_m or 0.0)
         return angle, gained
 
     def largest_angle_rad(self, motion: "JointMotion | None") -> float:

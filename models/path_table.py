@@ -8,14 +8,16 @@ jump at nodes. Outside its range a table goes on straight; `beyond` says by how 
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tendonff.models.errors import ParameterError
 from tendonff.models.layout import Array
+
+if TYPE_CHECKING:
+    import casadi as ca
 
 MOST_AXES = 3
 FEWEST_NODES = 5
@@ -136,8 +138,10 @@ class PathTable:
         points = np.meshgrid(*spans, indexing="ij")
         return float(self.at(dict(zip(self.joints, map(np.ravel, points), strict=True))).max())
 
-    def symbolic(self, places: Mapping[str, ca.SX]) -> ca.SX:
+    def symbolic(self, places: Mapping[str, Any]) -> "ca.SX":
         """Value as a CasADi scalar, by the places of its joints; those that are not named stand at zero."""
+        import casadi as ca  # a quarter of a second to import, which reading a scenario does without
+
         parts, over = [], []
         for joint, low, step, count in zip(self.joints, self.low_rad, self.step_rad, self.nodes, strict=True):
             q = ca.SX(places.get(joint, 0.0))
@@ -152,8 +156,10 @@ class PathTable:
         found = [self._contracted(parts, sloped) for sloped in flags]
         return found[0] + sum((slope * off for slope, off in zip(found[1:], over, strict=True)), ca.SX(0))
 
-    def _contracted(self, parts: list[tuple[ca.SX, list[ca.SX], list[ca.SX]]], sloped: int | None) -> ca.SX:
+    def _contracted(self, parts: list[tuple["ca.SX", list[Any], list[Any]]], sloped: int | None) -> "ca.SX":
         """Sum over all axes, the last one first; of the slope over the axis `sloped`."""
+        import casadi as ca
+
         shape = self.coefficients.shape
         left = ca.SX(ca.DM(self.coefficients.reshape(-1, shape[-1])))
         for k in reversed(range(len(parts))):

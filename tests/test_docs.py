@@ -213,6 +213,11 @@ def tool(folder):
         write_csv(folder / f"{name}.csv", {"time_s": time, **columns})
 
 
+def models(folder):
+    """The examples beside the page's files."""
+    (folder / "examples").symlink_to(ROOT / "examples", target_is_directory=True)
+
+
 MINUTES = pytest.mark.nightly
 NEEDED = (
     pytest.param("README.md", lambda folder: cable(folder, is_there=False), marks=MINUTES),
@@ -222,6 +227,8 @@ NEEDED = (
     pytest.param("docs/guide/identify_joint.md", lambda folder: knuckle(folder, "log.csv"), marks=MINUTES),
     pytest.param("docs/guide/watch_joint.md", worn, marks=MINUTES),
     pytest.param("docs/guide/joints.md", fingers, marks=MINUTES),
+    pytest.param("docs/guide/import.md", models, marks=MINUTES),
+    pytest.param("docs/tutorials/mjcf.md", models, marks=MINUTES),
     pytest.param("docs/guide/observe.md", tool),
 )
 """What the commands of a page take as given."""

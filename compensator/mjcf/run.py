@@ -20,6 +20,7 @@ from tendonff.compensator.mjcf.text import LEAST_TENSION_N, scenario_text, torqu
 from tendonff.compensator.reporting.plots import save_figure
 from tendonff.models.joint.parameters.finger import Finger
 from tendonff.models.mechanism.static import local_arms_m
+from tendonff.models.turns import in_turn
 
 _STARTS = 60  # poses among which the reference is looked for
 _ALONG = 7
@@ -46,6 +47,7 @@ class Import:
     kept: bool
 
 
+@in_turn
 def import_mjcf(
     path: str | os.PathLike[str],
     *,

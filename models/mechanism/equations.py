@@ -222,8 +222,8 @@ def _tendon(tendon: CutTendon, q: Places, every_q: ca.SX, every_w: ca.SX, pose: 
 def _pose(path: CutPath, q: Places, every_q: ca.SX, every_w: ca.SX) -> Pose:
     """Pose of a path whose sections follow bodies; `CutPath.at` has the same for histories of numbers."""
     bent, gains = zip(*(section.symbolic(q) for section in path.sections), strict=True)
-    angle = at_least(ca.vertcat(*bent), 0.0)[path.section_of.tolist()] / ca.DM(path.pieces)
-    gained, parts = ca.vertcat(*gains), ca.sparsify(ca.DM(path.parts))
+    angle = at_least(ca.SX(ca.vertcat(*bent)), 0.0)[path.section_of.tolist()] / ca.DM(path.pieces)
+    gained, parts = ca.SX(ca.vertcat(*gains)), ca.sparsify(ca.DM(path.parts))
     lengths = ca.DM(path.lengths) + (0 if path.length_m is None else gained / path.length_m)
     of_links = ca.mtimes(parts, gained)
     return Pose(

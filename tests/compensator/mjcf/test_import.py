@@ -10,7 +10,7 @@ pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
 
 import tendonff as tf
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.finger.compensators import FingerTask
+from tendonff.compensator.finger.compensators import FingerTask, linear_motor_rad
 from tendonff.compensator.mjcf.measure import measure
 from tendonff.compensator.mjcf.model import read_hand, sweep_poses
 from tendonff.compensator.mjcf.run import Import, run_import
@@ -181,3 +181,33 @@ def test_the_example_has_five_tendons_over_four_joints() -> None:
     hand = read_hand(EXAMPLE)
     assert hand.names == ("abduction", "mcp", "pip", "dip")
     assert [route.motor for route in hand.routes][:2] == ["deep_motor", "flat_motor"]
+
+
+@pytest.mark.compiler
+@pytest.mark.slow
+def test_the_finger_in_mujoco_follows_within_a_tenth_of_the_error_of_lengths_alone(two: Import) -> None:
+    """MuJoCo moves the bones, 24 masses a tendon pull them; 0.3 s of the reference."""
+    import mujoco
+
+    from examples.mujoco_finger.imported import ImportedTendons
+
+    task = FingerTask.of(two.scenario)
+    model = mujoco.MjModel.from_xml_path(str(two.scenario.source.with_name("model.xml")))
+    model.opt.timestep = 0.001
+    model.actuator_gainprm[:] = model.actuator_biasprm[:] = 0.0
+    address = [model.joint(name).qposadr[0] for name in task.finger.names]
+    time = task.sampled.time_s
+    worst = {}
+    for name, motors in (("inverse", task.inversion.motor), ("linear", linear_motor_rad(task))):
+        data = mujoco.MjData(model)
+
+        def motor_rad(at: float, motors: np.ndarray = motors) -> np.ndarray:
+            return np.array([np.interp(at, time, column) for column in motors.T])
+
+        off = []
+        with ImportedTendons(model, data, two.scenario, motor_rad, masses=24):
+            for row in range(1, 301):
+                mujoco.mj_step(model, data)
+                off.append(data.qpos[address] - task.wanted_rad[row])
+        worst[name] = np.sqrt(np.mean(np.square(off)))
+    assert worst["inverse"] < 0.1 * worst["linear"]
