@@ -74,6 +74,7 @@ class FingerScenario:
     """
 
     kind: ClassVar[Kind] = Kind.FINGER
+    drive_table: ClassVar[str] = "drive"  # where its drives stand in the file
     name: str
     mechanism: Finger
     others: dict[str, Joint]

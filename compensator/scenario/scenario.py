@@ -107,6 +107,7 @@ class Scenario:
     """
 
     kind: ClassVar[Kind] = Kind.TENSION
+    drive_table: ClassVar[str] = "actuator"  # where its drives stand in the file
     name: str
     transmission: Transmission
     reference: ReferenceSpec

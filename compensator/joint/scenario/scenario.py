@@ -75,6 +75,7 @@ class JointScenario:
     """
 
     kind: ClassVar[Kind] = Kind.JOINT
+    drive_table: ClassVar[str] = "drive"  # where its drives stand in the file
     name: str
     mechanism: Mechanism
     joints: dict[str, Joint]

@@ -3,7 +3,7 @@
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -20,6 +20,9 @@ from tendonff.compensator.files.progress import DOUBT
 from tendonff.compensator.files.text import InputError, suggestion
 from tendonff.compensator.scenario.measurement import Explain, Measurement
 from tendonff.models.errors import ParameterError
+
+if TYPE_CHECKING:
+    from tendonff.compensator.door import AnyScenario
 
 _YES = "Fit very long files without asking, and go on where a value looks like another unit."
 SCALED = ("time", "input", "output", "input_position", "output_position", "actuator_force")
@@ -156,14 +159,13 @@ def identify(
     say(*found.lines(str(out)))
 
 
-def _identify_servo(loaded: object, out: Path, folder: Path, data: list[Path]) -> bool:
+def _identify_servo(loaded: "AnyScenario", out: Path, folder: Path, data: list[Path]) -> bool:
     """Identify lag and delay of the drive, where the files are logs of its command and its answer."""
     from tendonff.compensator.identification.servo import identify_servo, is_servo_log
-    from tendonff.compensator.scenario.scenario import Scenario
 
     if not all(is_servo_log(path) for path in data):
         return False
-    found = identify_servo(data, "actuator" if isinstance(loaded, Scenario) else "drive")
+    found = identify_servo(data, loaded.drive_table)
     found.write(folder)
     say(*found.lines, f"written to {out / 'drive.toml'}: copy its keys into the scenario")
     return True
