@@ -126,7 +126,7 @@ class FingerDesign(Result):
             f"With exactly the design's parameters the RMS error over all joints is {best:.2g} deg "
             f"({self.recommended.label}, {self.masses} masses a tendon, step/{self.refinement}), {plain:.2g} deg with "
             "the lengths of the tendons alone. Known in advance: profile.csv to the motors; known only at run "
-            "time: tf.Runtime."
+            "time: tendonff export-c, or tf.Runtime."
         )
 
     @property
