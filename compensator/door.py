@@ -145,10 +145,7 @@ WORKS: Mapping[str, Work] = MappingProxyType(
             by={
                 Kind.TENSION: "studies.explore.run:Explorer",
                 Kind.JOINT: "studies.explore.joint:JointExplorer",
-            },
-            refused={
-                Kind.FINGER: "explore shows the loop of one joint; of several, compare designs by tendonff design and "
-                "sweep"
+                Kind.FINGER: "studies.explore.finger:FingerExplorer",
             },
         ),
         "simulate": Work(
