@@ -5,7 +5,6 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-import control
 import numpy as np
 
 from tendonff.ocp.feedback.law import FeedbackLaw
@@ -89,6 +88,8 @@ def controller_response(law: FeedbackLaw, rad_per_s: Array) -> Complex:
 
 def margins_of(rad_per_s: Array, opened: Complex) -> Margins:
     """Margins of an open loop between samples, by python-control."""
+    import control  # takes a second to load, for those alone who ask for feedback
+
     system = control.FrequencyResponseData(opened, rad_per_s, smooth=True)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # it divides by zero where a loop has no crossing

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
-from scipy.optimize import least_squares, linprog
+import scipy  # loads its parts when they are used
 
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
@@ -99,7 +99,7 @@ def _settled(problem: MechanismProblem, touched: Array) -> MechanismProblem:
         return found
 
     guess = np.concatenate([np.full(count, problem.sharing.least_tension_N), at[wanted:n]])
-    found = least_squares(off, guess, xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    found = scipy.optimize.least_squares(off, guess, xtol=1e-15, ftol=1e-15, gtol=1e-15)
     at[wanted:n] = found.x[count:]
     if np.abs(found.fun).max() > 1e-6 or (found.x[:count] < 0).any():
         pose = ", ".join(f"{name} {np.degrees(q):.3g} deg" for name, q in zip(problem.names, at[:n], strict=False))
@@ -165,7 +165,7 @@ def _require_reachable(problem: MechanismProblem, balances: Array, wanted: Array
     alone = np.array(problem.alone)
     least = problem.sharing.least_tension_N
     bounds = [(least if each else 0.0, None) for each in alone]
-    found = linprog(np.ones(len(bounds)), A_eq=balances, b_eq=wanted, bounds=bounds)
+    found = scipy.optimize.linprog(np.ones(len(bounds)), A_eq=balances, b_eq=wanted, bounds=bounds)
     if found.status != 0:
         bodies = zip(problem.names, problem.start, strict=True)
         pose = ", ".join(f"{name} {np.degrees(q):.3g} deg" for name, q in list(bodies)[: problem.driven])
@@ -225,7 +225,7 @@ def unreachable(problem: MechanismProblem, position: Array, torque: Array, *, ch
         balance = (arms / scale).T
         m, n = len(bounds), problem.driven
         slack = np.hstack([balance, np.eye(n), -np.eye(n)])
-        found = linprog(
+        found = scipy.optimize.linprog(
             np.concatenate([np.zeros(m), np.ones(2 * n)]),
             A_eq=slack,
             b_eq=torque[row] / scale,
