@@ -1,5 +1,6 @@
 """Expected error of a reference that arrives live: of the exact inverse, as exported C and Runtime run it."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 from tendonff.compensator.compensators.base import Problem, with_motion, with_travel
@@ -29,12 +30,16 @@ def live_headline(found: Expectation, scenario: Scenario) -> str:
     return f"For a reference that arrives live: {found.headline(Inverse.label, then)}"
 
 
-def expect_live(problem: Problem) -> Expectation:
-    """Errors of the exact inverse over all transmissions that may be the real one, the reference being known live."""
+def expect_live(problem: Problem, known: Mapping[str, Profile] | None = None) -> Expectation:
+    """Errors of the exact inverse over all transmissions that may be the real one, the reference being known live.
+
+    `known` are profiles of the problem that exist already; the one without friction is taken from there.
+    """
     following, inverse, bare = replace(problem, live=True), Inverse(), Frictionless()
+    plain = (known or {}).get(FRICTIONLESS)
     profiles = {
         inverse.name: driven(problem, inverse.name, inverse.profile(following)),
-        FRICTIONLESS: with_motion(problem, bare.name, bare.profile(problem)),
+        FRICTIONLESS: with_motion(problem, bare.name, bare.profile(problem)) if plain is None else plain,
     }
     bands = error_bands(problem.doubt, problem.level, profiles, problem.reference)
     reference = problem.reference

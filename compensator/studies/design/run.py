@@ -123,7 +123,7 @@ def design(
         proof=tuple(proof),
         stick_slip=stick_slip,
         expectation=expectation,
-        live=expect_live(problem),
+        live=expect_live(problem, usable),
         ignored=ignored_motion(problem),
         feedback=feedback,
         warnings=tuple(warnings),

@@ -171,7 +171,9 @@ def test_every_module_that_follows_a_reference_has_a_co_simulation_unit(quick):
     assert followers <= {kind.value for kind in Kind}
 
 
-def test_the_exact_inverse_is_computed_once_with_and_once_without_friction_in_a_design(quick, monkeypatch):
+def test_a_design_computes_the_inverse_once_with_and_once_without_friction_and_once_for_a_live_reference(
+    quick, monkeypatch
+):
     calls = []
     for module in (base, tracking, stability):
         right = module.invert
@@ -182,7 +184,7 @@ def test_the_exact_inverse_is_computed_once_with_and_once_without_friction_in_a_
 
         monkeypatch.setattr(module, "invert", counted)
     design(quick)
-    assert calls == 2 * [base.__name__]
+    assert calls == 3 * [base.__name__]
 
 
 def _parts(reports):

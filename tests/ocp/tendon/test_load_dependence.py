@@ -71,7 +71,7 @@ def test_the_inverse_delivers_its_reference_on_an_independent_plant(generic, rec
         return 100 * float(np.sqrt(np.mean((response.output_N - reference) ** 2))) / np.ptp(reference)
 
     found = missed(rig)
-    record_property("percent", found)
+    record_property("percent", float(found))
     assert found < 0.3
     blind = replace(rig, friction=replace(rig.friction, load_exponent=None, reference_tension_N=None))
     assert missed(blind) > 10 * found

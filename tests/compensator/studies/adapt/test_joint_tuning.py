@@ -70,7 +70,7 @@ def test_without_measurements_it_is_the_inverse(scenario):
 
 def test_exported_code_passes_its_own_test(scenario, tmp_path):
     """In single precision; the runtime runs the other one."""
-    exported = tf.export_c([scenario], precision=tf.Precision.FLOAT)
+    exported = tf.export_c(scenario, precision=tf.Precision.FLOAT)
     exported.write(tmp_path)
     made = subprocess.run(
         ["make", "-s", "test", "CFLAGS=-O0"], cwd=tmp_path, capture_output=True, text=True, check=False

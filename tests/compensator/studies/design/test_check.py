@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.compensators.closed_form import Inverse, Uncompensated
-from tendonff.compensator.compensators.method_check import MethodCheck, check_design
+from tendonff.compensator.compensators.method_check import MethodCheck
 from tendonff.compensator.scenario.reference import Shape, WaypointReference
 from tendonff.compensator.scenarios import load_scenario
+from tendonff.compensator.studies.design.check import check_design
 from tendonff.compensator.studies.design.run import design
 from tendonff.ocp.integrate.method import Method
 
