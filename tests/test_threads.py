@@ -19,7 +19,7 @@ from tendonff.models.parameters import Transmission
 from tendonff.models.turns import TURN, in_turn, out_of_turn
 from tendonff.ocp.codegen.engine import Engine
 
-WITHOUT_CASADI = {"import_mjcf", "load_scenario", "read_centreline", "sample_reference", "simulate_batch"}
+WITHOUT_CASADI = {"load_scenario", "read_centreline", "sample_reference", "simulate_batch"}
 FUNCTIONS = sorted(name for name in tf.__all__ if inspect.isfunction(getattr(tf, name)))
 
 

@@ -103,7 +103,7 @@ def test_the_jaw_torque_of_whole_strokes_follows_from_the_motor(tool, part, most
         rows = np.genfromtxt(file, delimiter=",", names=True)
         rows = rows[rows["time_s"] > RINGING_S]
         observer = tf.Observer(replace(fitted, observer=table))
-        core = observer._loop._torque  # the same law over all rows at once: a row a call is tested above
+        core = observer._core._torque  # the same law over all rows at once: a row a call is tested above
         errors.append(core.torque(rows["input_angle_rad"], rows["input_torque_Nm"]) - rows["output_torque_Nm"])
         inside.append(np.abs(errors[-1]) <= table.torque_band_N_m)
     rms = 1e3 * float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
