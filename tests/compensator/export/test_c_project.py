@@ -101,8 +101,8 @@ def a_minute(scenario):
         pytest.param("finger", Precision.DOUBLE, marks=pytest.mark.nightly),
         pytest.param("finger", Precision.FLOAT, marks=pytest.mark.nightly),
         ("bowden", Precision.DOUBLE),
-        pytest.param("bowden", Precision.FLOAT, marks=pytest.mark.nightly),
-        ("finger_stribeck", Precision.FLOAT),
+        ("bowden", Precision.FLOAT),
+        pytest.param("finger_stribeck", Precision.FLOAT, marks=pytest.mark.nightly),
         pytest.param("surgical", Precision.FLOAT, marks=pytest.mark.nightly),
     ],
 )
