@@ -141,7 +141,7 @@ def test_every_level_exports_and_passes_its_own_test(examples, tmp_path, level):
     assert "self test passed" in said.stdout, said.stdout + said.stderr
 
 
-NIGHTLY = {"one mass, unlike directions, adhesion"}  # takes longest; `spread bounds` has one mass and unlike directions too
+NIGHTLY = {"one mass, unlike directions, adhesion"}  # `spread bounds` has one mass and unlike directions too
 ODD = {
     "one mass, unlike directions, adhesion": (
         {"segments": 1},
