@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
+from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.identification.measured.smoothing import adaptive_low_pass, count_of
 from tendonff.compensator.identification.motors.run import identify_motors, mechanism_of, suggest_motor_routine
@@ -141,7 +142,7 @@ def test_a_log_without_a_motor_names_the_column(pair, tmp_path):
     lines = log.read_text().splitlines()
     cut = [",".join(line.split(",")[:-3]) for line in lines]
     (tmp_path / "short.csv").write_text("\n".join(cut))
-    with pytest.raises(Exception, match=r'column "motor_close_rad" is missing.*angle of each motor'):
+    with pytest.raises(InputError, match=r'column "motor_close_rad" is missing.*angle of each motor'):
         identify_motors(scenario, [tmp_path / "short.csv"])
 
 
@@ -149,7 +150,7 @@ def test_current_needs_the_torque_constant(pair, tmp_path):
     _, scenario, _, log = pair
     text = log.read_text().replace("motor_torque_open_N_m", "motor_current_open_A")
     (tmp_path / "current.csv").write_text(text)
-    with pytest.raises(Exception, match="motor_current_open_A needs the torque constant: torque_constant_N_m_per_A"):
+    with pytest.raises(InputError, match="motor_current_open_A needs the torque constant: torque_constant_N_m_per_A"):
         identify_motors(scenario, [tmp_path / "current.csv"])
 
 
@@ -180,5 +181,5 @@ def test_an_angle_in_counts_is_smoothed_to_less_than_a_count():
 def test_a_scenario_without_friction_is_refused(pair):
     _, scenario, _, log = pair
     bare = replace(scenario, mechanism=with_numbers(scenario.mechanism, {"mu": 0.0}))
-    with pytest.raises(Exception, match="mu_dynamic of tendon"):
+    with pytest.raises(InputError, match="mu_dynamic of tendon"):
         identify_motors(bare, [log])
