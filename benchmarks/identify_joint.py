@@ -18,8 +18,8 @@ import numpy as np
 from tendonff.compensator.identification.joint.estimates import derived
 from tendonff.compensator.identification.joint.result import JointIdentification
 from tendonff.compensator.identification.joint.run import identify_joint
-from tendonff.compensator.joint.design.run import design_joint
 from tendonff.compensator.scenarios import load_scenario
+from tendonff.compensator.studies.design.motors.run import design_motors
 from tests.hidden_loop import FINE_S, HiddenLoop, hidden, scenario, write_log
 
 
@@ -45,16 +45,14 @@ def truth(loop: HiddenLoop) -> dict[str, float]:
 def tracking_deg(loop: HiddenLoop, found: JointIdentification, folder: Path) -> tuple[float, float]:
     """RMS error of the joint on the hidden plant: exact inverse designed from fitted.toml, and the ratio alone."""
     found.write(folder)
-    design = design_joint(load_scenario(folder / "fitted.toml"))
-    time = design.sampled.run_time_s
+    design = design_motors(load_scenario(folder / "fitted.toml"))
+    time = design.task.target_time_s
     fine = np.arange(round(time[-1] / FINE_S) + 1) * FINE_S
     errors = []
     for name in ("inverse", "linear"):
         motor = np.interp(fine, time, design.profiles[name].motor_rad[:, 0])
         reached = loop.follow(motor).angle_rad
-        errors.append(
-            math.degrees(float(np.sqrt(np.mean((reached - np.interp(fine, time, design.sampled.wanted)) ** 2))))
-        )
+        errors.append(math.degrees(float(np.sqrt(np.mean((reached - np.interp(fine, time, design.task.wanted)) ** 2)))))
     return errors[0], errors[1]
 
 

@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from tendonff.compensator.export.unit import Fmu
     from tendonff.compensator.files.reading import FloatArray
     from tendonff.compensator.finger.export.project import ExportedFingers
-    from tendonff.compensator.finger.result import FingerDesign
     from tendonff.compensator.finger.scenario import FingerScenario
     from tendonff.compensator.identification.answer.result import Identification
     from tendonff.compensator.identification.joint.result import JointIdentification
@@ -38,7 +37,6 @@ if TYPE_CHECKING:
     from tendonff.compensator.identification.motors.result import MotorsIdentification
     from tendonff.compensator.identification.motors.routine import MotorsRoutine
     from tendonff.compensator.identification.suggest import Excitation
-    from tendonff.compensator.joint.design.result import JointDesign
     from tendonff.compensator.joint.export.project import ExportedJoints
     from tendonff.compensator.joint.scenario.scenario import JointScenario
     from tendonff.compensator.scenario.measurement import Measurement
@@ -47,6 +45,7 @@ if TYPE_CHECKING:
     from tendonff.compensator.studies.adapt.result import AdaptationStudy
     from tendonff.compensator.studies.compare.joint import JointComparison
     from tendonff.compensator.studies.compare.result import Comparison
+    from tendonff.compensator.studies.design.motors.result import MotorDesign
     from tendonff.compensator.studies.design.result import Design
     from tendonff.compensator.studies.explore.subject import Subject
     from tendonff.compensator.studies.simulate.result import SimulatedFile
@@ -105,8 +104,8 @@ WORKS: Mapping[str, Work] = MappingProxyType(
         "design": Work(
             by={
                 Kind.TENSION: "studies.design.run:design",
-                Kind.JOINT: "joint.design.run:design_joint",
-                Kind.FINGER: "finger.design:design_finger",
+                Kind.JOINT: "studies.design.motors.run:design_motors",
+                Kind.FINGER: "studies.design.motors.run:design_motors",
             },
             options={
                 "compensators": _not(_MOTORS, "compensators are chosen for a tension; joints are designed by all"),
@@ -116,8 +115,8 @@ WORKS: Mapping[str, Work] = MappingProxyType(
         "show": Work(
             by={
                 Kind.TENSION: "studies.design.output:show",
-                Kind.JOINT: "joint.design.output:show",
-                Kind.FINGER: "finger.output:show",
+                Kind.JOINT: "studies.design.motors.output:show",
+                Kind.FINGER: "studies.design.motors.output:show",
             }
         ),
         "online": Work(
@@ -126,7 +125,7 @@ WORKS: Mapping[str, Work] = MappingProxyType(
         "check": Work(
             by={
                 Kind.TENSION: "studies.design.check:check_design",
-                Kind.JOINT: "joint.design.check:check_joint_design",
+                Kind.JOINT: "studies.design.check:check_motors",
             },
             refused={Kind.FINGER: "--check integrates one tendon or one joint; leave it out"},
         ),
@@ -332,13 +331,11 @@ def design(
     progress: Progress = silent,
 ) -> "Design": ...
 @overload
-def design(scenario: "JointScenario", *, strict: bool = False, progress: Progress = silent) -> "JointDesign": ...
-@overload
-def design(scenario: "FingerScenario", *, strict: bool = False, progress: Progress = silent) -> "FingerDesign": ...
-@overload
 def design(
-    scenario: "AnyScenario", *, strict: bool = False, progress: Progress = silent
-) -> "Design | JointDesign | FingerDesign": ...
+    scenario: "JointScenario | FingerScenario", *, strict: bool = False, progress: Progress = silent
+) -> "MotorDesign": ...
+@overload
+def design(scenario: "AnyScenario", *, strict: bool = False, progress: Progress = silent) -> "Design | MotorDesign": ...
 @in_turn
 def design(
     scenario: "AnyScenario",
@@ -347,7 +344,7 @@ def design(
     options: "TrackOptions | None" = None,
     strict: bool = False,
     progress: Progress = silent,
-) -> "Design | JointDesign | FingerDesign":
+) -> "Design | MotorDesign":
     """Design the command of a drive by every compensator, and verify each on a finer model.
 
     Parameters
@@ -380,18 +377,18 @@ def design(
     >>> print(result.recommended.label)
     exact inverse
     """
-    found: Design | JointDesign | FingerDesign = function_of(
-        "design", scenario, {"compensators": compensators, "options": options}
-    )(scenario, strict=strict, progress=progress)
+    found: Design | MotorDesign = function_of("design", scenario, {"compensators": compensators, "options": options})(
+        scenario, strict=strict, progress=progress
+    )
     return found
 
 
-def show(result: "Design | JointDesign | FingerDesign", folder: Path) -> None:
+def show(result: "Design | MotorDesign", folder: Path) -> None:
     """Print the scores of a design, what to expect on a rig, and where its files are."""
     function_of("show", result.scenario)(result, folder)
 
 
-def check(result: "Design | JointDesign | FingerDesign", method: Method) -> "MethodCheck":
+def check(result: "Design | MotorDesign", method: Method) -> "MethodCheck":
     """Simulate the recommended command of a design by another method too; SolveError if that fails."""
     found: MethodCheck = function_of("check", result.scenario)(result, method)
     return found

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.files.reading import FloatArray, InputError
-from tendonff.compensator.finger.compensators import FingerTask
 from tendonff.compensator.finger.scenario import FingerScenario
 from tendonff.compensator.runtime.kinds import RuntimeStatus
 from tendonff.models.errors import ParameterError

@@ -17,6 +17,7 @@ from tendonff.compensator.finger.paths import read_paths, tabulated, with_measur
 from tendonff.compensator.joint.scenario.base import with_base
 from tendonff.compensator.joint.scenario.reference import JointQuantity, JointSine, JointWaypoints
 from tendonff.compensator.joint.scenario.scenario import tendon_part
+from tendonff.compensator.scenario.goal import Goal
 from tendonff.compensator.scenario.joints import Joint, read_joints
 from tendonff.compensator.scenario.kind import Kind
 from tendonff.compensator.scenario.measurement import Measurement
@@ -25,6 +26,7 @@ from tendonff.compensator.scenario.scenario import SCHEMA, spread_keys, with_spr
 from tendonff.compensator.scenario.settings import Run
 from tendonff.compensator.scenario.tables import read_table, show
 from tendonff.compensator.scenario.toml import toml_of
+from tendonff.compensator.scenario.unit import RADIAN
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters import Arm, DriveKind, DrivenJoint, JointDrive, JointTendon, LengthTable
 from tendonff.models.joint.parameters.finger import Finger, Motor
@@ -103,6 +105,12 @@ class FingerScenario:
     def system(self) -> Finger:
         """Everything physical about it."""
         return self.mechanism
+
+    @property
+    def goal(self) -> Goal:
+        """What is wanted."""
+        names = self.mechanism.names[: self.wanted]
+        return Goal(quantity="joint angle", unit=RADIAN, names=names, is_named=True)
 
     def to_toml(self) -> str:
         """The text of the file."""

@@ -4,11 +4,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tendonff.compensator.compensators.motors.drive import driven
+from tendonff.compensator.compensators.motors.joint import JointTask
+from tendonff.compensator.compensators.motors.registry import motor_compensator
+from tendonff.compensator.compensators.motors.task import verifying_masses
 from tendonff.compensator.feedback.task import FeedbackTask
 from tendonff.compensator.files.reading import FloatArray, InputError
-from tendonff.compensator.joint.compensators import JointTask, joint_compensator
-from tendonff.compensator.joint.drive import driven
-from tendonff.compensator.joint.plant import verifying_masses
 from tendonff.compensator.joint.scenario.reference import JointQuantity
 from tendonff.compensator.scenario.settings import Feedback, FeedbackSensor
 from tendonff.models.joint.description import MOTOR, describe
@@ -98,7 +99,7 @@ def _course(task: JointTask, name: str, cycles: int) -> Course:
     """Reference and commands behind the drive, without the play of its gear; of a cycle several."""
     scenario, sampled = task.scenario, task.sampled
     step, drive = scenario.run.step_s, replace(task.mechanism.drive, backlash_rad=0.0)
-    command = driven(drive, joint_compensator(name).command_rad(task), step)
+    command = driven(drive, motor_compensator(task, name).command_rad(task), step)
     others = np.column_stack([sampled.angle_rad, *sampled.others(task.mechanism.joint.name).values()])
 
     def repeated(rows: FloatArray) -> FloatArray:

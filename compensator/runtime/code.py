@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.motors.joint import JointTask
 from tendonff.compensator.compensators.stream import choose_stream, followed_range
 from tendonff.compensator.compensators.table import accepted_range
 from tendonff.compensator.compensators.tuning import check_tuning
@@ -11,7 +12,6 @@ from tendonff.compensator.export.modules import ADAPTIVE, STREAM, c_modules
 from tendonff.compensator.export.text.c_text import c_sources
 from tendonff.compensator.feedback.code import feedback_module
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.joint.compensators import JointTask
 from tendonff.compensator.joint.export.text import accepted_rad, joint_sources, problem_of
 from tendonff.compensator.joint.feedback import JointFeedbackTask
 from tendonff.compensator.joint.scenario.reference import JointQuantity

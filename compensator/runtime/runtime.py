@@ -14,9 +14,9 @@ from tendonff._version import __version__
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.expectation import Expectation
 from tendonff.compensator.compensators.live import expect_live
+from tendonff.compensator.compensators.motors.registry import task_of
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.finger.scenario import FingerScenario
-from tendonff.compensator.finger.task import task_of
 from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.runtime.core import RuntimeCore, of_joint, of_several_joints, of_tension
 from tendonff.compensator.runtime.kinds import RuntimeKind, RuntimeStatus

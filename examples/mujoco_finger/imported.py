@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonff.compensator.finger.compensators import FingerTask
+from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.finger.scenario import FingerScenario
 from tendonff.ocp.mechanism.compiled import CompiledMechanism
 from tendonff.ocp.mechanism.problem import rest

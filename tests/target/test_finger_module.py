@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tendonff.compensator.finger.compensators import FingerTask
+from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.finger.export.text import finger_module
 from tendonff.compensator.finger.scenario import load_finger_scenario
 from tendonff.ocp.codegen.precision import Precision

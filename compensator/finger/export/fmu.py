@@ -1,16 +1,15 @@
 """`tendonff export-fmu` of a finger: wanted angles in, angles of the motors and tensions out."""
 
 from tendonff._version import __version__
+from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.export.kinds import FmiVersion
 from tendonff.compensator.export.modules import check_prefix
 from tendonff.compensator.export.text.c_text import harmless
 from tendonff.compensator.export.unit import Fmu, Variable, pack
-from tendonff.compensator.finger.compensators import FingerTask
 from tendonff.compensator.finger.export.golden import followed_course
-from tendonff.compensator.finger.export.judgement import judge_finger
 from tendonff.compensator.finger.export.text import finger_module
 from tendonff.compensator.finger.scenario import FingerScenario
-from tendonff.compensator.joint.export.judgement import judgement_lines
+from tendonff.compensator.joint.export.judgement import judge, judgement_lines
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.precision import Precision
@@ -56,7 +55,7 @@ def build_finger_fmu(
     task.check_reach()
     module = finger_module([task], [task.problem(task.finger)], Precision.DOUBLE, prefix)
     [described] = module.context["fingers"]
-    judged = judge_finger(task, described["symbol"].lower(), followed_course(task, Precision.DOUBLE).command_rad)
+    judged = judge(task, described["symbol"].lower(), followed_course(task, Precision.DOUBLE).command_rad)
     if judged.fault and not force_export:
         raise SolveError(
             f"no unit is made: {judged.fault}. Let the reference move more slowly, or make it all the same with "
@@ -119,6 +118,6 @@ def build_finger_fmu(
         fmi,
         model="model_motors",
         everywhere=everywhere,
-        lines=judgement_lines((judged,), "lengths"),
+        lines=judgement_lines((judged,)),
         warnings=warnings,
     )

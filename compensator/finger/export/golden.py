@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from tendonff.compensator.compensators.motors.drive import commanded
+from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.export.host import compile_on_host
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.files.reading import FloatArray
-from tendonff.compensator.finger.compensators import FingerTask
-from tendonff.compensator.joint.drive import commanded
 from tendonff.models.path import JointMotion
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import CodeError, SolveError

@@ -8,10 +8,10 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 
 from tendonff._version import __version__
+from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.export.modules import check_prefix
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import atomic_directory, write_text
-from tendonff.compensator.finger.compensators import REFINEMENT, FingerTask
 from tendonff.compensator.finger.export.golden import (
     BACK_ROWS,
     FingerCourse,
@@ -21,11 +21,9 @@ from tendonff.compensator.finger.export.golden import (
     largest_departure,
     run_courses,
 )
-from tendonff.compensator.finger.export.judgement import judge_finger
 from tendonff.compensator.finger.export.text import finger_module, render
 from tendonff.compensator.finger.scenario import FingerScenario
-from tendonff.compensator.joint.export.judgement import JudgedJoint, judgement_lines
-from tendonff.compensator.joint.plant import verifying_masses
+from tendonff.compensator.joint.export.judgement import JudgedJoint, judge, judgement_lines
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.precision import Precision
@@ -64,7 +62,7 @@ class ExportedFingers:
     @property
     def lines(self) -> tuple[str, ...]:
         """The judgement in words."""
-        return judgement_lines(self.judged, "lengths", self.loss_rad)
+        return judgement_lines(self.judged, self.loss_rad)
 
     def write(self, folder: str | os.PathLike[str]) -> None:
         """Write every file, all or nothing; makes the folder."""
@@ -118,7 +116,7 @@ def export_fingers(
     judged = []
     for k, (task, each) in enumerate(zip(tasks, module.context["fingers"], strict=True)):
         command = runs[k].command_rad if found is None else found[len(tasks) + k].command_rad
-        judged.append(judge_finger(task, each["symbol"].lower(), command))
+        judged.append(judge(task, each["symbol"].lower(), command))
         each |= {
             "golden": golden_context(task, courses[k], None if found is None else found[k], precision),
             "plain": judged[k].text(judged[k].plain_rms),
@@ -135,7 +133,7 @@ def export_fingers(
     context = module.context | {
         "load_rows": BACK_ROWS,
         "loss": f"{loss:.2g}" if loss is not None and precision is Precision.FLOAT else "",
-        "verifying": f"{max(verifying_masses(task.finger) for task in tasks)} masses a tendon at step/{REFINEMENT}",
+        "verifying": f"{max(task.masses for task in tasks)} masses a tendon at step/{FingerTask.refinement}",
         "usual": "" if found is None else f"{max(float(each.evaluations.mean()) for each in found):.1f}",
     }
     files = module.files | {name: render(f"{name}.j2", context) for name in _FILES}

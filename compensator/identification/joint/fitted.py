@@ -6,13 +6,13 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+from tendonff.compensator.compensators.motors.joint import assumed
+from tendonff.compensator.compensators.motors.task import ASSUMED_SPREAD
 from tendonff.compensator.identification.answer.result import Estimate
 from tendonff.compensator.identification.joint.parameters import JointNumber, key_in
-from tendonff.compensator.joint.compensators import assumed
 from tendonff.compensator.joint.observer_table import ObserverTable
 from tendonff.compensator.joint.scenario.base import with_base
 from tendonff.compensator.joint.scenario.scenario import JointScenario
-from tendonff.compensator.joint.task import ASSUMED_SPREAD
 from tendonff.compensator.scenario.scenario import relative_to_folder
 from tendonff.compensator.scenario.tables import toml_value
 from tendonff.models.joint.parameters import JointTendon, Mechanism

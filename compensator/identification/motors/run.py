@@ -11,6 +11,7 @@ import numpy as np
 from scipy.stats import t as student
 from threadpoolctl import threadpool_limits
 
+from tendonff.compensator.compensators.motors.task import ASSUMED_SPREAD
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.finger.scenario import FingerScenario, SampledFinger, sample_finger
 from tendonff.compensator.identification.answer.result import Estimate, estimate_columns, is_known
@@ -28,7 +29,6 @@ from tendonff.compensator.identification.motors.result import (
 from tendonff.compensator.identification.motors.routine import MotorsRoutine, suggest_motors
 from tendonff.compensator.joint.scenario.base import with_base
 from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
-from tendonff.compensator.joint.task import ASSUMED_SPREAD
 from tendonff.compensator.reporting.results import Views, register_views
 from tendonff.compensator.scenario.kind import Kind
 from tendonff.models.joint.parameters import DriveKind

@@ -3,12 +3,13 @@
 from dataclasses import replace
 
 from tendonff._version import __version__
+from tendonff.compensator.compensators.motors.joint import JointTask
 from tendonff.compensator.export.kinds import FmiVersion
 from tendonff.compensator.export.modules import check_prefix
 from tendonff.compensator.export.text.c_text import harmless
 from tendonff.compensator.export.unit import Fmu, Variable, pack
 from tendonff.compensator.joint.export.golden import followed_course
-from tendonff.compensator.joint.export.judgement import judge_joint, judgement_lines
+from tendonff.compensator.joint.export.judgement import judge, judgement_lines
 from tendonff.compensator.joint.export.text import accepted_rad, joint_sources, problem_of
 from tendonff.compensator.joint.scenario.scenario import JointScenario, on_level, sample_joint
 from tendonff.models.fidelity import Level
@@ -64,7 +65,11 @@ def build_joint_fmu(
     problem = problem_of(scenario, sampled)
     others = other_joints((problem,))
     course = followed_course(scenario, sampled, problem, others, Precision.DOUBLE)
-    judged = judge_joint(scenario, sampled, course.command_rad)
+    judged = judge(
+        JointTask(scenario=scenario, sampled=sampled, mechanism=scenario.mechanism, level=scenario.run.level),
+        scenario.mechanism.joint.name,
+        course.command_rad,
+    )
     if judged.fault and not force_export:
         raise SolveError(
             f"no unit is made: {judged.fault}. Let the reference move more slowly, or make it all the same with "
@@ -136,6 +141,6 @@ def build_joint_fmu(
         fmi,
         model="model_motors",
         everywhere=everywhere,
-        lines=judgement_lines((judged,), "ratio"),
+        lines=judgement_lines((judged,)),
         warnings=warnings,
     )

@@ -6,12 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tendonff.compensator.compensators.motors.task import MotorTask
+from tendonff.compensator.compensators.score import scale_of
 from tendonff.compensator.files.reading import FloatArray
-from tendonff.compensator.joint.compensators import linear_motor_rad
-from tendonff.compensator.joint.drive import commanded, known_by_ratio
-from tendonff.compensator.joint.plant import REFINEMENT, JointPlant, verifying_masses
-from tendonff.compensator.joint.scenario.reference import JointQuantity
-from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,39 +40,30 @@ class JudgedJoint:
         return f"{math.degrees(value):.2g} deg" if self.is_angle else f"{value:.2g} N m"
 
 
-def judgement_lines(judged: Sequence[JudgedJoint], plain: str, loss_rad: float | None = None) -> tuple[str, ...]:
-    """Errors in words, beside those of what is `plain`, and the departure of compiled code."""
+def judgement_lines(judged: Sequence[JudgedJoint], loss_rad: float | None = None) -> tuple[str, ...]:
+    """Errors in words, beside those of the ratio alone, and the departure of compiled code."""
     compiled = (
         () if loss_rad is None else (f"compiled here, the code departs from the model by {loss_rad:.2g} rad at most",)
     )
     rows = [
-        f"{j.name}: RMS error {j.text(j.rms)} with exactly these parameters, by the {plain} alone {j.text(j.plain_rms)}"
+        f"{j.name}: RMS error {j.text(j.rms)} with exactly these parameters, by the ratio alone {j.text(j.plain_rms)}"
         for j in judged
     ]
     return (*rows, *compiled)
 
 
-def judge_joint(scenario: JointScenario, sampled: SampledJoint, command_rad: FloatArray) -> JudgedJoint:
+def judge(task: MotorTask, name: str, command_rad: FloatArray) -> JudgedJoint:
     """Simulate commands, and those of the ratio alone, on the mechanism that a design is verified on."""
-    mechanism, step = scenario.mechanism, scenario.run.step_s
-    plant = JointPlant(
-        mechanism=mechanism,
-        scenario=scenario,
-        sampled=sampled,
-        masses=verifying_masses(mechanism),
-        refinement=REFINEMENT,
-    )
-    plain = commanded(known_by_ratio(mechanism.drive), linear_motor_rad(scenario, sampled), step)
     errors = []
-    for command in (command_rad, plain):
-        error = (plant.reached(plant.respond(command)) - sampled.wanted)[sampled.lead :]
-        errors.append(float(np.sqrt(np.mean(error**2))))
+    for command in (command_rad, task.commanded(task.lengths_rad, by_ratio=True)):
+        run = task.respond(task.system, command, masses=task.masses, refinement=task.refinement)
+        errors.append(float(np.sqrt(np.mean((run.output[task.lead :] - task.target) ** 2))))
     judged = JudgedJoint(
-        name=mechanism.joint.name,
+        name=name,
         rms=errors[0],
         plain_rms=errors[1],
-        range=sampled.range,
-        is_angle=scenario.reference.quantity is JointQuantity.ANGLE,
+        range=scale_of(task.wanted),
+        is_angle=task.unit.key == "rad",
         fault="",
     )
     if errors[0] < errors[1]:

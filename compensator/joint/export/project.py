@@ -8,6 +8,8 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 
 from tendonff._version import __version__
+from tendonff.compensator.compensators.motors.joint import JointTask
+from tendonff.compensator.compensators.motors.task import verifying_masses
 from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.export.feedback import feedback_files
 from tendonff.compensator.export.modules import check_prefix
@@ -15,7 +17,6 @@ from tendonff.compensator.feedback.code import feedback_module
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.files.writing import atomic_directory, write_text
-from tendonff.compensator.joint.compensators import JointTask
 from tendonff.compensator.joint.export.golden import (
     JointCourse,
     followed_course,
@@ -24,10 +25,9 @@ from tendonff.compensator.joint.export.golden import (
     largest_departure,
     run_courses,
 )
-from tendonff.compensator.joint.export.judgement import JudgedJoint, judge_joint, judgement_lines
+from tendonff.compensator.joint.export.judgement import JudgedJoint, judge, judgement_lines
 from tendonff.compensator.joint.export.text import module_text, problem_of, render, transmission_files
 from tendonff.compensator.joint.feedback import JointFeedbackTask
-from tendonff.compensator.joint.plant import REFINEMENT, verifying_masses
 from tendonff.compensator.joint.scenario.scenario import JointScenario, on_level, sample_joint
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
@@ -73,7 +73,7 @@ class ExportedJoints:
         """The judgement in words."""
         rows = zip(self.judged, self.headlines, strict=True)
         return (
-            *judgement_lines(self.judged, "ratio", self.loss_rad),
+            *judgement_lines(self.judged, self.loss_rad),
             *(f"{each.name}: {headline}" for each, headline in rows),
         )
 
@@ -140,7 +140,8 @@ def export_joints(
         command = runs[k].command_rad
         if found is not None and not own.reference.periodic:
             command = found[len(scenarios) + k].command_rad
-        judged.append(judge_joint(own, each, command))
+        task = JointTask(scenario=own, sampled=each, mechanism=own.mechanism, level=own.run.level)
+        judged.append(judge(task, own.mechanism.joint.name, command))
         headlines.append(_headline(own))
         joints[k] |= {
             "headline": headlines[k],
@@ -156,10 +157,11 @@ def export_joints(
             "--force-export"
         )
     loss = None if found is None else largest_departure(courses, found)
+    masses = max(verifying_masses(scenario.mechanism) for scenario in scenarios)
     context |= {
         "transmission": bool(transmission_files(context, others)),
         "loss": f"{loss:.2g}" if loss is not None and precision is Precision.FLOAT else "",
-        "verifying": f"{max(verifying_masses(s.mechanism) for s in scenarios)} masses a tendon at step/{REFINEMENT}",
+        "verifying": f"{masses} masses a tendon at step/{JointTask.refinement}",
     }
     fed, unfed = _feedback(scenarios, precision, prefix, context["provenance"])
     context["feedback"] = bool(fed)

@@ -17,6 +17,7 @@ from tendonff.compensator.joint.observer_table import ObserverTable
 from tendonff.compensator.joint.scenario.base import with_base
 from tendonff.compensator.joint.scenario.reference import KINDS, JointQuantity, JointReference
 from tendonff.compensator.joint.scenario.settings import JointAdaptation
+from tendonff.compensator.scenario.goal import Goal
 from tendonff.compensator.scenario.joints import Joint, read_joints
 from tendonff.compensator.scenario.kind import Kind
 from tendonff.compensator.scenario.measurement import Measurement
@@ -89,6 +90,13 @@ class JointScenario:
     inputs: tuple[Path, ...] = field(default=())
     adaptation: JointAdaptation | None = None
     feedback: Feedback | None = None
+
+    @property
+    def goal(self) -> Goal:
+        """What is wanted."""
+        angle = self.reference.quantity is JointQuantity.ANGLE
+        quantity = "joint angle" if angle else "torque of the joint"
+        return Goal(quantity=quantity, unit=self.reference.shown, names=(self.mechanism.joint.name,))
 
     def reference_file(self) -> Path | None:
         """The file of a CSV reference, resolved; None for the other kinds."""

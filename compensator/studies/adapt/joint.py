@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from matplotlib.figure import Figure
 
+from tendonff.compensator.compensators.motors.adaptation import TunedJoint, with_factor
+from tendonff.compensator.compensators.motors.task import verifying_masses
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.writing import atomic_directory, write_csv
-from tendonff.compensator.joint.adaptation import TunedJoint, with_factor
-from tendonff.compensator.joint.plant import verifying_masses
 from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint, sample_joint
 from tendonff.compensator.joint.scenario.settings import JointAdaptation
 from tendonff.compensator.reporting.colours import BLUE, INK, VERMILION

@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.expectation import expectation_of
+from tendonff.compensator.compensators.motors.registry import motor_compensators, task_of
+from tendonff.compensator.compensators.motors.task import MotorTask
 from tendonff.compensator.files.notices import by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.writing import atomic_directory
 from tendonff.compensator.finger.scenario import FingerScenario
-from tendonff.compensator.finger.task import task_of
 from tendonff.compensator.joint.scenario.scenario import JointScenario
-from tendonff.compensator.joint.task import MotorTask
 from tendonff.compensator.reporting.page import Report, pictures_of, provenance_of, write_pages
 from tendonff.compensator.reporting.plots import figure_style
 from tendonff.compensator.reporting.results import Views, register_views
@@ -117,7 +117,7 @@ def compare_joint(scenario: JointScenario | FingerScenario, *, progress: Progres
     """
     tasks = {level: task_of(scenario, level) for level in Level}
     own = tasks[Level.PRESLIDING]
-    compensators = own.compensators
+    compensators = motor_compensators(own)
     parts = Parts(progress, len(Level) * (len(_PLANTS) + 1))
     commands: dict[tuple[str, Level], FloatArray] = {}
     entries: list[Entry] = []
@@ -174,10 +174,10 @@ def _outputs(
 ) -> Iterator[FloatArray]:
     """Response of a plant with ever larger steps, then to commands that are a little different."""
     for refinement, factor in (*((each, 1.0) for each in REFINEMENTS), (REFINEMENTS[0], 1 + NUDGE)):
-        found = task.reached(task.system, factor * command, level=level, refinement=refinement)
+        found = task.respond(task.system, factor * command, level=level, refinement=refinement)
         if refinement == REFINEMENTS[0] and factor == 1 and found.slack:
             warnings.append(f"{what}: {found.slack}")
-        yield found.values
+        yield task.values_of(found)
 
 
 def _report(result: JointComparison, figures: dict[str, Figure]) -> Report:

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from tendonff.compensator.compensators.method_check import MethodCheck
+from tendonff.compensator.studies.design.motors.result import MotorDesign
 from tendonff.compensator.studies.design.result import Design
 from tendonff.ocp.integrate.method import Method
 
@@ -15,3 +16,16 @@ def check_design(result: Design, method: Method) -> MethodCheck:
     response = plant.respond(result.profiles[name], result.reference).require()
     outputs = verified.response.output_N, response.output_N
     return MethodCheck.of(method, result.recommended.label, "N", result.reference.tension_N, outputs)
+
+
+def check_motors(result: MotorDesign, method: Method) -> MethodCheck:
+    """Simulate the recommended motor angles on the design model by the fixed step and by a method.
+
+    SolveError if a simulation fails.
+    """
+    task, unit = result.task, result.goal.unit
+    command = result.recommended.command_rad(task)
+    first, second = (
+        unit.factor * task.values_of(task.respond(task.system, command, method=each)) for each in (Method.BDF2, method)
+    )
+    return MethodCheck.of(method, result.recommended.label, unit.shown, unit.factor * task.wanted, (first, second))

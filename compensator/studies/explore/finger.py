@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from tendonff.compensator.compensators.motors.finger import FingerTask
+from tendonff.compensator.compensators.motors.registry import motor_compensator, motor_compensators
 from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.compensators.score import score
-from tendonff.compensator.finger.compensators import FINGER_COMPENSATORS, FingerCompensator, FingerTask
 from tendonff.compensator.finger.scenario import FingerScenario, parse_finger_scenario
 from tendonff.compensator.identification.joint.fitted import set_keys, to_toml
 from tendonff.compensator.joint.scenario.base import with_base
@@ -30,7 +31,7 @@ class FingerExplorer(Subject):
     def __init__(self, scenario: FingerScenario) -> None:
         self._task = FingerTask.of(scenario)
         self.name, self.file = scenario.name, scenario.source.name
-        self.fast = tuple(Curve(name=c.name, label=c.label, style=c.style) for c in self._task.compensators)
+        self.fast = tuple(Curve(name=c.name, label=c.label, style=c.style) for c in motor_compensators(self._task))
         names = ", ".join(self._task.finger.names[: scenario.wanted])
         x_label = f"time, joint after joint ({names}) [s]"
         self.panels = {
@@ -78,7 +79,7 @@ class FingerExplorer(Subject):
         courses, notes = {}, []
         for curve in curves:
             try:
-                found = task.reached(task.finger, _compensator(curve.name).command_rad(design))
+                found = task.respond(task.finger, motor_compensator(design, curve.name).command_rad(design))
             except TendonffError as error:  # one that has no answer must not take the others along
                 if len(curves) == 1:
                     raise
@@ -86,13 +87,14 @@ class FingerExplorer(Subject):
                 continue
             if found.slack:
                 notes.append(f"{curve.label}: {found.slack}")
-            reached = np.rad2deg(found.values)
+            output = task.values_of(found)
+            reached = np.rad2deg(output)
             courses[curve.name] = Course(
                 time_s=task.time_s[rows],
                 given=(reached - wanted)[rows],
                 output=reached[rows],
                 error=(reached - wanted)[rows],
-                score=score(task.wanted, found.values),
+                score=score(task.wanted, output),
             )
         return Exploration(time_s=task.time_s[rows], wanted=wanted[rows], courses=courses, notes=tuple(notes))
 
@@ -100,8 +102,9 @@ class FingerExplorer(Subject):
         """Expected error; see `Subject.worst_case`."""
         task = self._changed(values)
         design = task if design_knows else self._task
-        found = task.expect({curve.name: _compensator(curve.name).command_rad(design) for curve in self.fast})
-        label = _compensator(found.recommended).label
+        commands = {curve.name: motor_compensator(design, curve.name).command_rad(design) for curve in self.fast}
+        found = task.expect(commands)
+        label = motor_compensator(design, found.recommended).label
         return found.headline(label, next_step(found, self.file, f"tendonff design {self.file} --out out"))
 
     def toml(self, values: Mapping[str, float]) -> str:
@@ -131,7 +134,3 @@ class FingerExplorer(Subject):
         other = with_numbers(finger, changed)
         scenario = replace(self._task.scenario, mechanism=other)
         return replace(self._task, scenario=scenario, finger=other)
-
-
-def _compensator(name: str) -> FingerCompensator:
-    return next(each for each in FINGER_COMPENSATORS if each.name == name)

@@ -10,16 +10,16 @@ from typing import Any
 
 import numpy as np
 
+from tendonff.compensator.compensators.motors.joint import JointTask
+from tendonff.compensator.compensators.motors.registry import motor_compensator, motor_compensators
 from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.compensators.score import score
 from tendonff.compensator.identification.joint.fitted import set_keys, to_toml
-from tendonff.compensator.joint.compensators import JointTask, compensators_of, joint_compensator
 from tendonff.compensator.joint.scenario.base import with_base
 from tendonff.compensator.joint.scenario.scenario import JointScenario, parse_joint_scenario
 from tendonff.compensator.studies.explore.subject import MOST_POINTS, Course, Curve, Exploration, Knob, Panel, Subject
 from tendonff.models.joint.parameters import DriveKind
 from tendonff.models.parameters.numbers import number_of, with_numbers
-from tendonff.ocp.joint.simulate import JointOutcome
 
 _FACTORS = {"mu": "friction: factor on mu [-]", "stiffness": "tendon stiffness: factor [-]"}
 _DECADES = {"inertia_kg_m2": "moving inertia [kg m2]", "damping_N_m_s_per_rad": "damping of the joint [N m s/rad]"}
@@ -34,7 +34,7 @@ class JointExplorer(Subject):
     def __init__(self, scenario: JointScenario) -> None:
         self._task = task = JointTask.of(scenario)
         self.name, self.file = scenario.name, scenario.source.name
-        self.fast = tuple(Curve(name=c.name, label=c.label, style=c.style) for c in compensators_of(task))
+        self.fast = tuple(Curve(name=c.name, label=c.label, style=c.style) for c in motor_compensators(task))
         self._unit = unit = scenario.reference.shown
         what = "joint angle" if unit.shown == "deg" else "torque of the joint"
         output, motor = f"{what} [{unit.shown}]", "motor beyond the ratio [deg]"
@@ -99,16 +99,15 @@ class JointExplorer(Subject):
         task = self._changed(values)
         design = task if design_knows else self._task
         sampled, unit = task.sampled, self._unit
-        ratio = joint_compensator("linear").motor_rad(design)[:, 0]
+        ratio = design.lengths_rad[:, 0]
         rows = slice(sampled.lead, None, max(1, (len(sampled.time_s) - sampled.lead) // MOST_POINTS))
-        plant = task.plant(task.mechanism, task.level)
         courses, notes = {}, []
         for curve in curves:
-            command = joint_compensator(curve.name).command_rad(design)
-            run = plant.respond(command)
-            if run.outcome is JointOutcome.SLACK:
-                notes.append(f"{curve.label}: {run.message}")
-            reached = plant.reached(run)
+            command = motor_compensator(design, curve.name).command_rad(design)
+            run = task.respond(task.mechanism, command)
+            if run.slack:
+                notes.append(f"{curve.label}: {run.slack}")
+            reached = run.output[:, 0]
             courses[curve.name] = Course(
                 time_s=sampled.time_s[rows],
                 given=np.rad2deg(command[:, 0] - ratio)[rows],
@@ -127,9 +126,9 @@ class JointExplorer(Subject):
         """Expected error; see `Subject.worst_case`."""
         task = self._changed(values)
         design = task if design_knows else self._task
-        commands = {curve.name: joint_compensator(curve.name).command_rad(design) for curve in self.fast}
+        commands = {curve.name: motor_compensator(design, curve.name).command_rad(design) for curve in self.fast}
         found = task.expect(commands)
-        label = joint_compensator(found.recommended).label
+        label = motor_compensator(design, found.recommended).label
         return found.headline(label, next_step(found, self.file, f"tendonff design {self.file} --out out"))
 
     def toml(self, values: Mapping[str, float]) -> str:

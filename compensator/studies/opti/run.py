@@ -1,9 +1,9 @@
 """`tf.opti`: what a scenario asks for, as a `casadi.Opti` with the scenario's reference, limits and weights."""
 
 from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.motors.joint import JointTask
 from tendonff.compensator.compensators.optimal import posed
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.joint.compensators import JointTask
 from tendonff.compensator.joint.scenario.reference import JointQuantity
 from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.scenario.scenario import Scenario

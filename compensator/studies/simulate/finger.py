@@ -4,13 +4,13 @@ from pathlib import Path
 
 import numpy as np
 
+from tendonff.compensator.compensators.motors.drive import driven
+from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import FloatArray, InputError, read_csv
 from tendonff.compensator.files.tables import table_dialect
 from tendonff.compensator.files.writing import write_csv
-from tendonff.compensator.finger.compensators import FingerTask
 from tendonff.compensator.finger.scenario import FingerScenario
-from tendonff.compensator.joint.drive import driven
 from tendonff.compensator.studies.simulate.result import SimulatedFile
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
+from tendonff.compensator.compensators.motors.drive import driven
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import FloatArray, InputError, read_csv
 from tendonff.compensator.files.tables import table_dialect
 from tendonff.compensator.files.writing import write_csv
-from tendonff.compensator.joint.drive import driven
 from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
 from tendonff.compensator.studies.simulate.result import SimulatedFile
 from tendonff.models.errors import ParameterError

@@ -8,11 +8,11 @@ from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.expectation import Expectation
 from tendonff.compensator.compensators.expected import expectation_summary, robustness_table
+from tendonff.compensator.compensators.motors.joint import JointTask, motor_names
+from tendonff.compensator.compensators.motors.registry import MotorCompensator, motor_compensator
+from tendonff.compensator.compensators.motors.task import MotorTask
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.files.writing import atomic_directory, csv_text, write_text
-from tendonff.compensator.joint.compensators import JointCompensator, JointTask, joint_compensator
-from tendonff.compensator.joint.design.figures import motor_names
-from tendonff.compensator.joint.plant import verifying_masses
 from tendonff.compensator.joint.scenario.reference import JointQuantity
 from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.reporting.colours import GREEN, INK, VERMILION, Style
@@ -152,20 +152,20 @@ def tabulate_joint(scenario: JointScenario) -> JointTable:
         if error <= bound or nodes >= _MOST:
             break
         nodes = 2 * nodes - 1
-    table = JointCompensator(
+    table = MotorCompensator(
         name="table",
         label="table over angle and direction",
         style=Style(color=GREEN, linestyle="-"),
         motor_rad=lambda own: _command(own, angle, motor),
     )
-    each = (joint_compensator("linear"), table, joint_compensator("inverse"))
+    each = (motor_compensator(task, "linear"), table, motor_compensator(task, "inverse"))
     commands = {one.name: one.command_rad(task) for one in each}
     return JointTable(
         scenario=scenario,
         angle_rad=angle,
         motor_rad=motor,
         error_rad=error,
-        masses=verifying_masses(mechanism),
+        masses=task.masses,
         expectation=task.expect(commands),
     )
 
@@ -183,7 +183,7 @@ def _looked_up(nodes_rad: FloatArray, motor_rad: FloatArray, angle_rad: FloatArr
     return np.column_stack([np.interp(angle_rad, nodes_rad, column) for column in motor_rad.T])
 
 
-def _command(task: JointTask, nodes_rad: FloatArray, motor_rad: dict[str, FloatArray]) -> FloatArray:
+def _command(task: MotorTask, nodes_rad: FloatArray, motor_rad: dict[str, FloatArray]) -> FloatArray:
     """Motor angles by the table, shape (rows, motors); at the start at rest none."""
     angle = task.sampled.angle_rad
     ways = directions(angle)[:, None]
@@ -194,7 +194,7 @@ def _command(task: JointTask, nodes_rad: FloatArray, motor_rad: dict[str, FloatA
 
 
 def _motors(scenario: JointScenario) -> list[str]:
-    names = motor_names(scenario)
+    names = motor_names(scenario.mechanism)
     return ["motor_rad"] if names == ("motor",) else [f"motor_{name}_rad" for name in names]
 
 
@@ -230,11 +230,11 @@ def _figure(result: JointTable) -> Figure:
     """Motor angle beyond a straight line, over the joint's angle."""
     figure, axes = new_figure(1, 1)
     panel, angle = axes[0, 0], result.angle_rad
-    for k, motor in enumerate(motor_names(result.scenario)):
+    for k, motor in enumerate(motor_names(result.scenario.mechanism)):
         middle = 0.5 * sum(values[:, k] for values in result.motor_rad.values())
         line = np.polyval(np.polyfit(angle, middle, 1), angle)
         for (branch, values), colour in zip(result.motor_rad.items(), (INK, VERMILION), strict=True):
-            label = f"{branch}" + (f", {motor}" if len(motor_names(result.scenario)) > 1 else "")
+            label = f"{branch}" + (f", {motor}" if len(motor_names(result.scenario.mechanism)) > 1 else "")
             style = ("-", "--")[k % 2]
             panel.plot(np.rad2deg(angle), np.rad2deg(values[:, k] - line), style, color=colour, label=label)
     panel.set(xlabel="joint angle [deg]", ylabel="motor less a line [deg]")

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tendonff.compensator.joint.compensators import JointTask, joint_compensator
+from tendonff.compensator.compensators.motors.joint import JointTask
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.explore.joint import JointExplorer
 from tendonff.models.errors import TendonffError
@@ -21,8 +21,7 @@ def test_where_the_knobs_start_the_curves_are_those_of_the_scenario(explorer: Jo
     start = {knob.key: knob.value for knob in explorer.knobs}
     shown = explorer.explore(start, design_knows=False, curves=explorer.fast)
     task = JointTask.of(explorer._task.scenario)
-    plant = task.plant(task.mechanism, task.level)
-    reached = plant.reached(plant.respond(joint_compensator("inverse").command_rad(task)))
+    reached = task.values_of(task.respond(task.mechanism, task.commanded(task.inversion.motor_rad)))
     assert shown.courses["inverse"].score.peak_error == pytest.approx(abs(reached - task.wanted).max())
     assert set(shown.courses) == {"linear", "static", "inverse"}
     assert abs(shown.courses["linear"].given).max() < 1e-9

@@ -198,10 +198,8 @@ def test_commands_that_are_worse_than_the_ratio_are_not_exported(
     tmp_path: Path, examples: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Commands that do not move the joint, judged on the mechanism as all are."""
-    judge = project.judge_joint
-    monkeypatch.setattr(
-        project, "judge_joint", lambda scenario, sampled, expected: judge(scenario, sampled, 0 * expected)
-    )
+    judge = project.judge
+    monkeypatch.setattr(project, "judge", lambda task, name, command_rad: judge(task, name, 0 * command_rad))
     scenario = changed(examples / "hand_joint.toml", tmp_path / "s.toml")
     with pytest.raises(SolveError, match=r"not better than the ratio alone .*--force-export"):
         export_joints(scenario)

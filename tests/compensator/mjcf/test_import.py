@@ -9,8 +9,8 @@ import pytest
 pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
 
 import tendonff as tf
+from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.finger.compensators import FingerTask, linear_motor_rad
 from tendonff.compensator.mjcf.measure import measure
 from tendonff.compensator.mjcf.model import read_hand, sweep_poses
 from tendonff.compensator.mjcf.run import Import, run_import
@@ -104,8 +104,8 @@ def test_an_imported_finger_is_inverted_and_followed_step_by_step(two: Import) -
         runtime.step(angle, torque_N_m=torque)
         for angle, torque in zip(task.wanted_rad[1:200], task.efforts[1:200], strict=True)
     ]
-    assert np.array(rows) == pytest.approx(inverse.motor[1:200], abs=1e-9)
-    reached = task.respond(task.finger, inverse.motor).position[:, :2]
+    assert np.array(rows) == pytest.approx(inverse.motor_rad[1:200], abs=1e-9)
+    reached = task.respond(task.finger, inverse.motor_rad).position_rad[:, :2]
     assert np.abs(reached - task.wanted_rad).max() < 1e-6
 
 
@@ -198,7 +198,7 @@ def test_the_finger_in_mujoco_follows_within_a_tenth_of_the_error_of_lengths_alo
     address = [model.joint(name).qposadr[0] for name in task.finger.names]
     time = task.sampled.time_s
     worst = {}
-    for name, motors in (("inverse", task.inversion.motor), ("linear", linear_motor_rad(task))):
+    for name, motors in (("inverse", task.inversion.motor_rad), ("linear", task.lengths_rad)):
         data = mujoco.MjData(model)
 
         def motor_rad(at: float, motors: np.ndarray = motors) -> np.ndarray:

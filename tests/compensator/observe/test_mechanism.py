@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import tendonff as tf
-from tendonff.compensator.joint.compensators import linear_motor_rad
+from tendonff.compensator.compensators.motors.joint import linear_motor_rad
 from tendonff.compensator.joint.scenario.scenario import sample_joint
 from tendonff.compensator.observe.mechanism import rubbing
 from tendonff.ocp.joint.start import joint_problem

@@ -11,9 +11,9 @@ import pytest
 
 import tendonff as tf
 from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.motors.drive import commanded
+from tendonff.compensator.compensators.motors.joint import inverse_of
 from tendonff.compensator.export.host import run_on_host
-from tendonff.compensator.joint.compensators import inverse_of
-from tendonff.compensator.joint.drive import commanded
 from tendonff.compensator.joint.export.text import problem_of
 from tendonff.compensator.joint.scenario.scenario import sample_joint
 from tendonff.compensator.runtime.code import tendon_runtime

@@ -8,8 +8,8 @@ import pytest
 
 import tendonff as tf
 from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.motors.joint import JointTask
 from tendonff.compensator.compensators.optimal import solve
-from tendonff.compensator.joint.compensators import JointTask
 from tendonff.models.mechanism.chain import chain_equations
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.integrate.integrate import integrate

@@ -12,9 +12,9 @@ from tendonff.compensator.identification.joint.first_look import look
 from tendonff.compensator.identification.joint.log import read_logs
 from tendonff.compensator.identification.joint.result import JointIdentification
 from tendonff.compensator.identification.joint.run import identify_joint
-from tendonff.compensator.joint.design.run import design_joint
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenarios import load_scenario
+from tendonff.compensator.studies.design.motors.run import design_motors
 from tests.hidden_loop import FINE_S, hidden, scenario, write_log
 
 pytestmark = [pytest.mark.compiler, pytest.mark.slow]
@@ -76,10 +76,10 @@ def test_a_design_from_the_file_tracks_on_the_plant(found, tmp_path, record_prop
     }
     low, high = found.estimate("pretension_N").interval
     assert spread["drive.pretension_N"] == pytest.approx((high - low) / (high + low), abs=1e-4)
-    design = design_joint(fitted)
-    time = design.sampled.run_time_s
+    design = design_motors(fitted)
+    time = design.task.target_time_s
     fine = np.arange(round(time[-1] / FINE_S) + 1) * FINE_S
-    wanted = np.interp(fine, time, design.sampled.wanted)
+    wanted = np.interp(fine, time, design.task.wanted)
 
     def rms_deg(name: str) -> float:
         motor = np.interp(fine, time, design.profiles[name].motor_rad[:, 0])

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tendonff.compensator.compensators.motors.finger import FingerTask, slow
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.finger.compensators import FingerTask, linear_motor_rad, slow
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.joint.parameters.finger import Finger
@@ -15,7 +15,6 @@ from tendonff.models.mechanism.static import capstan_exponent, local_arms_m
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.models.path import JointMotion
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.mechanism.response import MechanismStatus
 
 _SLOPE_ROWS = 400  # of the slow motion of one joint, for each way
 _HALVINGS = 10  # of the pre-tension that is sought
@@ -72,12 +71,12 @@ def tendon_sheets(task: FingerTask) -> tuple[TendonSheet, ...]:
     """Numbers of each tendon, in their order."""
     finger, found = task.finger, task.inversion
     geometry = finger.geometry()
-    wraps = geometry.wrap_angle_rad(found.position[:, : len(finger.joints)])
+    wraps = geometry.wrap_angle_rad(found.position_rad[:, : len(finger.joints)])
     pretension = least_pretensions_N(task)
     mechanism, sheets = finger.mechanism(task.sampled.motion), []
     for k, tendon in enumerate(finger.tendons):
         widest, tension = int(np.argmax(wraps[:, k])), float(found.tension_N[:, k].mean())
-        places = dict(zip(task.sampled.motion.names, found.position[widest].tolist(), strict=True))
+        places = dict(zip(task.sampled.motion.names, found.position_rad[widest].tolist(), strict=True))
         exponent = capstan_exponent(mechanism.tendons[k], places)
         motor = next(each for each in finger.motors if tendon.name in each.winds)
         winding = abs(motor.winding_m[motor.winds.index(tendon.name)])
@@ -97,7 +96,7 @@ def tendon_sheets(task: FingerTask) -> tuple[TendonSheet, ...]:
 
 def joint_sheets(task: FingerTask) -> tuple[JointSheet, ...]:
     """Numbers of each joint, in their order."""
-    finger, known = task.finger, task.scenario.wanted == len(task.finger.joints)
+    finger, known = task.finger, not task.follows
     return tuple(
         JointSheet(
             name=joint.name,
@@ -117,7 +116,7 @@ def least_pretensions_N(task: FingerTask) -> dict[str, float]:
     def is_taut(share: float) -> bool:
         numbers = {f"motors.{name}.drive.pretension_N": share * tension for name, tension in stated.items()}
         try:
-            return task.inverse(with_numbers(task.finger, numbers)).status is MechanismStatus.DONE
+            return task.with_system(with_numbers(task.finger, numbers)).inversion.is_taut
         except (SolveError, ParameterError, InputError):
             return False
 
@@ -161,10 +160,10 @@ def _lost_motion_rad(task: FingerTask, joint: int) -> float | None:
     )
     one = replace(task, sampled=moved, scenario=replace(task.scenario, periodic=False), finger=slow(task.finger))
     try:
-        run = one.respond(one.finger, linear_motor_rad(one), level=Level.ELASTIC)
+        run = one.respond(one.finger, one.lengths_rad, level=Level.ELASTIC)
     except SolveError:
         return None
-    reached, half = run.position[:, joint], _SLOPE_ROWS // 2
+    reached, half = run.position_rad[:, joint], _SLOPE_ROWS // 2
     back, forth = 2 * (_SLOPE_ROWS - 1) - half, 2 * (_SLOPE_ROWS - 1) + half
     return abs(float(reached[back] - reached[forth])) / 2
 
