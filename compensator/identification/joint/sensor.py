@@ -208,13 +208,13 @@ def _parts(file: "_File") -> list["_File"]:
 
 
 def _beyond(sensed: Followed, joint_rad: Array) -> tuple[Array, Array]:
-    """How far the measured angle lies outside of the range over all histories, and the range's width."""
+    """Distance of the measured angle from the range over all histories, and the range's width."""
     outside = np.maximum(np.maximum(sensed.low_rad - joint_rad, joint_rad - sensed.high_rad), 0.0)
     return outside, sensed.high_rad - sensed.low_rad
 
 
 def _from_starts(sensor: LoopSensor, file: "_File", of: Callable[[Followed, Array], T]) -> list[T]:
-    """Something of the sensor's answer and the measured angle, from the first row on and from random ones."""
+    """Results of `of` on the sensor's answer and the measured angle, from the first row on and from random ones."""
     _, drum, torque, joint = file
     draw = np.random.default_rng(SEED)
     starts = draw.integers(0, max(int(STARTS_WITHIN * len(drum)), 1), JUDGED_STARTS)
