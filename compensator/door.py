@@ -126,9 +126,9 @@ WORKS: Mapping[str, Work] = MappingProxyType(
         "check": Work(
             by={
                 Kind.TENSION: "studies.design.check:check_design",
-                Kind.JOINT: "joint.design.check:check_joint_design",
-            },
-            refused={Kind.FINGER: "--check integrates one tendon or one joint; leave it out"},
+                Kind.JOINT: "studies.design.check:check_driven",
+                Kind.FINGER: "studies.design.check:check_driven",
+            }
         ),
         "compare": Work(
             by={

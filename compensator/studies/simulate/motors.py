@@ -1,4 +1,4 @@
-"""What all mechanisms behind motors share in a simulation: the file of motor angles, and the check of the step."""
+"""File of motor angles and check of the step, common to all mechanisms behind motors."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
