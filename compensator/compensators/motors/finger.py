@@ -209,8 +209,6 @@ class FingerTask(MotorTask):
         method: Method = Method.BDF2,
     ) -> MotorResponse:
         """Response of a mechanism behind its drives, of a cycle in its steady state; see `MotorTask.respond`."""
-        if method is not Method.BDF2:
-            raise ParameterError(f'method must be "bdf2" where several joints are driven, got "{method}"; leave it out')
         sampled, step = self.sampled, self.step_s / refinement
         repeats = 2 if self.scenario.periodic else 1  # the drive, too, is in its steady cycle
         commands = np.vstack([*[command_rad[:-1]] * (repeats - 1), command_rad])
@@ -228,12 +226,12 @@ class FingerTask(MotorTask):
         problem = self.problem(system, level, masses)
         known, effort = fine(sampled.motion.angle_rad), fine(self.efforts)
         if self.scenario.periodic:
-            cycle = steady_response(problem, fine(drums), step, known=known, effort=effort)
+            cycle = steady_response(problem, fine(drums), step, known=known, effort=effort, method=method)
             found = cycle.run
             if not cycle.is_steady and found.status is not MechanismStatus.FAILED:
                 raise SolveError(f"after {cycle.cycles} cycles the joints still change from one to the next")
         else:
-            found = simulate_mechanism(problem, fine(drums), step, known=known, effort=effort)
+            found = simulate_mechanism(problem, fine(drums), step, known=known, effort=effort, method=method)
         return self._response(found, refinement)
 
     @cached_property

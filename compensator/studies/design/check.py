@@ -18,7 +18,7 @@ def check_design(result: Design, method: Method) -> MethodCheck:
     return MethodCheck.of(method, result.recommended.label, "N", result.reference.tension_N, outputs)
 
 
-def check_motors(result: MotorDesign, method: Method) -> MethodCheck:
+def check_driven(result: MotorDesign, method: Method) -> MethodCheck:
     """Simulate the recommended motor angles on the design model by the fixed step and by a method.
 
     SolveError if a simulation fails.

@@ -88,7 +88,7 @@ def test_the_profile_of_a_loop_has_the_promised_columns(hand: Path) -> None:
 
 def test_the_report_draws_and_prints_the_sheet(hand: Path) -> None:
     page = (hand / "out" / "report.html").read_text("utf-8")
-    for text in ("Data sheet of the loop", "recommended pre-tension", "exact inverse", "Robustness to parameter"):
+    for text in ("Data sheet", "recommended pre-tension", "exact inverse", "Robustness to parameter"):
         assert text in page
     for name in ("joint", "tension", "motor", "pretension"):
         assert (hand / "out" / f"{name}.svg").stat().st_size > 5000
