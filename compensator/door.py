@@ -26,6 +26,7 @@ from tendonff.ocp.integrate.method import Method
 if TYPE_CHECKING:
     from tendonff.compensator.compensators.base import Compensator
     from tendonff.compensator.compensators.method_check import MethodCheck
+    from tendonff.compensator.compensators.motors.registry import MotorCompensator
     from tendonff.compensator.export.c_project import Exported
     from tendonff.compensator.export.unit import Fmu
     from tendonff.compensator.files.reading import FloatArray
@@ -55,7 +56,8 @@ if TYPE_CHECKING:
     from tendonff.ocp.opti.tendon import Formulation
     from tendonff.ocp.tracking.options import TrackOptions
 
-    AnyScenario = Scenario | JointScenario | FingerScenario
+    MotorScenario = JointScenario | FingerScenario
+    AnyScenario = Scenario | MotorScenario
     Files = Sequence[str | os.PathLike[str]]
 
 
@@ -108,7 +110,6 @@ WORKS: Mapping[str, Work] = MappingProxyType(
                 Kind.FINGER: "studies.design.motors.run:design_motors",
             },
             options={
-                "compensators": _not(_MOTORS, "compensators are chosen for a tension; joints are designed by all"),
                 "options": _not(_MOTORS, _PROBES),
             },
         ),
@@ -136,15 +137,14 @@ WORKS: Mapping[str, Work] = MappingProxyType(
                 Kind.FINGER: "studies.compare.joint:compare_joint",
             },
             options={
-                "compensators": _not(_MOTORS, f"--optimal: {_PROBES}"),
                 "options": _not(_MOTORS, _PROBES),
             },
         ),
         "explore": Work(
             by={
                 Kind.TENSION: "studies.explore.run:Explorer",
-                Kind.JOINT: "studies.explore.joint:JointExplorer",
-                Kind.FINGER: "studies.explore.finger:FingerExplorer",
+                Kind.JOINT: "studies.explore.motors:MotorExplorer",
+                Kind.FINGER: "studies.explore.motors:MotorExplorer",
             },
         ),
         "simulate": Work(
@@ -315,22 +315,24 @@ def look_at(
 def design(
     scenario: "Scenario",
     *,
-    compensators: "Sequence[Compensator] | None" = None,
+    compensators: "Sequence[Compensator | str] | None" = None,
     options: "TrackOptions | None" = None,
     strict: bool = False,
     progress: Progress = silent,
 ) -> "Design": ...
 @overload
 def design(
-    scenario: "JointScenario | FingerScenario", *, strict: bool = False, progress: Progress = silent
+    scenario: "MotorScenario",
+    *,
+    compensators: "Sequence[MotorCompensator | str] | None" = None,
+    strict: bool = False,
+    progress: Progress = silent,
 ) -> "MotorDesign": ...
-@overload
-def design(scenario: "AnyScenario", *, strict: bool = False, progress: Progress = silent) -> "Design | MotorDesign": ...
 @in_turn
 def design(
     scenario: "AnyScenario",
     *,
-    compensators: "Sequence[Compensator] | None" = None,
+    compensators: "Sequence[Compensator | MotorCompensator | str] | None" = None,
     options: "TrackOptions | None" = None,
     strict: bool = False,
     progress: Progress = silent,
@@ -341,8 +343,9 @@ def design(
     ----------
     scenario : Scenario, JointScenario or FingerScenario
         The command is a force (of a position drive a position), or the angle of each motor.
-    compensators : sequence of Compensator, optional
-        Of a tension. Default: all; the one named "none" is what the others are compared with.
+    compensators : sequence of Compensator, MotorCompensator or str, optional
+        By themselves or by name. Default: all. Of a tension the one named "none" is what the others are compared with;
+        of joints "linear" and "inverse" must be among them.
     options : TrackOptions, optional
         Of a tension: what the optimal profile is optimised for; default: what the scenario asks for.
     strict : bool, optional
@@ -388,25 +391,22 @@ def check(result: "Design | MotorDesign", method: Method) -> "MethodCheck":
 def compare(
     scenario: "Scenario",
     *,
-    compensators: "Sequence[Compensator] | None" = None,
+    compensators: "Sequence[Compensator | str] | None" = None,
     options: "TrackOptions | None" = None,
     progress: Progress = silent,
 ) -> "Comparison": ...
 @overload
-def compare(scenario: "JointScenario | FingerScenario", *, progress: Progress = silent) -> "JointComparison": ...
-@overload
 def compare(
-    scenario: "AnyScenario",
+    scenario: "MotorScenario",
     *,
-    compensators: "Sequence[Compensator] | None" = None,
-    options: "TrackOptions | None" = None,
+    compensators: "Sequence[MotorCompensator | str] | None" = None,
     progress: Progress = silent,
-) -> "Comparison | JointComparison": ...
+) -> "JointComparison": ...
 @in_turn
 def compare(
     scenario: "AnyScenario",
     *,
-    compensators: "Sequence[Compensator] | None" = None,
+    compensators: "Sequence[Compensator | MotorCompensator | str] | None" = None,
     options: "TrackOptions | None" = None,
     progress: Progress = silent,
 ) -> "Comparison | JointComparison":
@@ -415,8 +415,9 @@ def compare(
     Parameters
     ----------
     scenario : Scenario, JointScenario or FingerScenario
-    compensators : sequence of Compensator, optional
-        Of a tension; the one named "none" must be among them. Default: the feedforwards.
+    compensators : sequence of Compensator, MotorCompensator or str, optional
+        By themselves or by name. Default: the feedforwards. Of a tension "none" and "capstan" must be among them, of
+        joints "linear" and "inverse".
     options : TrackOptions, optional
         Of a tension: what the optimal profile is optimised for; default: what the scenario asks for.
     progress : callable, optional

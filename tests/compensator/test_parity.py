@@ -21,7 +21,7 @@ RIGS = {
 }
 """What there is, and the kind of scenario that it is to the program."""
 
-MOST_REFUSED = 28
+MOST_REFUSED = 26
 """Refusals: each reason of a whole work, and each reason of an option; they may only become fewer."""
 
 COMMANDS = {
@@ -35,7 +35,7 @@ COMMANDS = {
 """A command that asks for each work that some kind refuses; `tf.opti` has none."""
 
 OPTIONS = {
-    ("compare", "compensators"): ["compare", "--optimal"],
+    ("compare", "options"): ["compare", "--optimal"],
     ("identify", "tension_columns"): ["identify", "--data", "log.csv", "--tension-column", "a_N=1"],
     ("identify", "actuator_force_column"): ["identify", "--data", "log.csv", "--actuator-force-column", "a"],
     ("identify", "explain"): ["identify", "--data", "log.csv", "--explain", "input"],
@@ -132,8 +132,10 @@ def test_what_is_refused_says_why_and_writes_nothing(files, tmp_path, monkeypatc
 
 def test_options_of_python_are_refused_with_the_same_reasons(files):
     joint = tf.load_scenario(files["loop"])
-    with pytest.raises(InputError, match="joints are designed by all"):
+    with pytest.raises(InputError, match="no compensator of these joints; linear, static, inverse are"):
         tf.design(joint, compensators=tf.COMPENSATORS)
+    with pytest.raises(InputError, match="must include linear and inverse, linear is missing"):
+        tf.design(joint, compensators=("static", "inverse"))
     with pytest.raises(InputError, match="joints have the exact inverse"):
         tf.compare(joint, options=tf.TrackOptions())
     with pytest.raises(InputError, match="give one scenario at a time"):

@@ -119,6 +119,20 @@ def motor_compensator(task: MotorTask, name: str) -> MotorCompensator:
     return known[name]
 
 
+def chosen(task: MotorTask, given: Sequence[MotorCompensator | str] | None) -> tuple[MotorCompensator, ...]:
+    """Compensators given by themselves or by name, all by default; InputError for those without meaning for a task."""
+    if given is None:
+        return motor_compensators(task)
+    found = tuple(motor_compensator(task, each) if isinstance(each, str) else each for each in given)
+    for each in found:
+        if not isinstance(each, MotorCompensator) or each.refusal(task):
+            known = ", ".join(one.name for one in motor_compensators(task))
+            raise InputError(f"{each} is no compensator of these joints; {known} are")
+    if missing := [name for name in NEEDED if name not in [each.name for each in found]]:
+        raise InputError(f"compensators must include {' and '.join(NEEDED)}, {' and '.join(missing)} is missing")
+    return found
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tried:
     """Compensators that were tried on the verifying mechanism.

@@ -1,13 +1,13 @@
 """Model level that a joint needs: every compensator, designed on each level, simulated on every level."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.expectation import expectation_of
-from tendonff.compensator.compensators.motors.registry import motor_compensators, task_of
+from tendonff.compensator.compensators.motors.registry import MotorCompensator, chosen, task_of
 from tendonff.compensator.compensators.motors.task import MotorTask
 from tendonff.compensator.files.notices import by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
@@ -93,12 +93,19 @@ register_views(JointComparison, Views(write=JointComparison.write, columns=matri
 
 
 @in_turn
-def compare_joint(scenario: JointScenario | FingerScenario, *, progress: Progress = silent) -> JointComparison:
+def compare_joint(
+    scenario: JointScenario | FingerScenario,
+    *,
+    compensators: Sequence[MotorCompensator | str] | None = None,
+    progress: Progress = silent,
+) -> JointComparison:
     """Compare the fidelity levels with each other on a scenario of driven joints.
 
     Parameters
     ----------
     scenario : JointScenario or FingerScenario
+    compensators : sequence of MotorCompensator or str, optional
+        By themselves or by name; default: all. "linear" and "inverse" must be among them.
     progress : callable, optional
 
     Raises
@@ -117,7 +124,7 @@ def compare_joint(scenario: JointScenario | FingerScenario, *, progress: Progres
     """
     tasks = {level: task_of(scenario, level) for level in Level}
     own = tasks[Level.PRESLIDING]
-    compensators = motor_compensators(own)
+    tried = chosen(own, compensators)
     parts = Parts(progress, len(Level) * (len(_PLANTS) + 1))
     commands: dict[tuple[str, Level], FloatArray] = {}
     entries: list[Entry] = []
@@ -125,12 +132,12 @@ def compare_joint(scenario: JointScenario | FingerScenario, *, progress: Progres
     seen: dict[tuple[bytes, str], tuple[Entry, FloatArray]] = {}
     warnings = list(own.warnings)
     for level, task in tasks.items():
-        for each in compensators:
+        for each in tried:
             commands[each.name, level] = each.command_rad(task)
         warnings += [f"designed on {level}: {note}" for note in task.notes]
         parts.done()
         for plant in _PLANTS:
-            for each in compensators:
+            for each in tried:
                 command = commands[each.name, level]
                 key = (command.tobytes(), plant)
                 if key not in seen:  # what does not know the level is simulated once
@@ -147,8 +154,8 @@ def compare_joint(scenario: JointScenario | FingerScenario, *, progress: Progres
                 entries.append(replace(found, compensator=each.name, design_level=level, plant_level=plant))
             parts.done()
     bands = own.bands(commands)
-    text, best = recommend(entries, compensators, bands, str(own.doubt), _SIMPLE, own.unit)
-    order = {each.name: k for k, each in enumerate(compensators)}
+    text, best = recommend(entries, tried, bands, str(own.doubt), _SIMPLE, own.unit)
+    order = {each.name: k for k, each in enumerate(tried)}
     entries.sort(key=lambda entry: order[entry.compensator])  # stable: levels and plants keep their order
     on_level = {name: band for (name, level), band in bands.items() if level is best}
     return JointComparison(
@@ -158,7 +165,7 @@ def compare_joint(scenario: JointScenario | FingerScenario, *, progress: Progres
         unit=own.unit,
         plants=_PLANTS,
         static="static" if "static" in order else "linear",
-        compensators=compensators,
+        compensators=tried,
         entries=tuple(entries),
         outputs=outputs,
         bands=bands,

@@ -4,14 +4,14 @@ import pytest
 
 from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.scenarios import load_scenario
-from tendonff.compensator.studies.explore.finger import FingerExplorer
+from tendonff.compensator.studies.explore.motors import MotorExplorer
 
 pytestmark = pytest.mark.compiler
 
 
 @pytest.fixture(scope="module")
 def explorer(examples):
-    return FingerExplorer(load_scenario(examples / "three_joint_finger.toml"))
+    return MotorExplorer(load_scenario(examples / "three_joint_finger.toml"))
 
 
 def start(explorer):

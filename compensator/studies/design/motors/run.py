@@ -1,14 +1,14 @@
 """Design of motor angles for driven joints: each compensator verified on a finer mechanism behind the drives."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.compensators.motors.joint import JointTask, joint_load
-from tendonff.compensator.compensators.motors.registry import motor_compensators, task_of, tried
+from tendonff.compensator.compensators.motors.registry import MotorCompensator, chosen, task_of, tried
 from tendonff.compensator.compensators.motors.response import MotorResponse
 from tendonff.compensator.compensators.motors.sheet import joint_sheets, tendon_sheets
 from tendonff.compensator.compensators.motors.task import UNSETTLED, MotorTask
@@ -37,13 +37,19 @@ register_views(MotorDesign, Views(write=write_files, columns=profile_columns, fi
 
 @in_turn
 def design_motors(
-    scenario: JointScenario | FingerScenario, *, strict: bool = False, progress: Progress = silent
+    scenario: JointScenario | FingerScenario,
+    *,
+    compensators: Sequence[MotorCompensator | str] | None = None,
+    strict: bool = False,
+    progress: Progress = silent,
 ) -> MotorDesign:
     """Design and verify the motor angles of driven joints.
 
     Parameters
     ----------
     scenario : JointScenario or FingerScenario
+    compensators : sequence of MotorCompensator or str, optional
+        By themselves or by name; default: all. "linear" and "inverse" must be among them.
     strict : bool, optional
         Refuse a reference beyond a stop, and one for which a tendon would go slack or have to push.
     progress : callable, optional
@@ -69,9 +75,9 @@ def design_motors(
     inversion, lead = task.inversion, task.lead
     if strict and (refused := task.refusal):
         raise InputError(f"{scenario.source.name}: {refused}")
-    compensators = motor_compensators(task)
-    parts = Parts(progress, 2 * len(compensators) + 1)
-    found = tried(task, compensators, parts)
+    tried_ones = chosen(task, compensators)
+    parts = Parts(progress, 2 * len(tried_ones) + 1)
+    found = tried(task, tried_ones, parts)
     kept, profiles = slice(lead, None), {}
     for name, run in found.responses.items():
         after = run.rows(kept)
@@ -95,11 +101,11 @@ def design_motors(
     ]
     if not inversion.is_taut:
         warnings.append(Danger(inversion.message))
-    parts.done(len(compensators) + 1)
+    parts.done(len(tried_ones) + 1)
     return MotorDesign(
         scenario=scenario,
         task=task,
-        compensators=tuple(c for c in compensators if c.name in profiles),
+        compensators=tuple(c for c in tried_ones if c.name in profiles),
         profiles=profiles,
         failed=found.failed,
         inversion=inversion.rows(kept),

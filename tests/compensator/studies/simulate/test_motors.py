@@ -8,8 +8,8 @@ import pytest
 
 import tendonff as tf
 from tendonff.compensator import door
-from tendonff.compensator.files.text import InputError
 from tendonff.compensator.compensators.motors.finger import FingerTask
+from tendonff.compensator.files.text import InputError
 from tendonff.compensator.finger.scenario import load_finger_scenario
 
 pytestmark = pytest.mark.compiler
