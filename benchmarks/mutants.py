@@ -24,8 +24,8 @@ from pathlib import Path
 
 import tendonff as tf
 from benchmarks.safety_mutants import LIVE, RESTS, SWAPS
-from tendonff.compensator.joint.export.text import accepted_rad
-from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
+from tendonff.compensator.export.joint.text import accepted_rad
+from tendonff.compensator.scenario.driven.joint import JointScenario, sample_joint
 
 FLAGS = ("-std=c99", "-O1", "-w", "-ffp-contract=off", "-fno-math-errno")
 DRIVER, JOINT_DRIVER = (Path(__file__).with_name(name) for name in ("mutants.c", "mutants_joint.c"))

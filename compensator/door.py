@@ -28,18 +28,18 @@ if TYPE_CHECKING:
     from tendonff.compensator.compensators.method_check import MethodCheck
     from tendonff.compensator.compensators.motors.registry import MotorCompensator
     from tendonff.compensator.export.c_project import Exported
+    from tendonff.compensator.export.finger.project import ExportedFingers
+    from tendonff.compensator.export.joint.project import ExportedJoints
     from tendonff.compensator.export.unit import Fmu
     from tendonff.compensator.files.reading import FloatArray
-    from tendonff.compensator.finger.export.project import ExportedFingers
-    from tendonff.compensator.finger.scenario import FingerScenario
     from tendonff.compensator.identification.answer.result import Identification
     from tendonff.compensator.identification.joint.result import JointIdentification
     from tendonff.compensator.identification.joint.routine import MotorRoutine
     from tendonff.compensator.identification.motors.result import MotorsIdentification
     from tendonff.compensator.identification.motors.routine import MotorsRoutine
     from tendonff.compensator.identification.suggest import Excitation
-    from tendonff.compensator.joint.export.project import ExportedJoints
-    from tendonff.compensator.joint.scenario.scenario import JointScenario
+    from tendonff.compensator.scenario.driven.finger import FingerScenario
+    from tendonff.compensator.scenario.driven.joint import JointScenario
     from tendonff.compensator.scenario.measurement import Measurement
     from tendonff.compensator.scenario.scenario import Scenario
     from tendonff.compensator.studies.adapt.joint import JointAdaptationStudy
@@ -99,8 +99,8 @@ WORKS: Mapping[str, Work] = MappingProxyType(
         "look": Work(
             by={
                 Kind.TENSION: "scenario.sampled.first_look:first_look",
-                Kind.JOINT: "joint.scenario.doubts:look_at_joint",
-                Kind.FINGER: "finger.doubts:look_at_finger",
+                Kind.JOINT: "scenario.driven.joint_doubts:look_at_joint",
+                Kind.FINGER: "scenario.driven.finger_doubts:look_at_finger",
             }
         ),
         "design": Work(
@@ -250,8 +250,8 @@ WORKS: Mapping[str, Work] = MappingProxyType(
         "export_c": Work(
             by={
                 Kind.TENSION: "export.c_project:export_project",
-                Kind.JOINT: "joint.export.project:export_joints",
-                Kind.FINGER: "finger.export.project:export_fingers",
+                Kind.JOINT: "export.joint.project:export_joints",
+                Kind.FINGER: "export.finger.project:export_fingers",
             },
             options={
                 "further": _not(
@@ -264,8 +264,8 @@ WORKS: Mapping[str, Work] = MappingProxyType(
         "export_fmu": Work(
             by={
                 Kind.TENSION: "export.fmu:build_fmu",
-                Kind.JOINT: "joint.export.fmu:build_joint_fmu",
-                Kind.FINGER: "finger.export.fmu:build_finger_fmu",
+                Kind.JOINT: "export.joint.fmu:build_joint_fmu",
+                Kind.FINGER: "export.finger.fmu:build_finger_fmu",
             },
             options={"kind": _not(_MOTORS, "driven joints have the kind inverse only; leave --kind out")},
         ),

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TypeAlias
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.finger.scenario import FingerScenario
 from tendonff.compensator.identification.joint.output import write_routine
 from tendonff.compensator.identification.joint.result import JointIdentification
 from tendonff.compensator.identification.joint.routine import MotorRoutine, suggest_routine
@@ -16,7 +15,8 @@ from tendonff.compensator.identification.motors.output import write_routine as w
 from tendonff.compensator.identification.motors.result import MotorsIdentification
 from tendonff.compensator.identification.motors.routine import MotorsRoutine
 from tendonff.compensator.identification.motors.run import identify_motors, suggest_motor_routine
-from tendonff.compensator.joint.scenario.scenario import JointScenario
+from tendonff.compensator.scenario.driven.finger import FingerScenario
+from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.models.joint.parameters import DriveKind
 

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray, InputError
-from tendonff.compensator.finger.paths import Measures
 from tendonff.compensator.mjcf.measure import Measured, measure
 from tendonff.compensator.mjcf.model import Hand, Joint, Route, sweep_poses
+from tendonff.compensator.scenario.driven.paths import Measures
 from tendonff.models.path_table import MOST_AXES, PathTable
 
 _NODES = {1: (33, 65, 129, 257), 2: (17, 33, 65), 3: (9, 17, 33)}

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.compensator.compensators.motors.finger import FingerTask
-from tendonff.compensator.finger.scenario import FingerScenario
+from tendonff.compensator.scenario.driven.finger import FingerScenario
 from tendonff.ocp.mechanism.compiled import CompiledMechanism
 from tendonff.ocp.mechanism.problem import rest
 

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.joint.scenario.reference import JointQuantity
-from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint
+from tendonff.compensator.scenario.driven.joint import JointScenario, SampledJoint
+from tendonff.compensator.scenario.driven.reference import JointQuantity
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.closed_form import GrossSliding, data_sheet
 from tendonff.models.joint.parameters import DriveKind, Mechanism

@@ -9,7 +9,7 @@ from tendonff.compensator.compensators.motors.response import MotorResponse
 from tendonff.compensator.compensators.motors.task import ASSUMED_SPREAD, MotorTask
 from tendonff.compensator.compensators.uncertain import Doubt
 from tendonff.compensator.files.reading import FloatArray, InputError
-from tendonff.compensator.finger.scenario import FingerScenario, SampledFinger, sample_finger
+from tendonff.compensator.scenario.driven.finger import FingerScenario, SampledFinger, sample_finger
 from tendonff.models.cached import cached_property
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level

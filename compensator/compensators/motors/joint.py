@@ -9,8 +9,8 @@ from tendonff.compensator.compensators.motors.response import MotorResponse
 from tendonff.compensator.compensators.motors.task import ASSUMED_SPREAD, UNSETTLED, MotorTask
 from tendonff.compensator.compensators.uncertain import Doubt
 from tendonff.compensator.files.reading import FloatArray, InputError
-from tendonff.compensator.joint.scenario.reference import JointQuantity
-from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint, sample_joint
+from tendonff.compensator.scenario.driven.joint import JointScenario, SampledJoint, sample_joint
+from tendonff.compensator.scenario.driven.reference import JointQuantity
 from tendonff.models.cached import cached_property
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level

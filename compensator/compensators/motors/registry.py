@@ -11,9 +11,9 @@ from tendonff.compensator.compensators.motors.response import MotorResponse
 from tendonff.compensator.compensators.motors.task import MotorTask
 from tendonff.compensator.files.progress import Parts
 from tendonff.compensator.files.reading import FloatArray, InputError, suggestion
-from tendonff.compensator.finger.scenario import FingerScenario
-from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.reporting.colours import BLUE, GREEN, GREY, ORANGE, PURPLE, Style
+from tendonff.compensator.scenario.driven.finger import FingerScenario
+from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenario.kind import Kind
 from tendonff.models.errors import TendonffError
 from tendonff.models.fidelity import Level

@@ -11,7 +11,7 @@ from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.joint.mechanism_law import MechanismLaw
 from tendonff.compensator.identification.joint.parameters import ANGLE_OR_PUSH, NUMBERS, JointNumber
 from tendonff.compensator.identification.measured import Array
-from tendonff.compensator.joint.scenario.scenario import JointScenario
+from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.models.joint.closed_form import GrossSliding, data_sheet
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.ocp.fits.least_squares import Solution

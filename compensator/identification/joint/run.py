@@ -33,9 +33,9 @@ from tendonff.compensator.identification.joint.parameters import (
 from tendonff.compensator.identification.joint.result import DESCRIBED_PERCENT, JointComparison, JointIdentification
 from tendonff.compensator.identification.joint.sensor import SensorFit, fit_sensor
 from tendonff.compensator.identification.joint.torque import TorqueFit, fit_torque
-from tendonff.compensator.joint.observer_table import ObserverTable
-from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.reporting.results import Views, register_views
+from tendonff.compensator.scenario.driven.joint import JointScenario
+from tendonff.compensator.scenario.driven.observer_table import ObserverTable
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters import Mechanism

@@ -13,7 +13,6 @@ from threadpoolctl import threadpool_limits
 
 from tendonff.compensator.compensators.motors.task import ASSUMED_SPREAD
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.finger.scenario import FingerScenario, SampledFinger, sample_finger
 from tendonff.compensator.identification.answer.result import Estimate, estimate_columns, is_known
 from tendonff.compensator.identification.joint.fitted import set_keys, to_toml
 from tendonff.compensator.identification.measured import Array
@@ -27,9 +26,10 @@ from tendonff.compensator.identification.motors.result import (
     MotorsIdentification,
 )
 from tendonff.compensator.identification.motors.routine import MotorsRoutine, suggest_motors
-from tendonff.compensator.joint.scenario.base import with_base
-from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
 from tendonff.compensator.reporting.results import Views, register_views
+from tendonff.compensator.scenario.driven.base import with_base
+from tendonff.compensator.scenario.driven.finger import FingerScenario, SampledFinger, sample_finger
+from tendonff.compensator.scenario.driven.joint import JointScenario, sample_joint
 from tendonff.compensator.scenario.kind import Kind
 from tendonff.models.joint.parameters import DriveKind
 from tendonff.models.joint.parameters.finger import Finger, Motor

@@ -11,8 +11,6 @@ from tendonff.compensator.compensators.motors.task import verifying_masses
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.writing import atomic_directory, write_csv
-from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint, sample_joint
-from tendonff.compensator.joint.scenario.settings import JointAdaptation
 from tendonff.compensator.reporting.colours import BLUE, INK, VERMILION
 from tendonff.compensator.reporting.page import (
     FileNote,
@@ -29,6 +27,8 @@ from tendonff.compensator.reporting.plots import figure_style, legend_below, new
 from tendonff.compensator.reporting.results import Result, Views, register_views
 from tendonff.compensator.runtime.kinds import RuntimeKind, RuntimeStatus
 from tendonff.compensator.runtime.runtime import Runtime
+from tendonff.compensator.scenario.driven.joint import JointScenario, SampledJoint, sample_joint
+from tendonff.compensator.scenario.driven.settings import JointAdaptation
 from tendonff.compensator.studies.adapt.result import moving_rms
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.models.parameters.numbers import with_numbers

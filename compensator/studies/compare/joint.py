@@ -13,11 +13,11 @@ from tendonff.compensator.files.notices import by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.writing import atomic_directory
-from tendonff.compensator.finger.scenario import FingerScenario
-from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.reporting.page import Report, pictures_of, provenance_of, write_pages
 from tendonff.compensator.reporting.plots import figure_style
 from tendonff.compensator.reporting.results import Views, register_views
+from tendonff.compensator.scenario.driven.finger import FingerScenario
+from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.studies.compare.figures import errors_figure, matrix_figure
 from tendonff.compensator.studies.compare.matrix import (
     REFINEMENTS,

@@ -12,10 +12,10 @@ from tendonff.compensator.compensators.motors.registry import motor_compensator,
 from tendonff.compensator.compensators.motors.task import MotorTask
 from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.compensators.score import score
-from tendonff.compensator.finger.scenario import FingerScenario
 from tendonff.compensator.identification.joint.fitted import set_keys, to_toml
-from tendonff.compensator.joint.scenario.base import with_base
-from tendonff.compensator.joint.scenario.scenario import JointScenario
+from tendonff.compensator.scenario.driven.base import with_base
+from tendonff.compensator.scenario.driven.finger import FingerScenario
+from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenarios import parse_any
 from tendonff.compensator.studies.explore.subject import MOST_POINTS, Course, Curve, Exploration, Knob, Panel, Subject
 from tendonff.models.errors import TendonffError

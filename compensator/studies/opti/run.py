@@ -4,8 +4,8 @@ from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.motors.joint import JointTask
 from tendonff.compensator.compensators.optimal import posed
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.joint.scenario.reference import JointQuantity
-from tendonff.compensator.joint.scenario.scenario import JointScenario
+from tendonff.compensator.scenario.driven.joint import JointScenario
+from tendonff.compensator.scenario.driven.reference import JointQuantity
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn

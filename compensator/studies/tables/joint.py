@@ -13,8 +13,6 @@ from tendonff.compensator.compensators.motors.registry import MotorCompensator, 
 from tendonff.compensator.compensators.motors.task import MotorTask
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.files.writing import atomic_directory, csv_text, write_text
-from tendonff.compensator.joint.scenario.reference import JointQuantity
-from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.reporting.colours import GREEN, INK, VERMILION, Style
 from tendonff.compensator.reporting.page import (
     FileNote,
@@ -27,6 +25,8 @@ from tendonff.compensator.reporting.page import (
     write_pages,
 )
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure
+from tendonff.compensator.scenario.driven.joint import JointScenario
+from tendonff.compensator.scenario.driven.reference import JointQuantity
 from tendonff.models.joint.quasi_static import directions, static_motor_rad
 
 BOUND_SHARE = 1e-3

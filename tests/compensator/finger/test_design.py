@@ -12,8 +12,8 @@ import tendonff as tf
 from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.compensators.motors.sheet import joint_sheets, tendon_sheets
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.finger.scenario import load_finger_scenario, parse_finger_scenario, sample_finger
 from tendonff.compensator.runtime.kinds import RuntimeStatus
+from tendonff.compensator.scenario.driven.finger import load_finger_scenario, parse_finger_scenario, sample_finger
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.compare.joint import compare_joint
 from tendonff.compensator.studies.design.check import check_driven

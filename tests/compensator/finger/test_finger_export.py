@@ -10,14 +10,14 @@ import pytest
 import tendonff as tf
 from tendonff.compensator.cli import run
 from tendonff.compensator.compensators.motors.finger import FingerTask
+from tendonff.compensator.export.finger import project
+from tendonff.compensator.export.finger.fmu import build_finger_fmu
+from tendonff.compensator.export.finger.golden import followed_course, largest_departure, run_courses
+from tendonff.compensator.export.finger.project import export_fingers
+from tendonff.compensator.export.finger.text import finger_module
 from tendonff.compensator.export.kinds import FmiVersion
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.finger.export import project
-from tendonff.compensator.finger.export.fmu import build_finger_fmu
-from tendonff.compensator.finger.export.golden import followed_course, largest_departure, run_courses
-from tendonff.compensator.finger.export.project import export_fingers
-from tendonff.compensator.finger.export.text import finger_module
-from tendonff.compensator.finger.scenario import FingerScenario, parse_finger_scenario
+from tendonff.compensator.scenario.driven.finger import FingerScenario, parse_finger_scenario
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import SolveError
 

@@ -10,7 +10,7 @@ from tendonff.compensator.compensators.motors.joint import JointTask
 from tendonff.compensator.compensators.motors.registry import motor_compensator, motor_compensators
 from tendonff.compensator.compensators.motors.task import middle_compliance
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.joint.scenario.scenario import JointScenario, parse_joint_scenario
+from tendonff.compensator.scenario.driven.joint import JointScenario, parse_joint_scenario
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.models.parameters.uncertainty import Objective, Uncertainty
 

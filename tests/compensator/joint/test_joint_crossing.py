@@ -14,7 +14,7 @@ from tendonff.compensator.cli import run
 from tendonff.compensator.compensators.motors.joint import JointTask
 from tendonff.compensator.compensators.motors.registry import motor_compensator
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.joint.scenario.scenario import JointScenario, parse_joint_scenario
+from tendonff.compensator.scenario.driven.joint import JointScenario, parse_joint_scenario
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.adapt import joint as study
 from tendonff.compensator.studies.adapt.joint import adapt_joint

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
+from tendonff.compensator.export.joint import project
+from tendonff.compensator.export.joint.project import export_joints
+from tendonff.compensator.export.joint.text import joint_sources
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.joint.export import project
-from tendonff.compensator.joint.export.project import export_joints
-from tendonff.compensator.joint.export.text import joint_sources
-from tendonff.compensator.joint.scenario.scenario import JointScenario
+from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import SolveError

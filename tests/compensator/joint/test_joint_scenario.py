@@ -7,7 +7,7 @@ import pytest
 
 from tendonff.compensator.cli import run
 from tendonff.compensator.files.text import InputError
-from tendonff.compensator.joint.scenario.scenario import parse_joint_scenario, sample_joint
+from tendonff.compensator.scenario.driven.joint import parse_joint_scenario, sample_joint
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.design.motors.run import design_motors
 from tendonff.models.joint.parameters import DriveKind

@@ -15,9 +15,9 @@ from tendonff.compensator.compensators.score import scale_of
 from tendonff.compensator.feedback.result import FeedbackResult
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.text import as_argument
-from tendonff.compensator.finger.scenario import FingerScenario
-from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.reporting.results import Result, views_of
+from tendonff.compensator.scenario.driven.finger import FingerScenario
+from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenario.goal import Goal
 from tendonff.models.joint.closed_form import DataSheet
 

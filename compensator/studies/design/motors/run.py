@@ -12,16 +12,16 @@ from tendonff.compensator.compensators.motors.registry import MotorCompensator, 
 from tendonff.compensator.compensators.motors.response import MotorResponse
 from tendonff.compensator.compensators.motors.sheet import joint_sheets, tendon_sheets
 from tendonff.compensator.compensators.motors.task import UNSETTLED, MotorTask
+from tendonff.compensator.feedback.joint import JointFeedbackTask
 from tendonff.compensator.feedback.run import design_feedback
 from tendonff.compensator.files.notices import Danger, by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.finger.doubts import finger_doubts
-from tendonff.compensator.finger.scenario import FingerScenario
-from tendonff.compensator.joint.feedback import JointFeedbackTask
-from tendonff.compensator.joint.scenario.doubts import joint_doubts
-from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint
 from tendonff.compensator.reporting.results import Views, register_views
+from tendonff.compensator.scenario.driven.finger import FingerScenario
+from tendonff.compensator.scenario.driven.finger_doubts import finger_doubts
+from tendonff.compensator.scenario.driven.joint import JointScenario, SampledJoint
+from tendonff.compensator.scenario.driven.joint_doubts import joint_doubts
 from tendonff.compensator.studies.design.motors.figures import design_figures
 from tendonff.compensator.studies.design.motors.output import profile_columns, write_files
 from tendonff.compensator.studies.design.motors.result import MotorDesign, MotorProfile

@@ -19,8 +19,8 @@ from tendonff.compensator.compensators.profile import Profile
 from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
 from tendonff.compensator.compensators.score import Score, score, verify
 from tendonff.compensator.files.reading import FloatArray
-from tendonff.compensator.finger.scenario import FingerScenario
-from tendonff.compensator.joint.scenario.scenario import JointScenario
+from tendonff.compensator.scenario.driven.finger import FingerScenario
+from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenario.kind import Kind as OfScenario
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash

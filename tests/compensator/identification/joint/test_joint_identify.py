@@ -20,7 +20,7 @@ from tendonff.compensator.identification.joint.parameters import JointNumber, pu
 from tendonff.compensator.identification.joint.result import summary_lines
 from tendonff.compensator.identification.joint.routine import suggest_routine
 from tendonff.compensator.identification.joint.run import identify_joint, in_counts
-from tendonff.compensator.joint.scenario.scenario import parse_joint_scenario
+from tendonff.compensator.scenario.driven.joint import parse_joint_scenario
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.ocp.fits.least_squares import Minimum, Residuals, block_covariance
 from tests.compensator.identification.joint import own_log

@@ -10,7 +10,7 @@ import tendonff as tf
 from tendonff.compensator import door
 from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.files.text import InputError
-from tendonff.compensator.finger.scenario import load_finger_scenario
+from tendonff.compensator.scenario.driven.finger import load_finger_scenario
 
 pytestmark = pytest.mark.compiler
 

@@ -12,12 +12,7 @@ from tendonff.compensator.compensators.motors.joint import JointTask
 from tendonff.compensator.compensators.motors.task import verifying_masses
 from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.export.feedback import feedback_files
-from tendonff.compensator.export.modules import check_prefix
-from tendonff.compensator.feedback.code import feedback_module
-from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.files.text import as_argument
-from tendonff.compensator.files.writing import atomic_directory, write_text
-from tendonff.compensator.joint.export.golden import (
+from tendonff.compensator.export.joint.golden import (
     JointCourse,
     followed_course,
     golden_context,
@@ -25,10 +20,15 @@ from tendonff.compensator.joint.export.golden import (
     largest_departure,
     run_courses,
 )
-from tendonff.compensator.joint.export.judgement import JudgedJoint, judge, judgement_lines
-from tendonff.compensator.joint.export.text import module_text, problem_of, render, transmission_files
-from tendonff.compensator.joint.feedback import JointFeedbackTask
-from tendonff.compensator.joint.scenario.scenario import JointScenario, on_level, sample_joint
+from tendonff.compensator.export.joint.judgement import JudgedJoint, judge, judgement_lines
+from tendonff.compensator.export.joint.text import module_text, problem_of, render, transmission_files
+from tendonff.compensator.export.modules import check_prefix
+from tendonff.compensator.feedback.code import feedback_module
+from tendonff.compensator.feedback.joint import JointFeedbackTask
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.files.text import as_argument
+from tendonff.compensator.files.writing import atomic_directory, write_text
+from tendonff.compensator.scenario.driven.joint import JointScenario, on_level, sample_joint
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.precision import Precision

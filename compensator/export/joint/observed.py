@@ -3,7 +3,7 @@
 import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray
-from tendonff.compensator.joint.scenario.scenario import JointScenario
+from tendonff.compensator.scenario.driven.joint import JointScenario
 
 MOVES = 12
 """Steps of the model after the first one, in which an observed joint is found."""

@@ -8,12 +8,12 @@ import numpy as np
 from tendonff._version import __version__
 from tendonff.compensator.compensators.motors.adaptation import TunedJoint
 from tendonff.compensator.compensators.stream import RE_ENTRY_S
+from tendonff.compensator.export.joint import observed
+from tendonff.compensator.export.joint.adaptive import adaptive_context
 from tendonff.compensator.export.modules import accepted_steps
 from tendonff.compensator.export.text.c_text import harmless
 from tendonff.compensator.files.reading import FloatArray, InputError
-from tendonff.compensator.joint.export import observed
-from tendonff.compensator.joint.export.adaptive import adaptive_context
-from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint, sample_joint
+from tendonff.compensator.scenario.driven.joint import JointScenario, SampledJoint, sample_joint
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters import DriveKind, Mechanism
 from tendonff.ocp.codegen.precision import Precision

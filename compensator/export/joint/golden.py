@@ -10,10 +10,10 @@ from tendonff.compensator.compensators.motors.drive import commanded
 from tendonff.compensator.compensators.motors.joint import inverse_of
 from tendonff.compensator.export.golden import to_and_fro
 from tendonff.compensator.export.host import compile_on_host
+from tendonff.compensator.export.joint.observed import STEP_RAD, observed_motor
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.files.reading import FloatArray
-from tendonff.compensator.joint.export.observed import STEP_RAD, observed_motor
-from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint
+from tendonff.compensator.scenario.driven.joint import JointScenario, SampledJoint
 from tendonff.models.joint.parameters import DriveKind
 from tendonff.models.path import JointMotion
 from tendonff.ocp.codegen.precision import Precision

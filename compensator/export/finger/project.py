@@ -9,10 +9,7 @@ import numpy as np
 
 from tendonff._version import __version__
 from tendonff.compensator.compensators.motors.finger import FingerTask
-from tendonff.compensator.export.modules import check_prefix
-from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.files.writing import atomic_directory, write_text
-from tendonff.compensator.finger.export.golden import (
+from tendonff.compensator.export.finger.golden import (
     BACK_ROWS,
     FingerCourse,
     followed_course,
@@ -21,9 +18,12 @@ from tendonff.compensator.finger.export.golden import (
     largest_departure,
     run_courses,
 )
-from tendonff.compensator.finger.export.text import finger_module, render
-from tendonff.compensator.finger.scenario import FingerScenario
-from tendonff.compensator.joint.export.judgement import JudgedJoint, judge, judgement_lines
+from tendonff.compensator.export.finger.text import finger_module, render
+from tendonff.compensator.export.joint.judgement import JudgedJoint, judge, judgement_lines
+from tendonff.compensator.export.modules import check_prefix
+from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.files.writing import atomic_directory, write_text
+from tendonff.compensator.scenario.driven.finger import FingerScenario
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.precision import Precision

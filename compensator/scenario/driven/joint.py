@@ -13,10 +13,10 @@ from typing import ClassVar
 import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray, InputError, read_csv, read_text, suggestion
-from tendonff.compensator.joint.observer_table import ObserverTable
-from tendonff.compensator.joint.scenario.base import with_base
-from tendonff.compensator.joint.scenario.reference import KINDS, JointQuantity, JointReference
-from tendonff.compensator.joint.scenario.settings import JointAdaptation
+from tendonff.compensator.scenario.driven.base import with_base
+from tendonff.compensator.scenario.driven.observer_table import ObserverTable
+from tendonff.compensator.scenario.driven.reference import KINDS, JointQuantity, JointReference
+from tendonff.compensator.scenario.driven.settings import JointAdaptation
 from tendonff.compensator.scenario.goal import Goal
 from tendonff.compensator.scenario.joints import Joint, read_joints
 from tendonff.compensator.scenario.kind import Kind

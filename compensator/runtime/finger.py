@@ -7,8 +7,8 @@ import numpy as np
 
 from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.files.reading import FloatArray, InputError
-from tendonff.compensator.finger.scenario import FingerScenario
 from tendonff.compensator.runtime.kinds import RuntimeStatus
+from tendonff.compensator.scenario.driven.finger import FingerScenario
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters.finger import Motor
 from tendonff.ocp.mechanism.compiled import CompiledMechanism

@@ -3,15 +3,15 @@
 import numpy as np
 
 from tendonff.compensator.files.reading import read_csv
-from tendonff.compensator.finger.scenario import FingerScenario, sample_finger
-from tendonff.compensator.joint.scenario.doubts import (
+from tendonff.compensator.scenario.doubts import UnitDoubt, angle_doubt, length_doubts, settle, step_doubts, unaccepted
+from tendonff.compensator.scenario.driven.finger import FingerScenario, sample_finger
+from tendonff.compensator.scenario.driven.joint_doubts import (
     course_doubts,
     drive_doubts,
     driven_doubts,
     moved_doubts,
     tendon_doubts,
 )
-from tendonff.compensator.scenario.doubts import UnitDoubt, angle_doubt, length_doubts, settle, step_doubts, unaccepted
 from tendonff.models.joint.parameters.finger import Finger
 
 

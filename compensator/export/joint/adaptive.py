@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 
 from tendonff.compensator.compensators.motors.adaptation import TunedJoint
-from tendonff.compensator.joint.scenario.scenario import JointScenario
+from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.ocp.adaptation.joint import between_law, tuning_law
 from tendonff.ocp.codegen.partial_evaluation import PartialEvaluator
 from tendonff.ocp.codegen.precision import Precision

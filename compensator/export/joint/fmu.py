@@ -4,14 +4,14 @@ from dataclasses import replace
 
 from tendonff._version import __version__
 from tendonff.compensator.compensators.motors.joint import JointTask
+from tendonff.compensator.export.joint.golden import followed_course
+from tendonff.compensator.export.joint.judgement import judge, judgement_lines
+from tendonff.compensator.export.joint.text import accepted_rad, joint_sources, problem_of
 from tendonff.compensator.export.kinds import FmiVersion
 from tendonff.compensator.export.modules import check_prefix
 from tendonff.compensator.export.text.c_text import harmless
 from tendonff.compensator.export.unit import Fmu, Variable, pack
-from tendonff.compensator.joint.export.golden import followed_course
-from tendonff.compensator.joint.export.judgement import judge, judgement_lines
-from tendonff.compensator.joint.export.text import accepted_rad, joint_sources, problem_of
-from tendonff.compensator.joint.scenario.scenario import JointScenario, on_level, sample_joint
+from tendonff.compensator.scenario.driven.joint import JointScenario, on_level, sample_joint
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.precision import Precision

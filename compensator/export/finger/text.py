@@ -11,10 +11,10 @@ import numpy as np
 from tendonff._version import __version__
 from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.compensators.stream import RE_ENTRY_S
+from tendonff.compensator.export.joint.text import LIBRARY_FILES
 from tendonff.compensator.export.modules import accepted_steps
 from tendonff.compensator.export.text.c_text import harmless
 from tendonff.compensator.files.reading import FloatArray, InputError
-from tendonff.compensator.joint.export.text import LIBRARY_FILES
 from tendonff.models.joint.parameters import JointDrive
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal

@@ -13,10 +13,10 @@ from typing import ClassVar
 import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray, InputError, read_csv, read_text, suggestion
-from tendonff.compensator.finger.paths import read_paths, tabulated, with_measures
-from tendonff.compensator.joint.scenario.base import with_base
-from tendonff.compensator.joint.scenario.reference import JointQuantity, JointSine, JointWaypoints
-from tendonff.compensator.joint.scenario.scenario import tendon_part
+from tendonff.compensator.scenario.driven.base import with_base
+from tendonff.compensator.scenario.driven.joint import tendon_part
+from tendonff.compensator.scenario.driven.paths import read_paths, tabulated, with_measures
+from tendonff.compensator.scenario.driven.reference import JointQuantity, JointSine, JointWaypoints
 from tendonff.compensator.scenario.goal import Goal
 from tendonff.compensator.scenario.joints import Joint, read_joints
 from tendonff.compensator.scenario.kind import Kind

@@ -2,14 +2,14 @@
 
 from tendonff._version import __version__
 from tendonff.compensator.compensators.motors.finger import FingerTask
+from tendonff.compensator.export.finger.golden import followed_course
+from tendonff.compensator.export.finger.text import finger_module
+from tendonff.compensator.export.joint.judgement import judge, judgement_lines
 from tendonff.compensator.export.kinds import FmiVersion
 from tendonff.compensator.export.modules import check_prefix
 from tendonff.compensator.export.text.c_text import harmless
 from tendonff.compensator.export.unit import Fmu, Variable, pack
-from tendonff.compensator.finger.export.golden import followed_course
-from tendonff.compensator.finger.export.text import finger_module
-from tendonff.compensator.finger.scenario import FingerScenario
-from tendonff.compensator.joint.export.judgement import judge, judgement_lines
+from tendonff.compensator.scenario.driven.finger import FingerScenario
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.precision import Precision

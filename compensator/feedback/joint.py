@@ -10,7 +10,7 @@ from tendonff.compensator.compensators.motors.registry import motor_compensator
 from tendonff.compensator.compensators.motors.task import verifying_masses
 from tendonff.compensator.feedback.task import FeedbackTask
 from tendonff.compensator.files.reading import FloatArray, InputError
-from tendonff.compensator.joint.scenario.reference import JointQuantity
+from tendonff.compensator.scenario.driven.reference import JointQuantity
 from tendonff.compensator.scenario.settings import Feedback, FeedbackSensor
 from tendonff.models.joint.description import MOTOR, describe
 from tendonff.models.joint.parameters import Mechanism

@@ -6,8 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from tendonff.compensator.joint.scenario.reference import JointCsv, JointQuantity, JointReference
-from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
 from tendonff.compensator.scenario.doubts import (
     UnitDoubt,
     angle_doubt,
@@ -22,6 +20,8 @@ from tendonff.compensator.scenario.doubts import (
     unaccepted,
     value_doubt,
 )
+from tendonff.compensator.scenario.driven.joint import JointScenario, sample_joint
+from tendonff.compensator.scenario.driven.reference import JointCsv, JointQuantity, JointReference
 from tendonff.compensator.scenario.joints import CsvJoint, Joint
 from tendonff.compensator.scenario.sampled.joint_motion import read_angles
 from tendonff.models.joint.parameters import DrivenJoint, JointDrive, JointTendon, Mechanism
