@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     from tendonff.compensator.studies.tables.joint import JointTable
     from tendonff.compensator.studies.tables.result import Tables
     from tendonff.ocp.opti.joint import JointFormulation
-    from tendonff.ocp.opti.tendon import Formulation
+    from tendonff.ocp.opti.tendon import TensionFormulation
     from tendonff.ocp.tracking.options import TrackOptions
 
     MotorScenario = JointScenario | FingerScenario
@@ -625,8 +625,6 @@ def identify(
 def suggest(scenario: "Scenario") -> "Excitation": ...
 @overload
 def suggest(scenario: "JointScenario | FingerScenario") -> "MotorRoutine | MotorsRoutine": ...
-@overload
-def suggest(scenario: "AnyScenario") -> "Excitation | MotorRoutine | MotorsRoutine": ...
 @in_turn
 def suggest(scenario: "AnyScenario") -> "Excitation | MotorRoutine | MotorsRoutine":
     """Suggest what to command for an identification: a force over time, or angles of motors.
@@ -776,7 +774,7 @@ def opti(
     degree: int = 1,
     smoothing: float = 3e-4,
     options: "TrackOptions | None" = None,
-) -> "Formulation": ...
+) -> "TensionFormulation": ...
 @overload
 def opti(
     scenario: "JointScenario",
@@ -787,17 +785,6 @@ def opti(
     smoothing: float = 3e-4,
     payload: bool = False,
 ) -> "JointFormulation": ...
-@overload
-def opti(
-    scenario: "AnyScenario",
-    *,
-    level: Level | None = None,
-    interval_s: float = 0.005,
-    degree: int = 1,
-    smoothing: float = 3e-4,
-    options: "TrackOptions | None" = None,
-    payload: bool = False,
-) -> "Formulation | JointFormulation": ...
 @in_turn
 def opti(
     scenario: "AnyScenario",
@@ -808,7 +795,7 @@ def opti(
     smoothing: float = 3e-4,
     options: "TrackOptions | None" = None,
     payload: bool = False,
-) -> "Formulation | JointFormulation":
+) -> "TensionFormulation | JointFormulation":
     """Pose the optimal-control problem of a scenario by direct collocation, to be extended and solved by IPOPT.
 
     Parameters
@@ -848,9 +835,9 @@ def opti(
     >>> answer.value(problem.force_N).shape
     (21,)
     """
-    found: Formulation | JointFormulation = function_of("opti", scenario, {"options": options, "payload": payload})(
-        scenario, level=level, interval_s=interval_s, degree=degree, smoothing=smoothing
-    )
+    found: TensionFormulation | JointFormulation = function_of(
+        "opti", scenario, {"options": options, "payload": payload}
+    )(scenario, level=level, interval_s=interval_s, degree=degree, smoothing=smoothing)
     return found
 
 

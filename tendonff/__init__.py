@@ -59,7 +59,6 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.ocp.errors import CodeError, SolveError
     from tendonff.ocp.integrate.integrate import Integration, integrate
     from tendonff.ocp.integrate.method import Method
-    from tendonff.ocp.opti.joint import JointFormulation
     from tendonff.ocp.opti.tendon import Formulation, OptiSolution
     from tendonff.ocp.systems import invert, simulate, system_of
     from tendonff.ocp.tendon.batch import SimulationJob, simulate_batch
@@ -88,7 +87,6 @@ __all__ = [
     "Identification",
     "InputError",
     "Integration",
-    "JointFormulation",
     "Level",
     "Load",
     "Mechanism",
@@ -197,7 +195,6 @@ _HOMES = {
     "ocp.errors": ("CodeError", "SolveError"),
     "ocp.integrate.integrate": ("Integration", "integrate"),
     "ocp.integrate.method": ("Method",),
-    "ocp.opti.joint": ("JointFormulation",),
     "ocp.opti.tendon": ("Formulation", "OptiSolution"),
     "ocp.tracking.limits": ("ForceLimits",),
     "ocp.tracking.options": ("TrackOptions",),

@@ -99,33 +99,7 @@ def export_project(
     profile_N: FloatArray | None = None,
     force_export: bool = False,
 ) -> Exported:
-    """Print the whole folder.
-
-    Every module is simulated on the scenario's reference and level first; one whose error is above that of no
-    compensation is left out. InputError if the prefix is no C identifier or the reference cannot be delivered,
-    SolveError if there is no profile that may be exported, or nothing is better than no compensation.
-
-    Parameters
-    ----------
-    precision : Precision, optional
-        Real type of all arithmetic.
-    prefix : str, optional
-        Prefix of every C name and file.
-    level : Level, optional
-        Fidelity level of inverse, table and plant; default: the scenario's own.
-    profile_N : ndarray, optional
-        Profile to play [N] or, of a position drive, [m]; default: the optimal one. It is judged where it has a sample
-        for each of the reference.
-    force_export : bool, optional
-        Export modules all the same that are worse than no compensation.
-
-    Examples
-    --------
-    >>> import tendonff as tf
-    >>> scenario = tf.load_scenario("examples/finger.toml")
-    >>> exported = tf.export_c(scenario)  # doctest: +SKIP
-    >>> exported.write("c")  # doctest: +SKIP
-    """
+    """Print the whole folder; arguments and errors as of `tendonff.export_c`."""
     check_prefix(prefix)
     check_tuning(scenario)
     problem = Problem.of(scenario, level=level)

@@ -15,25 +15,21 @@ from tendonff.models.mechanism.equations import MechanismEquations, equations_of
 from tendonff.ocp.integrate.joint import cut_joint, led_places, page_state
 from tendonff.ocp.joint.protocol import JointProblem
 from tendonff.ocp.joint.start import start_memory
-from tendonff.ocp.opti.collocation import History, Trajectory, collocate
-from tendonff.ocp.opti.tendon import Collocation, OptiSolution, ipopt_options, solve_opti
+from tendonff.ocp.opti.collocation import History, collocate
+from tendonff.ocp.opti.tendon import Collocation, Formulation, ipopt_options
 
 _STEADY = 1e-4
 """Cost of the squared steps of the motors beside the squared error: of two motors only one follows from the joint."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class JointFormulation:
-    """A problem of optimal control of a joint over a horizon; extend it through `opti`, then `solve`.
+class JointFormulation(Formulation):
+    """Motor angles whose joint angle is wanted.
 
     Attributes
     ----------
-    opti : ca.Opti
-        With objective, constraints, first guess and solver; `subject_to`, `minimize` and `solver` add and replace.
     equations : MechanismEquations
         Of joint and tendons.
-    time_s : ndarray, shape (n,)
-        Ends of the intervals.
     wanted_rad : ndarray, shape (n,)
         Reference of the joint.
     motor_rad : ca.MX, shape (motors, n)
@@ -42,36 +38,14 @@ class JointFormulation:
         Of the joint.
     contact_N_m : ca.MX, shape (n, 1)
         Torque that the joint gives to what it touches: the reference's or, with `payload`, a variable.
-    tension_N : ca.MX, shape (links, n)
-        Of every link, from motor to joint, tendon by tendon.
-    states : ca.MX, shape (states, n)
-        In the order of `equations.state_names`.
-    cost : ca.MX
-        What is minimised [rad^2].
-    trajectory : Trajectory
-        The states with what drives them.
     """
 
-    opti: ca.Opti
     equations: MechanismEquations
-    time_s: Array
     wanted_rad: Array
     motor_rad: ca.MX
     angle_rad: ca.MX
     speed_rad_per_s: ca.MX
     contact_N_m: ca.MX
-    tension_N: ca.MX
-    states: ca.MX
-    cost: ca.MX
-    trajectory: Trajectory
-
-    def along(self, expression: ca.SX) -> ca.MX:
-        """An expression of `equations` at all instants, shape (rows, n)."""
-        return self.trajectory.along(expression)
-
-    def solve(self) -> OptiSolution:
-        """Solve it; SolveError with the solver's word where that fails."""
-        return solve_opti(self.opti)
 
 
 def formulate_joint(
@@ -174,5 +148,5 @@ def formulate_joint(
         tension_N=trajectory.along(page.tension_N),
         states=states,
         cost=cost,
-        trajectory=trajectory,
+        plants=(trajectory,),
     )

@@ -80,39 +80,47 @@ class Formulation:
         With objective, constraints, first guess and solver; `subject_to`, `minimize` and `solver` add and replace.
     time_s : ndarray, shape (n,)
         Ends of the intervals.
-    wanted_N : ndarray, shape (n,)
-        Reference of the output.
-    force_N : ca.MX, shape (n, 1)
-        Of the actuator.
-    output_N : ca.MX, shape (n, 1)
-        Tension at the far end.
-    tension_N : ca.MX, shape (N + 1, n)
-        Of every link, from the actuator to the load.
+    tension_N : ca.MX, shape (links, n)
+        Of every link from the drive on, tendon by tendon.
     states : ca.MX, shape (states, n)
-        In the order of `StateLayout`, of the nominal plant.
+        Of a tendon in the order of `StateLayout`, of the nominal plant; of a joint in that of its equations.
     cost : ca.MX
-        What is minimised [N^2]: errors of all plants, effort and travel of the force.
+        What is minimised [N^2 or rad^2].
     plants : tuple of Trajectory
-        All of them, the nominal one first.
+        States with what drives them, of every plant that counts; the nominal one first.
     """
 
     opti: ca.Opti
     time_s: Array
-    wanted_N: Array
-    force_N: ca.MX
-    output_N: ca.MX
     tension_N: ca.MX
     states: ca.MX
     cost: ca.MX
     plants: tuple[Trajectory, ...]
 
     def along(self, expression: ca.SX) -> ca.MX:
-        """An expression of `chain_equations` of the nominal plant at all instants, shape (rows, n)."""
+        """An expression of the nominal plant's equations at all instants, shape (rows, n)."""
         return self.plants[0].along(expression)
 
     def solve(self) -> OptiSolution:
         """Solve it; SolveError with the solver's word where that fails."""
         return solve_opti(self.opti)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TensionFormulation(Formulation):
+    """Force of the actuator whose tension is wanted: errors of all plants, effort and travel of the force.
+
+    Attributes
+    ----------
+    wanted_N : ndarray, shape (n,)
+        Reference of the output.
+    force_N, output_N : ca.MX, shape (n, 1)
+        Of the actuator, and tension at the far end.
+    """
+
+    wanted_N: Array
+    force_N: ca.MX
+    output_N: ca.MX
 
 
 def solve_opti(opti: ca.Opti) -> OptiSolution:
@@ -136,7 +144,7 @@ def solve_opti(opti: ca.Opti) -> OptiSolution:
     )
 
 
-def formulate(problem: TrackingProblem, guess_N: Array, collocation: Collocation) -> Formulation:
+def formulate(problem: TrackingProblem, guess_N: Array, collocation: Collocation) -> TensionFormulation:
     """Pose a tracking problem.
 
     Parameters
@@ -191,7 +199,7 @@ def formulate(problem: TrackingProblem, guess_N: Array, collocation: Collocation
     # boundary: the force of row 0 is given, and every plant is where it is
     opti.subject_to(force[0] == problem.start_N)
 
-    found = Formulation(
+    found = TensionFormulation(
         opti=opti,
         time_s=time_s,
         wanted_N=wanted[0],

@@ -26,30 +26,7 @@ def build_finger_fmu(
     everywhere: bool = False,
     force_export: bool = False,
 ) -> Fmu:
-    """Wrap the exported C of a finger.
-
-    Parameters
-    ----------
-    scenario : FingerScenario
-    fmi : FmiVersion, optional
-    prefix : str, optional
-        Prefix of the C names.
-    level : Level, optional
-        Default: the scenario's own.
-    everywhere : bool, optional
-        Binaries for Windows and macOS too, built here by ziglang; what is run here are those of this machine alone.
-    force_export : bool, optional
-        Make a unit all the same whose commands are worse than the lengths of the tendons alone.
-
-    Raises
-    ------
-    InputError
-        If no tensions give a torque that the reference needs.
-    SolveError
-        If the inverse fails, or is worse than the lengths alone.
-    CodeError
-        If a compiler refuses the sources.
-    """
+    """Wrap the exported C of a finger; arguments and errors as of `tendonff.export_fmu`."""
     check_prefix(prefix)
     task = FingerTask.of(scenario, level)
     task.check_reach()

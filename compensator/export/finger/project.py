@@ -81,28 +81,7 @@ def export_fingers(
     level: Level | None = None,
     force_export: bool = False,
 ) -> ExportedFingers:
-    """Print the whole folder.
-
-    Parameters
-    ----------
-    scenario : FingerScenario
-    further : sequence of FingerScenario, optional
-        Other fingers of the project, with the same step.
-    precision : Precision, optional
-    prefix : str, optional
-        Prefix of every C name and file.
-    level : Level, optional
-        Default: the scenarios' own.
-    force_export : bool, optional
-        Export fingers all the same whose commands are worse than the lengths of the tendons alone.
-
-    Raises
-    ------
-    InputError
-        If scenarios do not go together, or need torques that no tensions give.
-    SolveError
-        If a finger's inverse fails, or is worse than the lengths alone.
-    """
+    """Print the whole folder; arguments and errors as of `tendonff.export_c`."""
     check_prefix(prefix)
     every = (scenario, *further)
     _check_together(every)

@@ -30,35 +30,7 @@ def build_joint_fmu(
     everywhere: bool = False,
     force_export: bool = False,
 ) -> Fmu:
-    """Wrap the exported C of a joint.
-
-    Parameters
-    ----------
-    scenario : JointScenario
-    fmi : FmiVersion, optional
-    prefix : str, optional
-        Prefix of the C names.
-    level : Level, optional
-        Default: the scenario's own.
-    everywhere : bool, optional
-        Binaries for Windows and macOS too, built here by ziglang; what is run here are those of this machine alone.
-    force_export : bool, optional
-        Make a unit all the same whose commands are worse than the ratio alone.
-
-    Raises
-    ------
-    SolveError
-        If the inverse fails, or is worse than the ratio alone.
-    CodeError
-        If a compiler refuses the sources.
-
-    Examples
-    --------
-    >>> import tendonff as tf
-    >>> knuckle = tf.load_scenario("examples/hand_joint.toml")
-    >>> unit = tf.export_fmu(knuckle, fmi=tf.FmiVersion.V3)  # doctest: +SKIP
-    >>> unit.write("fmu")  # doctest: +SKIP
-    """
+    """Wrap the exported C of a joint; arguments and errors as of `tendonff.export_fmu`."""
     check_prefix(prefix)
     scenario = replace(on_level(scenario, level), adaptation=None)  # a unit has no measured angle
     sampled = sample_joint(scenario)

@@ -95,35 +95,7 @@ def export_joints(
     level: Level | None = None,
     force_export: bool = False,
 ) -> ExportedJoints:
-    """Print the whole folder.
-
-    Parameters
-    ----------
-    scenario : JointScenario
-    further : sequence of JointScenario, optional
-        Other joints of the project, with the same step.
-    precision : Precision, optional
-    prefix : str, optional
-        Prefix of every C name and file.
-    level : Level, optional
-        Default: the scenarios' own.
-    force_export : bool, optional
-        Export joints all the same whose commands are worse than the ratio alone.
-
-    Raises
-    ------
-    InputError
-        If names or steps of the scenarios do not go together.
-    SolveError
-        If a joint's inverse fails, or is worse than the ratio alone.
-
-    Examples
-    --------
-    >>> import tendonff as tf
-    >>> knuckle = tf.load_scenario("examples/hand_joint.toml")
-    >>> exported = tf.export_c(knuckle, precision=tf.Precision.FLOAT)  # doctest: +SKIP
-    >>> exported.write("c")  # doctest: +SKIP
-    """
+    """Print the whole folder; arguments and errors as of `tendonff.export_c`."""
     check_prefix(prefix)
     scenarios = [on_level(one, level) for one in (scenario, *further)]
     _check_together(scenarios)

@@ -193,22 +193,7 @@ register_views(JointAdaptationStudy, Views(write=JointAdaptationStudy.write, col
 def adapt_joint(scenario: JointScenario, *, progress: Progress = silent) -> JointAdaptationStudy:
     """Try self-tuning of a joint on loops of 40 masses that differ from the scenario.
 
-    The motor is assumed to follow its command.
-
-    Raises
-    ------
-    InputError
-        If the scenario has no table [adaptation], or its joint cannot be tuned.
-    CodeError
-        If no C compiler works here.
-    SolveError
-        If the simulation of a loop fails.
-
-    Examples
-    --------
-    >>> import tendonff as tf
-    >>> study = tf.adapt(tf.load_scenario("examples/hand_joint_adaptive.toml"))  # doctest: +SKIP
-    >>> print(study.headline)  # doctest: +SKIP
+    The motor is assumed to follow its command. Arguments and errors as of `tendonff.adapt`.
     """
     sampled = sample_joint(scenario)
     tuned = TunedJoint.of(scenario, sampled)

@@ -101,26 +101,7 @@ def compare_joint(
 ) -> JointComparison:
     """Compare the fidelity levels with each other on a scenario of driven joints.
 
-    Parameters
-    ----------
-    scenario : JointScenario or FingerScenario
-    compensators : sequence of MotorCompensator or str, optional
-        By themselves or by name; default: all. "linear" and "inverse" must be among them.
-    progress : callable, optional
-
-    Raises
-    ------
-    InputError
-        If the reference has no meaning, or cannot be followed.
-    SolveError
-        If an inverse or a simulation fails.
-
-    Examples
-    --------
-    >>> import tendonff as tf
-    >>> scenario = tf.load_scenario("examples/hand_joint.toml")
-    >>> comparison = tf.compare(scenario)  # doctest: +SKIP
-    >>> print(comparison.headline)  # doctest: +SKIP
+    Arguments and errors as of `tendonff.compare`.
     """
     tasks = {level: task_of(scenario, level) for level in Level}
     own = tasks[Level.PRESLIDING]

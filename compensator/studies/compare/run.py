@@ -64,16 +64,8 @@ def compare(
 ) -> Comparison:
     """Compare the fidelity levels with each other and with the static law on one scenario.
 
-    Of the compensators, by default all but the optimal profile, "none", "capstan" and one beside "smoothed" that knows
-    the level must be among them; the options say what the optimal profile is optimised for. InputError if the reference
-    cannot be delivered, SolveError if a simulation fails.
-
-    Examples
-    --------
-    >>> import tendonff as tf
-    >>> scenario = tf.load_scenario("examples/finger.toml")
-    >>> comparison = tf.compare(scenario)  # doctest: +SKIP
-    >>> print(comparison.headline)  # doctest: +SKIP
+    Of the compensators "none", "capstan" and one beside "smoothed" that knows the level must be among them. Arguments
+    and errors as of `tendonff.compare`.
     """
     reference, tried = sample_reference(scenario), (*chosen(compensators), *own_force(scenario))
     transmission = moved(scenario, float(reference.time_s[-1]), periodic=scenario.reference.periodic)

@@ -50,27 +50,7 @@ def design(
 ) -> Design:
     """Design the force profile of a scenario by every compensator, and simulate each on every level.
 
-    InputError if the reference cannot be delivered, SolveError if a simulation fails.
-
-    Parameters
-    ----------
-    compensators : sequence of Compensator or str, optional
-        By themselves or by name. Default: all; the one named "none" is what the others are compared with.
-    options : TrackOptions, optional
-        What the optimal profile is optimised for; default: what the scenario asks for.
-    strict : bool, optional
-        Refuse a reference out of the actuator's reach, instead of designing the best achievable profile.
-    progress : callable, optional
-        Callback(completed, total).
-
-    Examples
-    --------
-    >>> import tendonff as tf
-    >>> scenario = tf.load_scenario("examples/finger.toml")
-    >>> fast = [each for each in tf.COMPENSATORS if each.is_fast]
-    >>> result = tf.design(scenario, compensators=fast)
-    >>> print(result.recommended.label)
-    exact inverse
+    Arguments and errors as of `tendonff.design`.
     """
     problem = Problem.of(scenario, reference=sample_reference(scenario, strict=strict), options=options)
     reference, transmission, level = problem.reference, problem.transmission, problem.level

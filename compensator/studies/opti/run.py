@@ -10,7 +10,7 @@ from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
 from tendonff.ocp.opti.joint import JointFormulation, formulate_joint
-from tendonff.ocp.opti.tendon import Collocation, Formulation, formulate
+from tendonff.ocp.opti.tendon import Collocation, TensionFormulation, formulate
 from tendonff.ocp.tracking.options import TrackOptions
 from tendonff.ocp.tracking.track import first_guess
 
@@ -24,7 +24,7 @@ def opti_of_tension(
     degree: int = 1,
     smoothing: float = 3e-4,
     options: TrackOptions | None = None,
-) -> Formulation:
+) -> TensionFormulation:
     """Pose the problem of one tendon; see `opti`."""
     if scenario.reference.periodic:
         raise InputError(

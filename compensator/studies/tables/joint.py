@@ -125,14 +125,7 @@ class JointTable:
 def tabulate_joint(scenario: JointScenario) -> JointTable:
     """Tabulate the quasi-static law of a joint over the range of its reference.
 
-    Parameters
-    ----------
-    scenario : JointScenario
-
-    Raises
-    ------
-    InputError
-        If a table has no meaning: for a torque, or where other joints move the path.
+    Arguments and errors as of `tendonff.make_table`.
     """
     task, file = JointTask.of(scenario), scenario.source.name
     sampled, mechanism = task.sampled, task.mechanism

@@ -43,31 +43,7 @@ def design_motors(
     strict: bool = False,
     progress: Progress = silent,
 ) -> MotorDesign:
-    """Design and verify the motor angles of driven joints.
-
-    Parameters
-    ----------
-    scenario : JointScenario or FingerScenario
-    compensators : sequence of MotorCompensator or str, optional
-        By themselves or by name; default: all. "linear" and "inverse" must be among them.
-    strict : bool, optional
-        Refuse a reference beyond a stop, and one for which a tendon would go slack or have to push.
-    progress : callable, optional
-
-    Raises
-    ------
-    InputError
-        If the reference has no meaning, or cannot be followed.
-    SolveError
-        If the inverse or a simulation fails.
-
-    Examples
-    --------
-    >>> import tendonff as tf
-    >>> scenario = tf.load_scenario("examples/hand_joint.toml")
-    >>> result = tf.design(scenario)  # doctest: +SKIP
-    >>> print(result.headline)  # doctest: +SKIP
-    """
+    """Design and verify the motor angles of driven joints; arguments and errors as of `tendonff.design`."""
     task = task_of(scenario)
     if task.warnings and strict:
         raise InputError("; ".join(task.warnings))
