@@ -7,7 +7,7 @@ from tendonff.compensator.scenario.unit import Unit
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Goal:
-    """What is wanted.
+    """Wanted quantities.
 
     Attributes
     ----------

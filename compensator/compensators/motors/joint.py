@@ -1,4 +1,4 @@
-"""One driven joint: its reference, and the engine of its mechanism, which inverts and simulates it."""
+"""Task of one driven joint: its reference, and the engine of its mechanism, which inverts and simulates it."""
 
 from dataclasses import dataclass, replace
 
@@ -73,7 +73,7 @@ class JointTask(MotorTask):
 
     @property
     def target(self) -> FloatArray:
-        """What is wanted, shape (rows, 1)."""
+        """Wanted values, shape (rows, 1)."""
         return self.sampled.wanted[self.lead :, None]
 
     @property

@@ -1,4 +1,4 @@
-"""What a mechanism does: the motion that its motors are asked for, or that commands bring about."""
+"""Response of a mechanism: the motion that its motors are asked for, or that commands bring about."""
 
 from dataclasses import dataclass, replace
 from enum import StrEnum

@@ -72,7 +72,7 @@ class MotorTask(ABC):
 
     @property
     def goal(self) -> Goal:
-        """What is wanted."""
+        """Goal: quantity, unit, and names of the joints."""
         found: Goal = self.scenario.goal
         return found
 
@@ -99,7 +99,7 @@ class MotorTask(ABC):
     @property
     @abstractmethod
     def target(self) -> FloatArray:
-        """What is wanted after the homing stroke, shape (rows, goals)."""
+        """Wanted values after the homing stroke, shape (rows, goals)."""
 
     @property
     def target_time_s(self) -> FloatArray:
@@ -110,7 +110,7 @@ class MotorTask(ABC):
 
     @cached_property
     def _middle(self) -> FloatArray | float:
-        """What the goals are counted from, so that the largest range is that of all."""
+        """Values that the goals are counted from, so that the largest range is that of all."""
         return 0.5 * (self.target.max(axis=0) + self.target.min(axis=0)) if self.goal.is_named else 0.0
 
     @cached_property

@@ -108,7 +108,7 @@ class FingerScenario:
 
     @property
     def goal(self) -> Goal:
-        """What is wanted."""
+        """Wanted angles."""
         names = self.mechanism.names[: self.wanted]
         return Goal(quantity="joint angle", unit=RADIAN, names=names, is_named=True)
 

@@ -93,7 +93,7 @@ class JointScenario:
 
     @property
     def goal(self) -> Goal:
-        """What is wanted."""
+        """Wanted angle or torque."""
         angle = self.reference.quantity is JointQuantity.ANGLE
         quantity = "joint angle" if angle else "torque of the joint"
         return Goal(quantity=quantity, unit=self.reference.shown, names=(self.mechanism.joint.name,))

@@ -27,7 +27,7 @@ def design_figures(result: MotorDesign) -> dict[str, Figure]:
 
 
 def joint_figure(result: MotorDesign) -> Figure:
-    """What was wanted, of one joint also what is reached, and the errors of all compensators."""
+    """Reference, of one joint also its response, and the errors of all compensators."""
     goal, task = result.goal, result.task
     figure, axes = new_figure(1 + len(goal.names), 1, share_x=True, height_in=2.3 + 1.5 * len(goal.names))
     rows, scale = thinned(len(task.target)), goal.unit.factor

@@ -38,7 +38,7 @@ _CAPTIONS = {
 
 
 def interactive_panels(result: MotorDesign) -> Interactive:
-    """What is reached, motors and errors, to be zoomed: of one joint all profiles, of several the exact inverse."""
+    """Angles or torques, motors and errors, to be zoomed: of one joint all profiles, of several the exact inverse."""
     goal, task = result.goal, result.task
     scale = goal.unit.factor
     reached, motor, error = dict[str, Curve](), dict[str, Curve](), dict[str, Curve]()

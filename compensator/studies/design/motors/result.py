@@ -120,7 +120,7 @@ class MotorDesign(Result):
 
     @property
     def goal(self) -> Goal:
-        """What was wanted."""
+        """Wanted quantities."""
         return self.task.goal
 
     @property
