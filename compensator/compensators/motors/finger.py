@@ -1,4 +1,4 @@
-"""Task of several driven joints: their references, and the engine of their mechanism, which inverts and simulates it."""
+"""Task of several driven joints: references, and the engine of their mechanism, which inverts and simulates it."""
 
 from dataclasses import dataclass, replace
 
