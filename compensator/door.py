@@ -90,7 +90,6 @@ _FINGER_ALONE = "tf.Runtime and export-c give their motor angles step by step"
 _APART = "a project holds single joints or fingers, each kind in a folder of its own; give one kind at a time"
 _LIVE = "the filter of a live reference is that of a tension; the exported inverse of a joint leads to its reference"
 _PROBES = "the optimal profile is that of a tension; joints have the exact inverse"
-_TABLE_AXES = "the table of a joint has its angle and the way it turns as axes"
 _ONE_MOTOR = "is for the tensions of one tendon; a joint is known by its motor, leave it out"
 
 WORKS: Mapping[str, Work] = MappingProxyType(
@@ -222,16 +221,6 @@ WORKS: Mapping[str, Work] = MappingProxyType(
             refused={
                 Kind.FINGER: "a table of several joints needs an axis for the angle and the way of each, 2 n in all, "
                 f"which fits no controller; {_FINGER_ALONE}"
-            },
-            options={
-                name: _not((Kind.JOINT,), f"{flag} is for a tension; {_TABLE_AXES}")
-                for name, flag in (
-                    ("level", "--level"),
-                    ("bound_N", "--bound"),
-                    ("angles_rad", "--angles"),
-                    ("rates_N_per_s", "--rates"),
-                    ("pose_rad", "--pose"),
-                )
             },
         ),
         "opti": Work(
@@ -644,36 +633,14 @@ def suggest(scenario: "AnyScenario") -> "Excitation | MotorRoutine | MotorsRouti
     return found
 
 
-@overload
-def make_table(
-    scenario: "Scenario",
-    *,
-    level: Level | None = None,
-    bound_N: float | None = None,
-    angles_rad: Sequence[float] = (),
-    rates_N_per_s: Sequence[float] = (),
-    pose_rad: Mapping[str, float] = ...,
-) -> "Tables": ...
-@overload
-def make_table(scenario: "JointScenario") -> "JointTable": ...
-@overload
-def make_table(
-    scenario: "AnyScenario",
-    *,
-    level: Level | None = None,
-    bound_N: float | None = None,
-    angles_rad: Sequence[float] = (),
-    rates_N_per_s: Sequence[float] = (),
-    pose_rad: Mapping[str, float] = ...,
-) -> "Tables | JointTable": ...
 @in_turn
 def make_table(
     scenario: "AnyScenario",
     *,
     level: Level | None = None,
-    bound_N: float | None = None,
+    bound: float | None = None,
     angles_rad: Sequence[float] = (),
-    rates_N_per_s: Sequence[float] = (),
+    rates: Sequence[float] = (),
     pose_rad: Mapping[str, float] = MappingProxyType({}),
 ) -> "Tables | JointTable":
     """Tabulate the feedforward: a force over reference, branch and tension since the last reversal; a motor's angle
@@ -683,13 +650,16 @@ def make_table(
     ----------
     scenario : Scenario or JointScenario
     level : Level, optional
-        Of a tension, as what follows. Default: the scenario's own.
-    bound_N : float, optional
-        Largest interpolation error; default: 0.5 % of the reference's range.
-    angles_rad, rates_N_per_s : sequence of float, optional
-        Wrap angles and rates of the reference: a further axis each.
+        Default: the scenario's own.
+    bound : float, optional
+        Largest interpolation error, of a force [N] or of the joint's angle [rad]; default: 0.5 % of the reference's
+        range, of a joint 0.1 %.
+    angles_rad : sequence of float, optional
+        Of a tension wrap angles, a further axis; of a joint the nodes of its angle.
+    rates : sequence of float, optional
+        Rates of the reference, a further axis [N/s, of a joint rad/s].
     pose_rad : mapping of str to float, optional
-        Angles of joints during the table.
+        Angles of joints that no tendon drives, constant for the table.
 
     Raises
     ------
@@ -702,14 +672,9 @@ def make_table(
     >>> tables = tf.make_table(tf.load_scenario("examples/finger.toml"))  # doctest: +SKIP
     >>> tables.write("table")  # doctest: +SKIP
     """
-    asked = {
-        "level": level,
-        "bound_N": bound_N,
-        "angles_rad": angles_rad,
-        "rates_N_per_s": rates_N_per_s,
-        "pose_rad": pose_rad,
-    }
-    found: Tables | JointTable = function_of("table", scenario, asked)(scenario)
+    found: Tables | JointTable = function_of("table", scenario)(
+        scenario, level=level, bound=bound, angles_rad=angles_rad, rates=rates, pose_rad=pose_rad
+    )
     return found
 
 
