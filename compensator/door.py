@@ -22,6 +22,7 @@ from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.integrate.method import Method
+from tendonff.ocp.opti.tendon import Collocation
 
 if TYPE_CHECKING:
     from tendonff.compensator.compensators.base import Compensator
@@ -227,15 +228,8 @@ WORKS: Mapping[str, Work] = MappingProxyType(
             by={
                 Kind.TENSION: "studies.opti.run:opti_of_tension",
                 Kind.JOINT: "studies.opti.run:opti_of_joint",
-            },
-            refused={
-                Kind.FINGER: "opti takes one tendon or one driven joint, this scenario has several; take "
-                "mechanism_equations for a problem of your own"
-            },
-            options={
-                "options": _not((Kind.JOINT,), "options are weights and bounds of a tension; add yours to the problem"),
-                "payload": _not((Kind.TENSION,), "payload is a torque of a joint; leave it out"),
-            },
+                Kind.FINGER: "studies.opti.run:opti_of_finger",
+            }
         ),
         "export_c": Work(
             by={
@@ -742,11 +736,11 @@ def opti(
     interval_s: float = 0.005,
     degree: int = 1,
     smoothing: float = 3e-4,
-    options: "TrackOptions | None" = None,
+    payload: bool = False,
 ) -> "Formulation": ...
 @overload
 def opti(
-    scenario: "JointScenario",
+    scenario: "JointScenario | FingerScenario",
     *,
     level: Level | None = None,
     interval_s: float = 0.005,
@@ -754,17 +748,6 @@ def opti(
     smoothing: float = 3e-4,
     payload: bool = False,
 ) -> "JointFormulation": ...
-@overload
-def opti(
-    scenario: "AnyScenario",
-    *,
-    level: Level | None = None,
-    interval_s: float = 0.005,
-    degree: int = 1,
-    smoothing: float = 3e-4,
-    options: "TrackOptions | None" = None,
-    payload: bool = False,
-) -> "Formulation | JointFormulation": ...
 @in_turn
 def opti(
     scenario: "AnyScenario",
@@ -773,15 +756,14 @@ def opti(
     interval_s: float = 0.005,
     degree: int = 1,
     smoothing: float = 3e-4,
-    options: "TrackOptions | None" = None,
     payload: bool = False,
 ) -> "Formulation | JointFormulation":
     """Pose the optimal-control problem of a scenario by direct collocation, to be extended and solved by IPOPT.
 
     Parameters
     ----------
-    scenario : Scenario or JointScenario
-        The tension of one tendon, or the angle of one driven joint.
+    scenario : Scenario, JointScenario or FingerScenario
+        The tension of one tendon, with the weights and bounds of its table [optimal], or angles of driven joints.
     level : Level, optional
         Of the model; default: the scenario's.
     interval_s : float, optional
@@ -791,10 +773,8 @@ def opti(
     smoothing : float, optional
         Friction switches over this share of the largest sliding speed of the first guess [-], > 0: abs(v) becomes
         sqrt(v^2 + w^2). Default 3e-4.
-    options : TrackOptions, optional
-        Weights and bounds of a tendon's problem; default: the scenario's table [optimal].
     payload : bool, optional
-        Of a joint: the torque on what it touches is a variable that your equations decide.
+        What the load or the joints give to what they touch are variables that your equations decide.
 
     Raises
     ------
@@ -815,9 +795,8 @@ def opti(
     >>> answer.value(problem.force_N).shape
     (21,)
     """
-    found: Formulation | JointFormulation = function_of("opti", scenario, {"options": options, "payload": payload})(
-        scenario, level=level, interval_s=interval_s, degree=degree, smoothing=smoothing
-    )
+    how = Collocation(interval_s=interval_s, degree=degree, smoothing=smoothing)
+    found: Formulation | JointFormulation = function_of("opti", scenario)(scenario, how, level=level, payload=payload)
     return found
 
 

@@ -21,7 +21,7 @@ RIGS = {
 }
 """What there is, and the kind of scenario that it is to the program."""
 
-MOST_REFUSED = 23
+MOST_REFUSED = 20
 """Refusals: each reason of a whole work, and each reason of an option; they may only become fewer."""
 
 COMMANDS = {
@@ -32,7 +32,7 @@ COMMANDS = {
     "table": ["table"],
     "online": ["design", "--online"],
 }
-"""A command that asks for each work that some kind refuses; `tf.opti` has none."""
+"""A command that asks for each work that some kind refuses."""
 
 OPTIONS = {
     ("compare", "compensators"): ["compare", "--optimal"],
