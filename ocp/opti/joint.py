@@ -235,14 +235,15 @@ def _formulate(
     # path: limits of the motors
     bodies = [body.name for body in driven.cut.bodies]
     on_drum = trajectory.along(page.effort[[bodies.index(name) for name in driven.motors]])
-    for k, drive in enumerate(driven.drives):
-        if drive.speed_max_rad_per_s is not None:
-            most = drive.speed_max_rad_per_s * step
-            opti.subject_to(opti.bounded(-most, steps[k, :].T, most))
-        if drive.torque_max_N_m is not None:
-            torque = drive.inertia_kg_m2 * ca.diff(steps[k, :], 1, 1) / step**2 - on_drum[k, 1:-1]
-            most = drive.torque_max_N_m - drive.coulomb_N_m
-            opti.subject_to(opti.bounded(-most, torque.T, most))
+    inertia = ca.DM([drive.inertia_kg_m2 for drive in driven.drives])
+    torque = ca.mtimes(ca.diag(inertia), ca.diff(steps, 1, 1)) / step**2 - on_drum[:, 1:-1]
+    most_rad = [drive.speed_max_rad_per_s and drive.speed_max_rad_per_s * step for drive in driven.drives]
+    most_N_m = [drive.torque_max_N_m and drive.torque_max_N_m - drive.coulomb_N_m for drive in driven.drives]
+    for given_rows, limits in ((steps, most_rad), (torque, most_N_m)):
+        rows = [k for k, most in enumerate(limits) if most is not None]
+        if rows:
+            bound = ca.vec(ca.repmat(ca.DM([limits[k] for k in rows]), 1, given_rows.size2()))
+            opti.subject_to(opti.bounded(-bound, ca.vec(given_rows[rows, :]), bound))
 
     # boundary: the motors stand where they are, and so does the mechanism
     opti.subject_to(motor[:, 0] == ca.DM(guess[0]))
