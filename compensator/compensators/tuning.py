@@ -60,8 +60,8 @@ def _check_load_exponent(scenario: Scenario) -> None:
             f'{where}: "load_exponent" is a factor on [friction] load_exponent, which is {stated or 0}; state it there '
             "with reference_tension_N, 0.2 for polymers"
         )
-    if scenario.transmission.motion is not None:
-        raise InputError(f'{where}: "load_exponent" is tuned on paths at rest only; leave it out where joints move')
+    if scenario.joints or scenario.transmission.path.sections:
+        raise InputError(f'{where}: "load_exponent" is tuned on a path of one piece at rest only; leave it out here')
 
 
 def tuning_of(problem: Problem, settings: Adaptation) -> Tuning:

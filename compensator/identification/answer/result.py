@@ -389,7 +389,7 @@ def crosstalk_shares(pull: float, release: float, crosstalk: float = 0.01) -> tu
 
 
 def _crosstalk(found: Identification) -> str:
-    """What no log of two cells shows; empty where only one is read."""
+    """Sentence about what no log of two cells shows; empty where only one is read."""
     law = CapstanLaw.of(found.scenario.transmission)
     if not found.described or found.explain is Explain.POSITION or min(law.pull_exponent, law.release_exponent) <= 0:
         return ""
