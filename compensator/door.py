@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from tendonff.compensator.export.c_project import Exported
     from tendonff.compensator.export.finger.project import ExportedFingers
     from tendonff.compensator.export.joint.project import ExportedJoints
+    from tendonff.compensator.export.several import ExportedTensions
     from tendonff.compensator.export.unit import Fmu
     from tendonff.compensator.files.reading import FloatArray
     from tendonff.compensator.identification.answer.result import Identification
@@ -89,7 +90,7 @@ def _not(kinds: Sequence[Kind], why: str) -> Mapping[Kind, str]:
 
 
 _FINGER_ALONE = "tf.Runtime and export-c give their motor angles step by step"
-_APART = "a project holds single joints or fingers, each kind in a folder of its own; give one kind at a time"
+_APART = "a project holds tensions, single joints or fingers; give one kind at a time"
 _LIVE = "the filter of a live reference is that of a tension; the exported inverse of a joint leads to its reference"
 _PROBES = "the optimal profile is that of a tension; joints have the exact inverse"
 _ONE_MOTOR = "is for the tensions of one tendon; a joint is known by its motor, leave it out"
@@ -232,15 +233,11 @@ WORKS: Mapping[str, Work] = MappingProxyType(
         ),
         "export_c": Work(
             by={
-                Kind.TENSION: "export.c_project:export_project",
+                Kind.TENSION: "export.several:export_tensions",
                 Kind.JOINT: "export.joint.project:export_joints",
                 Kind.FINGER: "export.finger.project:export_fingers",
             },
             options={
-                "further": _not(
-                    (Kind.TENSION,),
-                    "one project has one tension, or several driven joints; give one scenario at a time",
-                ),
                 "profile_N": _not(_MOTORS, "profile_N is a force over time; the inverse of a joint runs live"),
             },
         ),
@@ -678,7 +675,7 @@ def export_c(
     level: Level | None = None,
     profile_N: "FloatArray | None" = None,
     force_export: bool = False,
-) -> "Exported | ExportedJoints | ExportedFingers":
+) -> "Exported | ExportedTensions | ExportedJoints | ExportedFingers":
     """Print a folder of C99 for the controller, with its self test.
 
     Every module is simulated on the scenario's reference first; one that is worse than no compensation is left out.
@@ -686,8 +683,8 @@ def export_c(
     Parameters
     ----------
     scenario : Scenario, JointScenario or FingerScenario
-    further : sequence of JointScenario or FingerScenario, optional
-        Of joints: others of the same project, which share one copy of the code.
+    further : sequence of scenarios of the same kind, optional
+        Others of the same project: joints and fingers share one copy of the code, tensions have a folder each.
     precision : Precision, optional
         Real type of all arithmetic.
     prefix : str, optional
@@ -718,7 +715,7 @@ def export_c(
     for each in further:
         if each.kind is not scenario.kind:
             raise InputError(f"{each.source.name}: {_APART}")
-    found: Exported | ExportedJoints | ExportedFingers = export(
+    found: Exported | ExportedTensions | ExportedJoints | ExportedFingers = export(
         scenario, precision=precision, prefix=prefix, level=level, force_export=force_export
     )
     return found

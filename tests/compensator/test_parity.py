@@ -21,7 +21,7 @@ RIGS = {
 }
 """What there is, and the kind of scenario that it is to the program."""
 
-MOST_REFUSED = 18
+MOST_REFUSED = 17
 """Refusals: each reason of a whole work, and each reason of an option; they may only become fewer."""
 
 COMMANDS = {
@@ -133,7 +133,7 @@ def test_options_of_python_are_refused_with_the_same_reasons(files):
         tf.design(joint, compensators=("static", "inverse"))
     with pytest.raises(InputError, match="joints have the exact inverse"):
         tf.compare(joint, options=tf.TrackOptions())
-    with pytest.raises(InputError, match="give one scenario at a time"):
+    with pytest.raises(InputError, match="give one kind at a time"):
         tf.export_c(tf.load_scenario(files["tension"]), further=(joint,))
 
 
