@@ -24,7 +24,7 @@ from tendonff.compensator.finger.export.golden import (
 from tendonff.compensator.finger.export.judgement import judge_finger
 from tendonff.compensator.finger.export.text import finger_module, render
 from tendonff.compensator.finger.scenario import FingerScenario
-from tendonff.compensator.joint.export.judgement import JudgedJoint, judgement_lines
+from tendonff.compensator.joint.export.judgement import JudgedJoint, judgement_lines, live_headline
 from tendonff.compensator.joint.plant import verifying_masses
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
@@ -47,6 +47,8 @@ class ExportedFingers:
         Errors over all joints of each finger.
     loss_rad : float or None
         Largest departure of the compiled code from the model; None without a compiler.
+    headlines : tuple of str
+        Expected error of each finger over what is uncertain, with the next step.
     warnings : tuple of str
         What the user should know, one sentence each.
     """
@@ -54,6 +56,7 @@ class ExportedFingers:
     files: dict[str, str] = field(repr=False)
     judged: tuple[JudgedJoint, ...]
     loss_rad: float | None
+    headlines: tuple[str, ...]
     warnings: tuple[str, ...]
 
     @property
@@ -64,7 +67,7 @@ class ExportedFingers:
     @property
     def lines(self) -> tuple[str, ...]:
         """The judgement in words."""
-        return judgement_lines(self.judged, "lengths", self.loss_rad)
+        return judgement_lines(self.judged, "lengths", self.loss_rad, self.headlines)
 
     def write(self, folder: str | os.PathLike[str]) -> None:
         """Write every file, all or nothing; makes the folder."""
@@ -124,6 +127,7 @@ def export_fingers(
             "plain": judged[k].text(judged[k].plain_rms),
             "score": judged[k].text(judged[k].rms),
             "fault": judged[k].fault,
+            "headline": live_headline(task, task.scenario.source),
         }
     faults = [f"{each.name}: {each.fault}" for each in judged if each.fault]
     if faults and not force_export:
@@ -141,7 +145,13 @@ def export_fingers(
     files = module.files | {name: render(f"{name}.j2", context) for name in _FILES}
     files["design.json"] = _design_json(tasks, judged, precision, prefix, loss)
     kept = [f"{fault}; exported because of --force-export" for fault in faults]
-    return ExportedFingers(files=files, judged=tuple(judged), loss_rad=loss, warnings=(*_warnings(runs), *kept))
+    return ExportedFingers(
+        files=files,
+        judged=tuple(judged),
+        loss_rad=loss,
+        headlines=tuple(each["headline"] for each in context["fingers"]),
+        warnings=(*_warnings(runs), *kept),
+    )
 
 
 def _check_together(scenarios: Sequence[FingerScenario]) -> None:

@@ -3,15 +3,19 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
+from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.files.reading import FloatArray
+from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.joint.compensators import linear_motor_rad
 from tendonff.compensator.joint.drive import commanded, known_by_ratio
 from tendonff.compensator.joint.plant import REFINEMENT, JointPlant, verifying_masses
 from tendonff.compensator.joint.scenario.reference import JointQuantity
 from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint
+from tendonff.compensator.joint.task import MotorTask
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,8 +47,10 @@ class JudgedJoint:
         return f"{math.degrees(value):.2g} deg" if self.is_angle else f"{value:.2g} N m"
 
 
-def judgement_lines(judged: Sequence[JudgedJoint], plain: str, loss_rad: float | None = None) -> tuple[str, ...]:
-    """Errors in words, beside those of what is `plain`, and the departure of compiled code."""
+def judgement_lines(
+    judged: Sequence[JudgedJoint], plain: str, loss_rad: float | None = None, headlines: Sequence[str] = ()
+) -> tuple[str, ...]:
+    """Errors in words, beside those of what is `plain`, the departure of compiled code, and what to expect of each."""
     compiled = (
         () if loss_rad is None else (f"compiled here, the code departs from the model by {loss_rad:.2g} rad at most",)
     )
@@ -52,7 +58,16 @@ def judgement_lines(judged: Sequence[JudgedJoint], plain: str, loss_rad: float |
         f"{j.name}: RMS error {j.text(j.rms)} with exactly these parameters, by the {plain} alone {j.text(j.plain_rms)}"
         for j in judged
     ]
-    return (*rows, *compiled)
+    expected = (f"{j.name}: {headline}" for j, headline in zip(judged, headlines, strict=False))
+    return (*rows, *compiled, *expected)
+
+
+def live_headline(task: MotorTask, source: Path) -> str:
+    """What to expect on a rig where the reference arrives live, and the next step."""
+    found = task.expect_live()
+    return found.headline(
+        "exact inverse", next_step(found, as_argument(source), "call it once per sample, and watch its status")
+    )
 
 
 def judge_joint(scenario: JointScenario, sampled: SampledJoint, command_rad: FloatArray) -> JudgedJoint:

@@ -8,12 +8,10 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 
 from tendonff._version import __version__
-from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.export.feedback import feedback_files
 from tendonff.compensator.export.modules import check_prefix
 from tendonff.compensator.feedback.code import feedback_module
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.files.writing import atomic_directory, write_text
 from tendonff.compensator.joint.compensators import JointTask
 from tendonff.compensator.joint.export.golden import (
@@ -24,7 +22,7 @@ from tendonff.compensator.joint.export.golden import (
     largest_departure,
     run_courses,
 )
-from tendonff.compensator.joint.export.judgement import JudgedJoint, judge_joint, judgement_lines
+from tendonff.compensator.joint.export.judgement import JudgedJoint, judge_joint, judgement_lines, live_headline
 from tendonff.compensator.joint.export.text import module_text, problem_of, render, transmission_files
 from tendonff.compensator.joint.feedback import JointFeedbackTask
 from tendonff.compensator.joint.plant import REFINEMENT, verifying_masses
@@ -71,11 +69,7 @@ class ExportedJoints:
     @property
     def lines(self) -> tuple[str, ...]:
         """The judgement in words."""
-        rows = zip(self.judged, self.headlines, strict=True)
-        return (
-            *judgement_lines(self.judged, "ratio", self.loss_rad),
-            *(f"{each.name}: {headline}" for each, headline in rows),
-        )
+        return judgement_lines(self.judged, "ratio", self.loss_rad, self.headlines)
 
     def write(self, folder: str | os.PathLike[str]) -> None:
         """Write every file, all or nothing; makes the folder."""
@@ -141,7 +135,7 @@ def export_joints(
         if found is not None and not own.reference.periodic:
             command = found[len(scenarios) + k].command_rad
         judged.append(judge_joint(own, each, command))
-        headlines.append(_headline(own))
+        headlines.append(live_headline(JointTask.of(own), own.source))
         joints[k] |= {
             "headline": headlines[k],
             "golden": golden_context(own, problem, courses[k], None if found is None else found[k], precision),
@@ -193,12 +187,6 @@ def _feedback(
     module = feedback_module(JointFeedbackTask.of(JointTask.of(scenarios[0]), settings[0]))
     include = f"{prefix}_joint.h"
     return feedback_files(module, prefix=prefix, precision=precision, include=include, provenance=provenance), []
-
-
-def _headline(scenario: JointScenario) -> str:
-    found, file = JointTask.of(scenario).expect_live(), as_argument(scenario.source)
-    then = next_step(found, file, "call it once per sample, and watch its status")
-    return found.headline("exact inverse", then)
 
 
 def _check_together(scenarios: Sequence[JointScenario]) -> None:
