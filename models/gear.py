@@ -7,8 +7,8 @@ where the tendon drives the gear back. Newtons at a tendon, or newton metres at 
 """
 
 from dataclasses import dataclass
+from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -16,7 +16,7 @@ from tendonff.models.errors import ParameterError, require
 from tendonff.models.layout import Array
 
 
-def slip_friction(coulomb: ca.SX, lost_share: ca.SX, load: ca.SX) -> ca.SX:
+def slip_friction(coulomb: Any, lost_share: Any, load: Any) -> Any:
     """Friction in slip under a load >= 0, in its unit: what does not depend on it, and a share of it.
 
     CasADi expressions, numbers or arrays.

@@ -63,7 +63,7 @@ def judgement_lines(
 
 
 def live_headline(task: MotorTask, source: Path) -> str:
-    """What to expect on a rig where the reference arrives live, and the next step."""
+    """Expected error on a rig where the reference arrives live, and the next step."""
     found = task.expect_live()
     return found.headline(
         "exact inverse", next_step(found, as_argument(source), "call it once per sample, and watch its status")
