@@ -196,7 +196,7 @@ def _check_together(scenarios: Sequence[JointScenario]) -> None:
         if name in names:
             raise InputError(
                 f'{file}: joint "{scenario.mechanism.joint.name}" stands in {names[name]} too; give each joint of one '
-                "project a name of its own"
+                "project a name of its own; [joints] and [[tendons]] of a file replace those of its base"
             )
         names[name] = file
         if scenario.run.step_s != scenarios[0].run.step_s:
