@@ -19,7 +19,7 @@ from tendonff.compensator.export.finger.golden import (
     run_courses,
 )
 from tendonff.compensator.export.finger.text import finger_module, render
-from tendonff.compensator.export.joint.judgement import JudgedJoint, judge, judgement_lines
+from tendonff.compensator.export.joint.judgement import JudgedJoint, judge, judgement_lines, live_headline
 from tendonff.compensator.export.modules import check_prefix
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import atomic_directory, write_text
@@ -45,6 +45,8 @@ class ExportedFingers:
         Errors over all joints of each finger.
     loss_rad : float or None
         Largest departure of the compiled code from the model; None without a compiler.
+    headlines : tuple of str
+        Expected error of each finger over what is uncertain, with the next step.
     warnings : tuple of str
         What the user should know, one sentence each.
     """
@@ -52,6 +54,7 @@ class ExportedFingers:
     files: dict[str, str] = field(repr=False)
     judged: tuple[JudgedJoint, ...]
     loss_rad: float | None
+    headlines: tuple[str, ...]
     warnings: tuple[str, ...]
 
     @property
@@ -62,7 +65,7 @@ class ExportedFingers:
     @property
     def lines(self) -> tuple[str, ...]:
         """The judgement in words."""
-        return judgement_lines(self.judged, self.loss_rad)
+        return judgement_lines(self.judged, self.loss_rad, self.headlines)
 
     def write(self, folder: str | os.PathLike[str]) -> None:
         """Write every file, all or nothing; makes the folder."""
@@ -101,6 +104,7 @@ def export_fingers(
             "plain": judged[k].text(judged[k].plain_rms),
             "score": judged[k].text(judged[k].rms),
             "fault": judged[k].fault,
+            "headline": live_headline(task, task.scenario.source),
         }
     faults = [f"{each.name}: {each.fault}" for each in judged if each.fault]
     if faults and not force_export:
@@ -118,7 +122,13 @@ def export_fingers(
     files = module.files | {name: render(f"{name}.j2", context) for name in _FILES}
     files["design.json"] = _design_json(tasks, judged, precision, prefix, loss)
     kept = [f"{fault}; exported because of --force-export" for fault in faults]
-    return ExportedFingers(files=files, judged=tuple(judged), loss_rad=loss, warnings=(*_warnings(runs), *kept))
+    return ExportedFingers(
+        files=files,
+        judged=tuple(judged),
+        loss_rad=loss,
+        headlines=tuple(each["headline"] for each in context["fingers"]),
+        warnings=(*_warnings(runs), *kept),
+    )
 
 
 def _check_together(scenarios: Sequence[FingerScenario]) -> None:

@@ -3,12 +3,15 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from tendonff.compensator.compensators.motors.task import MotorTask
+from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.compensators.score import scale_of
 from tendonff.compensator.files.reading import FloatArray
+from tendonff.compensator.files.text import as_argument
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,8 +43,10 @@ class JudgedJoint:
         return f"{math.degrees(value):.2g} deg" if self.is_angle else f"{value:.2g} N m"
 
 
-def judgement_lines(judged: Sequence[JudgedJoint], loss_rad: float | None = None) -> tuple[str, ...]:
-    """Errors in words, beside those of the ratio alone, and the departure of compiled code."""
+def judgement_lines(
+    judged: Sequence[JudgedJoint], loss_rad: float | None = None, headlines: Sequence[str] = ()
+) -> tuple[str, ...]:
+    """Errors in words, beside those of the ratio alone, the departure of compiled code, and what to expect of each."""
     compiled = (
         () if loss_rad is None else (f"compiled here, the code departs from the model by {loss_rad:.2g} rad at most",)
     )
@@ -49,7 +54,16 @@ def judgement_lines(judged: Sequence[JudgedJoint], loss_rad: float | None = None
         f"{j.name}: RMS error {j.text(j.rms)} with exactly these parameters, by the ratio alone {j.text(j.plain_rms)}"
         for j in judged
     ]
-    return (*rows, *compiled)
+    expected = (f"{j.name}: {headline}" for j, headline in zip(judged, headlines, strict=False))
+    return (*rows, *compiled, *expected)
+
+
+def live_headline(task: MotorTask, source: Path) -> str:
+    """Expected error on a rig where the reference arrives live, and the next step."""
+    found = task.expect_live()
+    return found.headline(
+        "exact inverse", next_step(found, as_argument(source), "call it once per sample, and watch its status")
+    )
 
 
 def judge(task: MotorTask, name: str, command_rad: FloatArray) -> JudgedJoint:

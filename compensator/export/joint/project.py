@@ -10,7 +10,6 @@ import numpy as np
 from tendonff._version import __version__
 from tendonff.compensator.compensators.motors.joint import JointTask
 from tendonff.compensator.compensators.motors.task import verifying_masses
-from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.export.feedback import feedback_files
 from tendonff.compensator.export.joint.golden import (
     JointCourse,
@@ -20,13 +19,12 @@ from tendonff.compensator.export.joint.golden import (
     largest_departure,
     run_courses,
 )
-from tendonff.compensator.export.joint.judgement import JudgedJoint, judge, judgement_lines
+from tendonff.compensator.export.joint.judgement import JudgedJoint, judge, judgement_lines, live_headline
 from tendonff.compensator.export.joint.text import module_text, problem_of, render, transmission_files
 from tendonff.compensator.export.modules import check_prefix
 from tendonff.compensator.feedback.code import feedback_module
 from tendonff.compensator.feedback.joint import JointFeedbackTask
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.files.writing import atomic_directory, write_text
 from tendonff.compensator.scenario.driven.joint import JointScenario, on_level, sample_joint
 from tendonff.models.fidelity import Level
@@ -71,11 +69,7 @@ class ExportedJoints:
     @property
     def lines(self) -> tuple[str, ...]:
         """The judgement in words."""
-        rows = zip(self.judged, self.headlines, strict=True)
-        return (
-            *judgement_lines(self.judged, self.loss_rad),
-            *(f"{each.name}: {headline}" for each, headline in rows),
-        )
+        return judgement_lines(self.judged, self.loss_rad, self.headlines)
 
     def write(self, folder: str | os.PathLike[str]) -> None:
         """Write every file, all or nothing; makes the folder."""
@@ -114,7 +108,7 @@ def export_joints(
             command = found[len(scenarios) + k].command_rad
         task = JointTask(scenario=own, sampled=each, mechanism=own.mechanism, level=own.run.level)
         judged.append(judge(task, own.mechanism.joint.name, command))
-        headlines.append(_headline(own))
+        headlines.append(live_headline(JointTask.of(own), own.source))
         joints[k] |= {
             "headline": headlines[k],
             "golden": golden_context(own, problem, courses[k], None if found is None else found[k], precision),
@@ -169,12 +163,6 @@ def _feedback(
     return feedback_files(module, prefix=prefix, precision=precision, include=include, provenance=provenance), []
 
 
-def _headline(scenario: JointScenario) -> str:
-    found, file = JointTask.of(scenario).expect_live(), as_argument(scenario.source)
-    then = next_step(found, file, "call it once per sample, and watch its status")
-    return found.headline("exact inverse", then)
-
-
 def _check_together(scenarios: Sequence[JointScenario]) -> None:
     names: dict[str, str] = {}
     for scenario in scenarios:
@@ -182,7 +170,7 @@ def _check_together(scenarios: Sequence[JointScenario]) -> None:
         if name in names:
             raise InputError(
                 f'{file}: joint "{scenario.mechanism.joint.name}" stands in {names[name]} too; give each joint of one '
-                "project a name of its own"
+                "project a name of its own; [joints] and [[tendons]] of a file replace those of its base"
             )
         names[name] = file
         if scenario.run.step_s != scenarios[0].run.step_s:

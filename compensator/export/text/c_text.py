@@ -340,7 +340,7 @@ def _start_context(chain: Chain) -> dict[str, object]:
         "friction_at": layout.part(layout.friction_states[0]).start if layout.friction_states else 0,
         "link_parts": stretched,
         "near_at": layout.part("q_a").start,
-        "coulomb": chain.coulomb_N,
+        "drive": chain.drive,
         "rest_per_N": chain.rest_state(1.0).near_position_m,
         "dry_at": layout.part("v").stop,
     }

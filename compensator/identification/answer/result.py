@@ -34,6 +34,9 @@ def is_known(standard_error: float, size: float) -> bool:
     return standard_error < TUNED.identifiable_share * size
 
 
+_SHORT = 30  # characters of a reason that is shorter than a reference to another row
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate:
     """Estimated value.
@@ -96,6 +99,18 @@ class Estimate:
             "why": self.reason,
             "scenario": self.scenario,
         }
+
+
+def reasons_of(estimates: Sequence[Estimate]) -> list[str]:
+    """Reasons for a column: what all stands in an earlier row already is a reference to that."""
+    found, said = list[str](), dict[str, str]()
+    for each in estimates:
+        parts = each.reason.replace(each.name, "it").split("; ")
+        first = said.get(parts[-1])
+        again = first is not None and len(each.reason) > _SHORT and all(part in said for part in parts)
+        found.append(f"as {first}" if again else each.reason)
+        said = dict.fromkeys(parts, each.name) | said
+    return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -35,7 +35,7 @@ from tendonff.compensator.studies.compare.matrix import (
 from tendonff.compensator.studies.compare.output import matrix_columns, write_files
 from tendonff.compensator.studies.compare.own import own_force
 from tendonff.compensator.studies.compare.result import CAPSTAN_PLANT, PLANTS, Comparison
-from tendonff.models.capstan import CapstanLaw
+from tendonff.models.capstan import CapstanLaw, behind_drive_N
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.models.turns import in_turn
@@ -175,7 +175,8 @@ def _outputs(
         rows = followed(transmission.actuator, profile.given, reference) if force else profile.force_N
         if reference.periodic:  # the second period is that of the steady state
             rows = np.concatenate([rows[:-1], rows])
-        tension = law.output_history_N(rows, start)[-len(profile.force_N) :]
+        pulled = behind_drive_N(transmission.actuator.law, rows, start)
+        tension = law.output_history_N(pulled, start)[-len(profile.force_N) :]
         yield delivered_of(transmission.load, tension, reference)
         return
     level = Level(plant)

@@ -75,7 +75,7 @@ def make_tables(
     met = limit_warnings("table", compensation.wanted_N(problem), profile.force_N)
     bounds = problem.options.minimum_tension_N, problem.options.maximum_tension_N
     needed = problem.inversion.force_N, reference.step_s, problem.limits
-    causes = reasons(law_of(problem.chain), reference.tension_N, *needed, *bounds) if met else ()
+    causes = reasons(law_of(problem.chain), reference.tension_N, *needed, *bounds, problem.chain.drive) if met else ()
     options = {"level": level, "bound": bound, "angles": _listed(angles_rad), "rates": _listed(rates)}
     options["pose"] = " --pose ".join(f"{name}={angle}" for name, angle in pose_rad.items())
     return Tables(

@@ -148,6 +148,11 @@ def test_the_command_writes_the_folder_and_states_the_errors(tmp_path, capsys):
     readme = (tmp_path / "c/README.md").read_text("utf-8")
     assert "TFF_FINGER_THREE" in readme
     assert "mcp, pip, dip" in readme
+    expected = tf.Runtime(str(tmp_path / "three.toml")).expectation.headline("exact inverse", "")
+    sentence = expected[: expected.index("Next:")]
+    assert sentence.startswith("Tracking error up to")
+    assert f"- three: {sentence}" in readme
+    assert f"three: {sentence}" in said
 
 
 @pytest.mark.parametrize(
