@@ -53,7 +53,7 @@ class TendonSurvey:
         return self.length_error_m < LENGTH_M and self.wrap_rms_rad < WRAP_RAD and self.arm_error_m < ARM_M
 
     def miss(self) -> str:
-        """By how much its tables miss the model."""
+        """Warning of tables that miss the model, with their differences."""
         return (
             f'the tables of tendon "{self.name}" miss the model by {1e3 * self.length_error_m:.2g} mm of length, '
             f"{1e3 * self.wrap_rms_rad:.2g} mrad of wrap angle (RMS), {1e3 * self.arm_error_m:.2g} mm of moment arm "

@@ -192,7 +192,7 @@ class _Fit:
             nodes = finer
 
     def _jump(self, axis: Joint, off_m: float, pose: FloatArray) -> InputError:
-        """What to say of a path that jumps where several joints meet, so that no table fits it."""
+        """Error of a path that jumps where several joints meet, so that no table fits it."""
         at = float(pose[self.hand.names.index(axis.name)])
         return InputError(
             f'{self.hand.path.name}: a wrap of tendon "{self.route.name}" flips its side near "{axis.name}" = {at:.3g} '
