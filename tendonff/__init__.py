@@ -41,6 +41,7 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.compensator.studies.adapt.result import AdaptationStudy
     from tendonff.compensator.studies.compare.result import Comparison
     from tendonff.compensator.studies.design.result import Design
+    from tendonff.compensator.studies.design.sweep.plan import draw
     from tendonff.compensator.studies.experiment.result import ExperimentResult
     from tendonff.compensator.studies.experiment.run import experiment
     from tendonff.compensator.studies.tables.result import Tables
@@ -123,6 +124,7 @@ __all__ = [
     "as_iosystem",
     "compare",
     "design",
+    "draw",
     "experiment",
     "export_c",
     "export_fmu",
@@ -164,6 +166,7 @@ _HOMES = {
     "compensator.compensators.profile": ("Profile",),
     "compensator.compensators.registry": ("COMPENSATORS",),
     "compensator.studies.design.result": ("Design",),
+    "compensator.studies.design.sweep.plan": ("draw",),
     "compensator.studies.experiment.result": ("ExperimentResult",),
     "compensator.studies.experiment.run": ("experiment",),
     "compensator.export.kinds": ("FmiVersion", "FmuKind:Kind"),

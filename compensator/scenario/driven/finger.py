@@ -73,6 +73,8 @@ class FingerScenario:
         Its text.
     inputs : tuple of Path
         Files that it names.
+    changed : dict of str to float
+        Numbers that were changed since it was read, by key; factors for mu, stiffness and bristle_stiffness.
     """
 
     kind: ClassVar[Kind] = Kind.FINGER
@@ -90,6 +92,7 @@ class FingerScenario:
     source: Path
     text: str = field(repr=False)
     inputs: tuple[Path, ...] = field(default=())
+    changed: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def measurement(self) -> Measurement:
@@ -113,8 +116,8 @@ class FingerScenario:
         return Goal(quantity="joint angle", unit=RADIAN, names=names, is_named=True)
 
     def to_toml(self) -> str:
-        """The text of the file."""
-        return self.text
+        """The text of the file, and as comments what was changed since."""
+        return self.text + "".join(f"\n# changed: {key} = {value:.9g}" for key, value in self.changed.items())
 
     def reference_file(self) -> Path | None:
         """The file of a CSV reference, resolved; None for the other kinds."""
@@ -122,7 +125,8 @@ class FingerScenario:
 
     def digest(self) -> str:
         """Sixteen hexadecimal digits that change when a value, or the contents of a file that it names, change."""
-        found = hashlib.sha256(json.dumps(tomllib.loads(self.text), sort_keys=True, default=str).encode())
+        read = {**tomllib.loads(self.text), **({"changed": self.changed} if self.changed else {})}
+        found = hashlib.sha256(json.dumps(read, sort_keys=True, default=str).encode())
         for path in self.inputs:
             found.update(read_text(path).encode())
         return found.hexdigest()[:16]

@@ -73,6 +73,8 @@ class JointScenario:
         Its text.
     inputs : tuple of Path
         Files that it names.
+    changed : dict of str to float
+        Numbers that were changed since it was read, by key; factors for mu, stiffness and bristle_stiffness.
     """
 
     kind: ClassVar[Kind] = Kind.JOINT
@@ -88,6 +90,7 @@ class JointScenario:
     text: str = field(repr=False)
     observer: ObserverTable | None = None
     inputs: tuple[Path, ...] = field(default=())
+    changed: Mapping[str, float] = field(default_factory=dict)
     adaptation: JointAdaptation | None = None
     feedback: Feedback | None = None
 
@@ -124,12 +127,13 @@ class JointScenario:
         return self.mechanism
 
     def to_toml(self) -> str:
-        """The text of the file."""
-        return self.text
+        """The text of the file, and as comments what was changed since."""
+        return self.text + "".join(f"\n# changed: {key} = {value:.9g}" for key, value in self.changed.items())
 
     def digest(self) -> str:
         """Sixteen hexadecimal digits that change when a value, or the contents of a file that it names, change."""
-        found = hashlib.sha256(json.dumps(tomllib.loads(self.text), sort_keys=True, default=str).encode())
+        read = {**tomllib.loads(self.text), **({"changed": self.changed} if self.changed else {})}
+        found = hashlib.sha256(json.dumps(read, sort_keys=True, default=str).encode())
         for path in self.inputs:
             found.update(read_text(path).encode())
         return found.hexdigest()[:16]

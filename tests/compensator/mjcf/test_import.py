@@ -55,6 +55,7 @@ def test_tables_have_lengths_moment_arms_and_bends_of_mujoco_at_unseen_poses(nam
         assert tendon.length_error_m < 1e-5
         assert tendon.arm_error_m < 1e-4
         assert tendon.wrap_rms_rad < 2e-3
+        assert tendon.fits
 
 
 def test_a_wrap_of_more_than_half_a_turn_has_its_closed_form(tmp_path: Path) -> None:

@@ -47,8 +47,8 @@ class Kind(ABC):
         """The transmission or the mechanism."""
 
     @abstractmethod
-    def with_system(self, scenario: Any, system: Any) -> Any:
-        """The scenario with another one."""
+    def with_system(self, scenario: Any, system: Any, numbers: Mapping[str, float]) -> Any:
+        """The scenario with another one, in which these numbers differ."""
 
     @abstractmethod
     def digest(self, scenario: Any) -> str:
@@ -85,7 +85,7 @@ class _Tension(Kind):
     def system(self, scenario: Scenario) -> object:
         return scenario.transmission
 
-    def with_system(self, scenario: Scenario, system: Any) -> Scenario:
+    def with_system(self, scenario: Scenario, system: Any, numbers: Mapping[str, float]) -> Scenario:  # noqa: ARG002
         return replace(scenario, transmission=system)
 
     def digest(self, scenario: Scenario) -> str:
@@ -121,8 +121,8 @@ class _Motors(Kind):
     def system(self, scenario: MotorScenario) -> object:
         return scenario.mechanism
 
-    def with_system(self, scenario: MotorScenario, system: Any) -> MotorScenario:
-        return replace(scenario, mechanism=system)
+    def with_system(self, scenario: MotorScenario, system: Any, numbers: Mapping[str, float]) -> MotorScenario:
+        return replace(scenario, mechanism=system, changed={**scenario.changed, **numbers})
 
     def digest(self, scenario: MotorScenario) -> str:
         return scenario.digest()
