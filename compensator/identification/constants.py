@@ -179,3 +179,6 @@ class Tuned:
 
 
 TUNED = Tuned()
+
+TORQUE_CONSTANT_ERROR = 0.1 / 1.96
+"""Standard error of a motor's torque constant, a share (rule: data sheets state +-10 %; warm magnets are weaker)."""

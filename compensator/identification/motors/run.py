@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.finger.scenario import FingerScenario, SampledFinger, sample_finger
 from tendonff.compensator.identification.answer.result import Estimate, estimate_columns, is_known
+from tendonff.compensator.identification.constants import TORQUE_CONSTANT_ERROR
 from tendonff.compensator.identification.joint.fitted import set_keys, to_toml
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.motors.law import MotorsLaw
@@ -241,13 +242,15 @@ def _estimate(
     elif not known:
         why = f"its standard error is {error:.2g} {number.unit}; {number.advice}"
     elif number.of_force:
-        why += ", as measured by the motors: as good as their torque constants"
+        why += ", as measured by the motors: its interval counts 10 % for their torque constants"
     before = scenarios_own(finger, number.key)
+    whole = float(np.hypot(error, TORQUE_CONSTANT_ERROR * value)) if number.of_force else error
     return Estimate(
         name=number.key,
         value=value if known else (before if before is not None else value),
-        standard_error=error if np.isfinite(error) else None,
-        interval=(value - reach * error, value + reach * error) if known else None,
+        standard_error=whole if np.isfinite(error) else None,
+        interval=(value - reach * whole, value + reach * whole) if known else None,
+        interval_as_measured=(value - reach * error, value + reach * error) if known and number.of_force else None,
         identifiable=known,
         why=why,
         scenario=before,
@@ -326,8 +329,9 @@ def _robust(finger: Finger, known: dict[str, Estimate], stated: dict[str, Any]) 
 
 
 def _half_width(estimate: Estimate) -> float:
-    """Half of the interval over the value; the assumed width of one that is not identified."""
-    if estimate.interval is None:
-        return ASSUMED_SPREAD
-    half = (estimate.interval[1] - estimate.interval[0]) / 2 / abs(estimate.value)
-    return round(min(max(half, 1e-4), 0.99), 4)
+    """Half of the interval over the value; the assumed width of one that is not identified.
+
+    Without the torque constants: where all forces are off alike, the joints stand where they did.
+    """
+    half = estimate.own_half_width
+    return ASSUMED_SPREAD if half is None else round(min(max(half, 1e-4), 0.99), 4)
