@@ -5,9 +5,9 @@
 Each loop is the explicit plant of `tests/joint_plant.py`, 40 masses a tendon and steps of 2 us, with numbers drawn by
 `tests/hidden_loop.py`: 12-bit motor angle, 100 Hz, 3 mA noise, torque constant 10 % off, friction of the gear 5 to 30 %
 of 2 a T, every fourth with an efficiency below one, a stop of 60 to 200 N m/rad, every other with an encoder. Prints
-errors in % of what the motor measures, whether the 95 % interval holds the true value (+ or !), and the RMS error of the
-joint after design from fitted.toml. `--relaxing` gives the tendons stress relaxation, a share of their stiffness within
-0.5 to 3 s, `--adhesion` load-independent friction, a share of the pre-tension.
+errors in % of what the motor measures, whether the 95 % interval holds the true value (+ or !), and the RMS error of
+the joint after design from fitted.toml. `--relaxing` gives the tendons stress relaxation, a share of their stiffness,
+within 0.5 to 3 s, `--adhesion` load-independent friction, a share of the pre-tension.
 """
 
 import argparse
@@ -24,7 +24,6 @@ from tendonff.compensator.identification.joint.run import identify_joint
 from tendonff.compensator.joint.design.run import design_joint
 from tendonff.compensator.scenarios import load_scenario
 from tests.hidden_loop import FINE_S, HiddenLoop, hidden, scenario, write_log
-
 
 FORCES = (
     "drive_torque_N_m",

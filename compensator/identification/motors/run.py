@@ -14,10 +14,10 @@ from threadpoolctl import threadpool_limits
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.finger.scenario import FingerScenario, SampledFinger, sample_finger
 from tendonff.compensator.identification.answer.result import Estimate, estimate_columns, is_known
-from tendonff.compensator.identification.constants import TORQUE_CONSTANT_ERROR
+from tendonff.compensator.identification.constants import TORQUE_CONSTANT_ERROR, TUNED
 from tendonff.compensator.identification.joint.fitted import set_keys, to_toml
 from tendonff.compensator.identification.measured import Array
-from tendonff.compensator.identification.motors.law import MotorsLaw
+from tendonff.compensator.identification.motors.law import Lacking, MotorsLaw
 from tendonff.compensator.identification.motors.log import MotorsLog, read_logs
 from tendonff.compensator.identification.motors.numbers import Number, numbers_of, put_into, scenarios_own
 from tendonff.compensator.identification.motors.output import identification_figures, write_files
@@ -175,6 +175,10 @@ def _answer(
     inputs: tuple[Path, ...],
 ) -> MotorsIdentification:
     finger, covariance = law.finger, law.covariance(solution)
+    lacking = [each for each in law.lacking(solution) if each.gain >= TUNED.worth_a_constant]
+    reach = float(student.ppf(0.975, max(solution.degrees, 1)))
+    for each in lacking:  # the intervals reach the values with it too
+        covariance = covariance + np.outer(each.shift, each.shift) / reach**2
     compared = [_compared(log, "fit", law, solution.values) for log in law.logs]
     compared += [_judged(log, law, solution) for log in judges]
     worst = max(float(c.torque_percent.max()) for c in compared if c.role == "fit")
@@ -198,7 +202,7 @@ def _answer(
         comparisons=tuple(compared),
         correlation_names=tuple(n.key for n in kept),
         correlation=correlation,
-        warnings=tuple(_warnings(law, described=described)),
+        warnings=tuple(_warnings(law, lacking, described=described)),
         inputs=inputs,
     )
 
@@ -258,13 +262,18 @@ def _estimate(
     )
 
 
-def _warnings(law: MotorsLaw, *, described: bool) -> Iterator[str]:
+def _warnings(law: MotorsLaw, lacking: Sequence[Lacking], *, described: bool) -> Iterator[str]:
     if not described:
         yield (
             "the mechanism does not explain the torques: something else loads a joint, or signs, units, moment arms or "
             "drum radii are wrong; fitted.toml is the scenario"
         )
         return
+    for each in lacking:
+        yield (
+            f"{each.name} of the tendons would explain the log better; it is not fitted for several motors, and the "
+            "intervals are wider by what it would change: measure it on one tendon, and state it in the scenario"
+        )
     if not all(log.encoders.all() for log in law.logs):
         yield (
             "without encoders at all joints their angles count from where the reference starts, and stiffness is known "
