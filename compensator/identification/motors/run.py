@@ -193,7 +193,7 @@ def _answer(
     values = {e.name: e.value for e in estimates if e.identifiable} if described else {}
     return MotorsIdentification(
         asked=scenario,
-        text=_fitted_text(scenario, put_into(finger, values), estimates) if described else scenario.text,
+        text=fitted_text(scenario, put_into(finger, values), estimates) if described else scenario.text,
         motors=tuple(m.name for m in finger.motors),
         joints=finger.names,
         described=described,
@@ -281,7 +281,7 @@ def _warnings(law: MotorsLaw, lacking: Sequence[Lacking], *, described: bool) ->
         )
 
 
-def _fitted_text(scenario: FingerScenario | JointScenario, finger: Finger, estimates: Sequence[Estimate]) -> str:
+def fitted_text(scenario: FingerScenario | JointScenario, finger: Finger, estimates: Sequence[Estimate]) -> str:
     """Text of the scenario with the mechanism's numbers, and its intervals as [robust.spread]."""
     raw: dict[str, Any] = with_base(tomllib.loads(scenario.text), scenario.source, [])
     raw["name"] = f"{scenario.name}, fitted"

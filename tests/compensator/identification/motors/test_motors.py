@@ -11,12 +11,19 @@ import pytest
 from tendonff.compensator.cli import run
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv
+from tendonff.compensator.identification.answer.result import Estimate
 from tendonff.compensator.identification.measured.smoothing import adaptive_low_pass, count_of
 from tendonff.compensator.identification.motors.law import MotorsLaw
 from tendonff.compensator.identification.motors.log import read_logs
 from tendonff.compensator.identification.motors.numbers import numbers_of
-from tendonff.compensator.identification.motors.run import identify_motors, mechanism_of, suggest_motor_routine
-from tendonff.compensator.scenarios import load_scenario
+from tendonff.compensator.identification.motors.run import (
+    fitted_text,
+    identify_motors,
+    mechanism_of,
+    suggest_motor_routine,
+)
+from tendonff.compensator.joint.task import ASSUMED_SPREAD
+from tendonff.compensator.scenarios import load_scenario, parse_any
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.ocp.fits.mechanism import MotorRun
 
@@ -138,6 +145,23 @@ def test_a_finger_of_three_joints_and_four_tendons_is_found(tmp_path, encoder):
     found = identify_motors(scenario, [log])
     for key, value in truth.items():
         assert found.estimate(key).value == pytest.approx(value, rel=0.03), key
+
+
+@pytest.mark.parametrize("example", ["instrument_pair.toml", "three_joint_finger.toml"])
+def test_what_a_log_does_not_identify_has_the_width_that_a_design_assumes(examples, example):
+    """One number that is identified says nothing of the others: a design would take them as known."""
+    asked = load_scenario(examples / example)
+    finger, _ = mechanism_of(asked)
+    numbers = [n for n in numbers_of(finger, ["log"], {}) if not n.is_nuisance]
+    kept = [Estimate(name=n.key, value=n.start, why="too little excitation") for n in numbers]
+    first = f"tendons.{finger.tendons[0].name}.friction.mu_dynamic"
+    one = [replace(e, interval=(0.99 * e.value, 1.01 * e.value)) if e.name == first else e for e in kept]
+    for estimates in (kept, one):
+        text = fitted_text(asked, finger, estimates)
+        robust = parse_any(text, examples / example).robust
+        assert (robust.mu, robust.stiffness) == (ASSUMED_SPREAD, ASSUMED_SPREAD)
+        loops = {f"motors.{m.name}.drive.pretension_N" for m in finger.motors if len(m.winds) > 1}
+        assert {s.name: s.half_width for s in robust.spread} == dict.fromkeys(loops, ASSUMED_SPREAD)
 
 
 @pytest.mark.parametrize(
