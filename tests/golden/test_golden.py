@@ -139,7 +139,7 @@ def test_simulate_gives_what_is_stored(example, level, command, golden):
 @pytest.mark.parametrize(
     ("example", "precision"),
     [
-        pytest.param(*each, marks=pytest.mark.nightly) if each[0] in {"bowden", "finger_fast"} else each
+        pytest.param(*each, marks=pytest.mark.nightly) if each[0] in {"bowden", "finger_fast", "surgical"} else each
         for each in EXPORTS
     ],
 )
@@ -346,6 +346,7 @@ def test_identify_gives_what_is_stored_on_a_synthetic_log(command, golden):
 
 
 @pytest.mark.compiler
+@pytest.mark.nightly
 def test_identify_gives_what_is_stored_on_a_surgical_grasper(command, golden, measured_data):
     folder = measured_data / "davinci_tool4"
     fit = [f"--data={f}" for f in sorted((folder / "identify").glob("*.csv"))]
