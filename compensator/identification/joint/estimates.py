@@ -7,7 +7,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from tendonff.compensator.identification.answer.result import Estimate
-from tendonff.compensator.identification.constants import TORQUE_CONSTANT_ERROR, TUNED
+from tendonff.compensator.identification.constants import TUNED, with_torque_constant
 from tendonff.compensator.identification.joint.mechanism_law import MechanismLaw
 from tendonff.compensator.identification.joint.parameters import ANGLE_OR_PUSH, NUMBERS, JointNumber
 from tendonff.compensator.identification.measured import Array
@@ -58,7 +58,7 @@ class Found:
     not_identifiable : tuple of JointNumber
         Numbers that were free, so that the others are right, but of which the moves tell nothing: they stay the
         scenario's.
-    rivals : tuple of JointNumber
+    alternatives : tuple of JointNumber
         Effects that explain the logs about as well and widen an interval: the covariance reaches those values too.
     """
 
@@ -68,7 +68,7 @@ class Found:
     tried: tuple[tuple[JointNumber, float, bool], ...]
     kept_because: str
     not_identifiable: tuple[JointNumber, ...] = ()
-    rivals: tuple[JointNumber, ...] = ()
+    alternatives: tuple[JointNumber, ...] = ()
 
     @property
     def pushed(self) -> bool:
@@ -153,13 +153,13 @@ def _free(
         why = f"its standard error is {error:.2g} {number.spec.unit}; {number.spec.advice or 'longer files'}"
     elif number.spec.of_force:
         why += ", as measured by the motor: its interval counts 10 % for the torque constant"
-    whole = _with_constant(value, error, of_force=number.spec.of_force)
+    whole, half = _reached(value, error, found, of_force=number.spec.of_force)
     known = identifiable and not by_stop
     return Estimate(
         name=str(number),
         value=value,
         standard_error=whole if np.isfinite(error) else None,
-        interval=_interval(value, whole, found) if known else None,
+        interval=(value - half, value + half) if known else None,
         interval_as_measured=_interval(value, error, found) if known and number.spec.of_force else None,
         identifiable=identifiable and not by_stop,
         why=why,
@@ -173,9 +173,9 @@ def _kept(scenario: JointScenario, number: JointNumber, why: str) -> Estimate:
     return Estimate(name=str(number), value=own, why=why, scenario=own)
 
 
-def _with_constant(value: float, error: float, *, of_force: bool) -> float:
-    """Standard error with that of the torque constant, by which forces are off."""
-    return float(np.hypot(error, TORQUE_CONSTANT_ERROR * value)) if of_force else error
+def _reached(value: float, error: float, found: Found, *, of_force: bool) -> tuple[float, float]:
+    """Standard error and half of the interval, of a force with the torque constant counted."""
+    return with_torque_constant(value, error, found.reach) if of_force else (error, found.reach * error)
 
 
 def _interval(value: float, error: float, found: Found) -> tuple[float, float]:
@@ -211,13 +211,14 @@ def _derived(found: Found, values: Mapping[JointNumber, float], *, described: bo
             why = f"{found.kept_because}; {N.MU.spec.advice}"
         elif not identifiable:
             why = "follows from numbers that are not identifiable"
-        whole = _with_constant(float(middle[k]), error, of_force=name in _OF_FORCE)
+        value = float(middle[k])
+        whole, half = _reached(value, error, found, of_force=name in _OF_FORCE)
         rows.append(
             Estimate(
                 name=name,
-                value=float(middle[k]),
+                value=value,
                 standard_error=whole if identifiable else None,
-                interval=_interval(float(middle[k]), whole, found) if identifiable else None,
+                interval=(value - half, value + half) if identifiable else None,
                 identifiable=identifiable,
                 why=why,
                 scenario=float(before[k]),

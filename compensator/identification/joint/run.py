@@ -60,7 +60,7 @@ STEEP_EXPONENT = 1.1
 HOPELESS = 2.0
 """A law whose error is larger by this factor after its first steps is given up."""
 
-RIVALS = {N.ADHESION: 0.3, N.RELAXING: 0.3}
+ALTERNATIVES = {N.ADHESION: 0.3, N.RELAXING: 0.3}
 """Effects that a slope at zero does not show, since other numbers have taken their place: where a search of its own
 starts, in pre-tensions and as a share of the stiffness.
 """
@@ -69,7 +69,7 @@ AS_GOOD = 1.92
 """Loss of log-likelihood within which a law is not excluded: half of the 95 % quantile of chi-squared of one number."""
 
 WIDER = 1.5
-"""Factor on a standard error by which a rival is worth a word."""
+"""Factor on a standard error by which an alternative is worth a word."""
 
 MOST_EXTRAS = 3
 FIRST_STEPS, STEPS, FINE_STEPS = 5, 15, 4
@@ -218,22 +218,24 @@ def _fitted(
         note = "the pushes end before a tendon is slack"
         law = replace(law, fixed={N.MU: N.MU.of(mechanism)}, as_read=False)
         law, solution, tried = _searched(law, free, looks, some, say)
-    rivals: dict[JointNumber, dict[JointNumber, float]] = {}
+    alternatives: dict[JointNumber, dict[JointNumber, float]] = {}
     if touched and N.MU not in law.fixed:
-        solution, tried, rivals = against_rivals(law, solution, tried, say)
+        solution, tried, alternatives = with_alternatives(law, solution, tried, say)
     say("finer mechanism")
     fine = replace(law, segments=FINE_MASSES, refinement=2)
     before, solution = solution, fine.fit(_values(solution), most=FINE_STEPS)
     covariance = covariance_of(fine, solution)
-    reached = {n: spanned(solution, covariance, [values], before) for n, values in rivals.items()}
+    reached = {n: spanned(solution, covariance, [values], before) for n, values in alternatives.items()}
     return Found(
         law=fine,
         solution=solution,
-        covariance=spanned(solution, covariance, list(rivals.values()), before),
+        covariance=spanned(solution, covariance, list(alternatives.values()), before),
         tried=tried,
         kept_because=note,
         not_identifiable=not_identifiable,
-        rivals=tuple(n for n, wide in reached.items() if (np.diag(wide) > WIDER**2 * np.diag(covariance))[:3].any()),
+        alternatives=tuple(
+            n for n, wide in reached.items() if (np.diag(wide) > WIDER**2 * np.diag(covariance))[:3].any()
+        ),
     )
 
 
@@ -341,15 +343,15 @@ def _with_extras(
     return solution, tuple((n, gain, taken) for n, (gain, taken) in tried.items())
 
 
-def against_rivals(
+def with_alternatives(
     law: MechanismLaw, solution: Solution, tried: Tried, say: Callable[[str], None]
 ) -> tuple[Solution, Tried, dict[JointNumber, dict[JointNumber, float]]]:
-    """Search with each rival effect from well within its range; one that explains the logs better is taken up.
+    """Search with each of these effects from well within its range; one that explains the logs better is taken up.
 
     Also returned are the values with those that explain them about as well, by their effect.
     """
     gained, found = {n: (gain, taken) for n, gain, taken in tried}, dict[JointNumber, Solution]()
-    left = {n: share for n, share in RIVALS.items() if n not in solution.values}
+    left = {n: share for n, share in ALTERNATIVES.items() if n not in solution.values}
     blocks = len(np.unique(solution.residuals.blocks))
     for number, share in left.items():
         say(f"with {number.spec.effect}")
@@ -369,17 +371,17 @@ def against_rivals(
         gained[best] = (gained[best][0], True)
     tried = tuple((n, *each) for n, each in gained.items())
     if best is not None and taken:
-        return against_rivals(law, found[best], tried, say)
+        return with_alternatives(law, found[best], tried, say)
     return solution, tried, {n: _values(each) for n, each in found.items() if gained[n][0] > -AS_GOOD}
 
 
 def spanned(
-    solution: Solution, covariance: Array, rivals: Sequence[Mapping[JointNumber, float]], before: Solution
+    solution: Solution, covariance: Array, alternatives: Sequence[Mapping[JointNumber, float]], before: Solution
 ) -> Array:
-    """The covariance whose intervals reach the values with rivals too, found beside those of `before`."""
+    """The covariance whose intervals reach the values with alternatives too, found beside those of `before`."""
     reach = float(student.ppf(0.975, max(solution.degrees, 1)))
-    for rival in rivals:
-        apart = np.array([rival[N(name)] - before.values[name] for name in solution.values]) / reach
+    for alternative in alternatives:
+        apart = np.array([alternative[N(name)] - before.values[name] for name in solution.values]) / reach
         covariance = covariance + np.outer(apart, apart)
     return covariance
 
@@ -477,10 +479,10 @@ def warnings_of(found: Found, *, described: bool = True, joint: bool = True, obs
             f"{found.kept_because}: only (T/k) tanh(mu theta/2) and {known} identified; "
             "mu_dynamic is the scenario's, and pretension_N and stiffness_N_per_m belong to it"
         )
-    for rival in found.rivals:
+    for alternative in found.alternatives:
         yield (
-            f"{rival.spec.effect} would explain the log about as well: the intervals reach the values with it too; "
-            f"{rival.spec.advice}"
+            f"{alternative.spec.effect} would explain the log about as well: the intervals reach its values too; "
+            f"{alternative.spec.advice}"
         )
     if bound := [n for n in found.solution.at_bound if n not in found.not_identifiable]:
         yield f"{', '.join(bound)} ended at a bound of the search; check the scenario's value"

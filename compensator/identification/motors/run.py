@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.finger.scenario import FingerScenario, SampledFinger, sample_finger
 from tendonff.compensator.identification.answer.result import Estimate, estimate_columns, is_known
-from tendonff.compensator.identification.constants import TORQUE_CONSTANT_ERROR, TUNED
+from tendonff.compensator.identification.constants import TUNED, with_torque_constant
 from tendonff.compensator.identification.joint.fitted import set_keys, to_toml
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.motors.law import Lacking, MotorsLaw
@@ -248,12 +248,12 @@ def _estimate(
     elif number.of_force:
         why += ", as measured by the motors: its interval counts 10 % for their torque constants"
     before = scenarios_own(finger, number.key)
-    whole = float(np.hypot(error, TORQUE_CONSTANT_ERROR * value)) if number.of_force else error
+    whole, half = with_torque_constant(value, error, reach) if number.of_force else (error, reach * error)
     return Estimate(
         name=number.key,
         value=value if known else (before if before is not None else value),
         standard_error=whole if np.isfinite(error) else None,
-        interval=(value - reach * whole, value + reach * whole) if known else None,
+        interval=(value - half, value + half) if known else None,
         interval_as_measured=(value - reach * error, value + reach * error) if known and number.of_force else None,
         identifiable=known,
         why=why,

@@ -20,11 +20,11 @@ from tendonff.compensator.identification.joint.parameters import JointNumber, pu
 from tendonff.compensator.identification.joint.result import summary_lines
 from tendonff.compensator.identification.joint.routine import suggest_routine
 from tendonff.compensator.identification.joint.run import (
-    against_rivals,
     identify_joint,
     in_counts,
     spanned,
     warnings_of,
+    with_alternatives,
 )
 from tendonff.compensator.joint.scenario.scenario import parse_joint_scenario
 from tendonff.compensator.scenario.measurement import Measurement
@@ -224,13 +224,15 @@ ADHESIVE = {"friction": {"adhesion_N": 3.0}}
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("parts", "rival", "value", "wrong"),
+    ("parts", "alternative", "value", "wrong"),
     [
         (ADHESIVE, JointNumber.ADHESION, 3.0, (0.32, 12.7, 16000.0, 0.0365)),
         pytest.param(RELAXING, JointNumber.RELAXING, 0.42, (0.153, 19.4, 20500.0, 0.054), marks=pytest.mark.nightly),
     ],
 )
-def test_an_effect_whose_place_others_have_taken_is_found_by_a_search_of_its_own(tmp_path, parts, rival, value, wrong):
+def test_an_effect_whose_place_others_have_taken_is_found_by_a_search_of_its_own(
+    tmp_path, parts, alternative, value, wrong
+):
     """Friction came out 32 % high, or 37 % low, with intervals of 2 and 12 %."""
     true = of_tendons(own_log.other(), **parts)
     [log] = read_logs(scenario(), [own_log.write(tmp_path, true)], HOW)
@@ -240,9 +242,9 @@ def test_an_effect_whose_place_others_have_taken_is_found_by_a_search_of_its_own
     start |= {n.GEAR_SLIP: 5e-3, n.GRAVITY: 0.018, n.STOP_HIGH: stop[0], n.STOP_STIFFNESS: stop[1], n.BRISTLE: 7.5e4}
     asked = replace(scenario().mechanism, joints=true.joints)
     law = MechanismLaw(mechanism=asked, logs=[log], fixed={}, segments=5)
-    solution, tried, _ = against_rivals(law, law.fit(start, most=4), (), lambda _: None)
-    assert (rival, True) in {(number, taken) for number, _, taken in tried}
-    assert solution.values[rival] == pytest.approx(value, rel=0.15)
+    solution, tried, _ = with_alternatives(law, law.fit(start, most=4), (), lambda _: None)
+    assert (alternative, True) in {(number, taken) for number, _, taken in tried}
+    assert solution.values[alternative] == pytest.approx(value, rel=0.15)
     assert solution.values[n.MU] == pytest.approx(n.MU.of(true), rel=0.05)
 
 
@@ -290,11 +292,11 @@ def test_an_interval_reaches_the_value_with_an_effect_that_explains_the_log_as_w
     [log] = read_logs(asked, [own_log.write(tmp_path, asked.mechanism, asked)], HOW)
     found = found_of(MechanismLaw(mechanism=asked.mechanism, logs=[log], fixed={}), 0.01)
     values = {JointNumber(n): v for n, v in found.solution.values.items()}
-    rival = {**values, JointNumber.MU: 0.8 * values[JointNumber.MU]}
-    wide = spanned(found.solution, found.covariance, [rival], found.solution)
+    alternative = {**values, JointNumber.MU: 0.8 * values[JointNumber.MU]}
+    wide = spanned(found.solution, found.covariance, [alternative], found.solution)
     half = found.reach * np.sqrt(np.diag(wide)) / list(values.values())
     assert half == pytest.approx([np.hypot(0.2, 0.01 * found.reach), *3 * [0.01 * found.reach]])
-    told = " ".join(warnings_of(replace(found, rivals=(JointNumber.ADHESION,))))
+    told = " ".join(warnings_of(replace(found, alternatives=(JointNumber.ADHESION,))))
     assert "load-independent friction would explain the log about as well" in told
 
 
