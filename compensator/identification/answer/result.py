@@ -59,6 +59,9 @@ class Estimate:
         The value is the joint estimate, which fitted.toml has.
     note : str
         What the value belongs to, where its name does not tell.
+    interval_as_measured : tuple of float, optional
+        Interval of a force or torque if the torque constant is right, by which all of them are off alike; None where
+        it is `interval`.
     """
 
     name: str
@@ -70,6 +73,13 @@ class Estimate:
     scenario: float | None = None
     fitted: bool = False
     note: str = ""
+    interval_as_measured: tuple[float, float] | None = None
+
+    @property
+    def own_half_width(self) -> float | None:
+        """Half of the interval over the value, apart from the torque constant; None without an interval."""
+        interval = self.interval_as_measured or self.interval
+        return None if interval is None or not self.value else (interval[1] - interval[0]) / 2 / abs(self.value)
 
     @property
     def standing(self) -> str:

@@ -98,11 +98,12 @@ def _robust(mechanism: Mechanism, estimates: Sequence[Estimate], stated: Mapping
 
 
 def _half_width(estimate: Estimate | None) -> float | None:
-    """Half of the interval over the value; None for a number that is not identified."""
-    if estimate is None or estimate.interval is None or not estimate.value:
-        return None
-    half = (estimate.interval[1] - estimate.interval[0]) / 2 / abs(estimate.value)
-    return round(min(max(half, 1e-4), 0.99), 4)
+    """Half of the interval over the value; None for a number that is not identified.
+
+    Without the torque constant: where all forces are off alike, the joint stands where it did.
+    """
+    half = None if estimate is None else estimate.own_half_width
+    return None if half is None else round(min(max(half, 1e-4), 0.99), 4)
 
 
 def moved_files(text: str, source: Path, folder: Path) -> str:

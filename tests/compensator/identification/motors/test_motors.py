@@ -11,9 +11,19 @@ import pytest
 from tendonff.compensator.cli import run
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv
+from tendonff.compensator.identification.answer.result import Estimate
 from tendonff.compensator.identification.measured.smoothing import adaptive_low_pass, count_of
-from tendonff.compensator.identification.motors.run import identify_motors, mechanism_of, suggest_motor_routine
-from tendonff.compensator.scenarios import load_scenario
+from tendonff.compensator.identification.motors.law import MotorsLaw
+from tendonff.compensator.identification.motors.log import read_logs
+from tendonff.compensator.identification.motors.numbers import numbers_of
+from tendonff.compensator.identification.motors.run import (
+    fitted_text,
+    identify_motors,
+    mechanism_of,
+    suggest_motor_routine,
+)
+from tendonff.compensator.joint.task import ASSUMED_SPREAD
+from tendonff.compensator.scenarios import load_scenario, parse_any
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.ocp.fits.mechanism import MotorRun
 
@@ -135,6 +145,55 @@ def test_a_finger_of_three_joints_and_four_tendons_is_found(tmp_path, encoder):
     found = identify_motors(scenario, [log])
     for key, value in truth.items():
         assert found.estimate(key).value == pytest.approx(value, rel=0.03), key
+
+
+@pytest.mark.parametrize("example", ["instrument_pair.toml", "three_joint_finger.toml"])
+def test_what_a_log_does_not_identify_has_the_width_that_a_design_assumes(examples, example):
+    """One number that is identified says nothing of the others: a design would take them as known."""
+    asked = load_scenario(examples / example)
+    finger, _ = mechanism_of(asked)
+    numbers = [n for n in numbers_of(finger, ["log"], {}) if not n.is_nuisance]
+    kept = [Estimate(name=n.key, value=n.start, why="too little excitation") for n in numbers]
+    first = f"tendons.{finger.tendons[0].name}.friction.mu_dynamic"
+    one = [replace(e, interval=(0.99 * e.value, 1.01 * e.value)) if e.name == first else e for e in kept]
+    for estimates in (kept, one):
+        text = fitted_text(asked, finger, estimates)
+        robust = parse_any(text, examples / example).robust
+        assert (robust.mu, robust.stiffness) == (ASSUMED_SPREAD, ASSUMED_SPREAD)
+        loops = {f"motors.{m.name}.drive.pretension_N" for m in finger.motors if len(m.winds) > 1}
+        assert {s.name: s.half_width for s in robust.spread} == dict.fromkeys(loops, ASSUMED_SPREAD)
+
+
+@pytest.mark.parametrize(
+    ("part", "key", "value", "name"),
+    [
+        ("tendon", "relaxing_stiffness_N_per_m", 1.2e4, "stress relaxation"),
+        ("friction", "adhesion_N", 2.0, "load-independent friction"),
+    ],
+)
+def test_an_effect_of_the_tendons_that_the_law_lacks_is_named_and_widens_the_intervals(pair, part, key, value, name):
+    """A log of the mechanism itself with that effect; without it nothing is named."""
+    _, scenario, _, file = pair
+    finger, sampled = mechanism_of(scenario)
+    [log] = read_logs(finger, [file], sampled.angle_rad[0], None)
+    rows = slice(0, len(log.motor_rad) // 3)
+    log = replace(log, **{n: getattr(log, n)[rows] for n in ("motor_rad", "torque_N_m", "joint_rad", "counted")})
+    starts = {(log.name, tendon.name): 5.0 for tendon in finger.tendons}
+    law = MotorsLaw(finger=finger, logs=[log], numbers=numbers_of(finger, [log.name], starts), segments=4)
+    own = {n.key: n.start for n in law.numbers}
+    noise = 1e-4 * np.random.default_rng(1).standard_normal(log.torque_N_m.shape)
+
+    def lacking(more):
+        seen = law.predict(log, {**own, **more})
+        written = replace(log, torque_N_m=seen.torque_N_m + noise, joint_rad=seen.angle_rad)
+        known = replace(law, logs=[written])
+        return {each.name: each for each in known.lacking(known.fit(own, most=2))}
+
+    found = lacking({f"tendons.{tendon.name}.{part}.{key}": value for tendon in finger.tendons})
+    assert found[name].gain > 4
+    assert found[name].gain == max(each.gain for each in found.values())
+    assert np.abs(found[name].shift).max() > 0
+    assert max(each.gain for each in lacking({}).values()) < 4
 
 
 def test_a_log_without_a_motor_names_the_column(pair, tmp_path):
