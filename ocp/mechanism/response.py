@@ -7,7 +7,7 @@ import numpy as np
 
 from tendonff.models.errors import ParameterError
 from tendonff.models.turns import in_turn
-from tendonff.ocp.mechanism.compiled import CompiledMechanism
+from tendonff.ocp.mechanism.compiled import CompiledMechanism, RunRows
 from tendonff.ocp.mechanism.problem import Array, MechanismMemory, MechanismProblem, rest
 
 
@@ -181,6 +181,13 @@ def simulate_mechanism(
     first = memory.copy()
     efforts = np.hstack([touched, np.where(forced, -given, 0.0)])
     rows = CompiledMechanism(problem, step_s).run(memory, np.hstack([at, given]), efforts, leads)
+    return response_of(problem, first, rows, memory, count, step_s)
+
+
+def response_of(
+    problem: MechanismProblem, first: MechanismMemory, rows: RunRows, final: MechanismMemory, count: int, step_s: float
+) -> MechanismRun:
+    """A response, from the state that it begins with, what an engine found of `count` rows, and the state behind."""
     good = len(rows.lowest_N) + 1
     position = np.vstack([first.z[:, 1], rows.position])
     drum = np.vstack([first.tension_N, rows.drum_N])
@@ -198,7 +205,7 @@ def simulate_mechanism(
         slack_m=np.zeros_like(drum),
         lowest_N=lowest,
         work=rows.iterations,
-        final=memory,
+        final=final,
     )
 
 
