@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.identification.joint.parameters import JointNumber, Values, put_into
 from tendonff.models.joint.parameters import Mechanism
-from tendonff.ocp.fits.mechanism import MotorRun, respond
+from tendonff.ocp.fits.mechanism import Loop, MotorRun, respond
 from tests.hidden_loop import COUNT_RAD, CURRENT_NOISE_A, TORQUE_CONSTANT
 
 Array = NDArray[np.float64]
@@ -63,7 +63,7 @@ class HandInUse:
     def measured(self, true: Mechanism, motor: Array, draw: np.random.Generator) -> dict[str, FloatArray]:
         """Columns of a log of motor angles every `ROW_S`."""
         run = MotorRun(motor_rad=motor, step_s=ROW_S, start_rad=0.0)
-        answer = respond(true, run, segments=16, refinement=2, slip_rad=self.slip_rad)
+        answer = respond(Loop(mechanism=true, slip_rad=self.slip_rad), run, segments=16, refinement=2)
         noise = CURRENT_NOISE_A * draw.standard_normal(len(motor))
         return {
             "time_s": ROW_S * np.arange(len(motor)),

@@ -154,11 +154,12 @@ class ElementLaws:
             outputs={"e": e, **dict(zip(self.link.states, states, strict=True))},
         )
 
-    def link_tangent(self) -> Law:
-        """Slopes of a link's unclipped force (`u_by_X`) and own states (`STATE_by_X`)."""
+    def link_tangent(self, *, of_length: bool = False) -> Law:
+        """Slopes of a link's unclipped force (`u_by_X`) and states (`STATE_by_X`); `of_length`: over its ratio too."""
         known = self._link_known()
         force, _, states = self._link(known)
-        over = [s for s in (*known, *self.link_symbols) if s.name() not in ("H", "ratio")]
+        fixed = ("H",) if of_length else ("H", "ratio")
+        over = [s for s in (*known, *self.link_symbols) if s.name() not in fixed]
         outputs = {f"u_by_{s.name()}": ca.jacobian(force, s) for s in over}
         for name, state in zip(self.link.states, states, strict=True):
             outputs |= {f"{name}_by_{s.name()}": ca.jacobian(state, s) for s in over}
@@ -256,6 +257,16 @@ class ElementLaws:
             comment="Parameters of friction on a piece, eqs. (8), (9), from the whole's and a wrap angle [rad].",
             inputs=(angle, share, length, *(s for name, s in fields_of(whole).items() if name not in twins)),
             outputs=outputs,
+        )
+
+    def contact_tangent(self, twins: Mapping[str, str]) -> Law:
+        """Slopes of the parameters on a piece (`PARAMETER_by_X`) over its wrap angle and those of the whole."""
+        law = self.contact(twins)
+        return replace(
+            law,
+            name="contact_tangent",
+            comment="Slopes of parameters of friction on a piece over its wrap angle and those of the whole.",
+            outputs={f"{n}_by_{s.name()}": ca.jacobian(e, s) for n, e in law.outputs.items() for s in law.inputs},
         )
 
     def simulation(self) -> tuple[Law, ...]:

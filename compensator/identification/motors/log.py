@@ -10,7 +10,9 @@ from tendonff.compensator.files.reading import InputError, nearest_column
 from tendonff.compensator.files.tables import Table, read_table
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.smoothing import adaptive_low_pass, count_of, low_pass_piece, noise_of
+from tendonff.models.cached import cached_property
 from tendonff.models.joint.parameters.finger import Finger, Motor
+from tendonff.ocp.fits.mechanism import MotorRun
 
 ROW_S = 0.01
 """Step of what is fitted: a log that is faster is thinned to it."""
@@ -62,6 +64,11 @@ class MotorsLog:
     def time_s(self) -> Array:
         """Shape (rows,)."""
         return np.arange(len(self.torque_N_m), dtype=np.float64) * self.step_s
+
+    @cached_property
+    def turning(self) -> tuple[MotorRun, ...]:
+        """Motion of each motor."""
+        return tuple(MotorRun(motor_rad=angle, step_s=self.step_s, start_rad=0.0) for angle in self.motor_rad.T)
 
     @property
     def encoders(self) -> Mask:
