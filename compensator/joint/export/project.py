@@ -4,11 +4,13 @@ import json
 import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
+from typing import Any
 
 import numpy as np
 
 from tendonff._version import __version__
 from tendonff.compensator.compensators.next_step import next_step
+from tendonff.compensator.export.drive import test_text
 from tendonff.compensator.export.feedback import feedback_files
 from tendonff.compensator.export.modules import check_prefix
 from tendonff.compensator.feedback.code import feedback_module
@@ -18,6 +20,7 @@ from tendonff.compensator.files.writing import atomic_directory, write_text
 from tendonff.compensator.joint.compensators import JointTask
 from tendonff.compensator.joint.export.golden import (
     JointCourse,
+    drive_context,
     followed_course,
     golden_context,
     golden_course,
@@ -36,6 +39,9 @@ from tendonff.ocp.errors import SolveError
 from tendonff.ocp.joint.invert import JointStatus
 from tendonff.ocp.joint.protocol import JointProblem
 from tendonff.ocp.joint.target import other_joints
+
+DRIVEN = {"episodes": 12, "episode_rows": 100, "tuner_rows": 400}
+"""Of the drive at random in the self test."""
 
 _FILES = ("self_test.c", "example_main.c", "Makefile", "CMakeLists.txt", "README.md")
 
@@ -133,8 +139,14 @@ def export_joints(
     sources, context = module_text(scenarios, sampled, problems, precision, prefix)
     courses = [golden_course(*each, others, precision) for each in zip(scenarios, sampled, problems, strict=True)]
     runs = [followed_course(*each, others, precision) for each in zip(scenarios, sampled, problems, strict=True)]
-    joints: list[dict[str, object]] = context["joints"]
-    found = run_courses(sources, prefix, precision, [*courses, *runs], list(range(len(scenarios))) * 2)
+    joints: list[dict[str, Any]] = context["joints"]
+    sizes = [
+        drive_context(scenario, course, joint["least_rad"], joint["most_rad"])
+        for scenario, course, joint in zip(scenarios, courses, joints, strict=True)
+    ]
+    drive = render("drive.c.j2", context | {"drives": sizes} | DRIVEN)
+    ran = run_courses(sources, prefix, precision, [*courses, *runs], list(range(len(scenarios))) * 2, drive, context["modules"])
+    found, driven = (None, None) if ran is None else ran
     judged, headlines = list[JudgedJoint](), list[str]()
     for k, (own, each, problem) in enumerate(zip(scenarios, sampled, problems, strict=True)):
         command = runs[k].command_rad
@@ -157,6 +169,7 @@ def export_joints(
         )
     loss = None if found is None else largest_departure(courses, found)
     context |= {
+        "drive": test_text(drive, prefix, driven),
         "transmission": bool(transmission_files(context, others)),
         "loss": f"{loss:.2g}" if loss is not None and precision is Precision.FLOAT else "",
         "verifying": f"{max(verifying_masses(s.mechanism) for s in scenarios)} masses a tendon at step/{REFINEMENT}",
