@@ -158,22 +158,23 @@ def passes(program: Path) -> bool:
         return False
 
 
-def answers(program: Path) -> list[list[float]]:
-    """Output of the driver."""
+def answers(program: Path) -> str:
+    """Output of the driver; nothing where it does not end."""
     try:
-        said = subprocess.run([str(program)], capture_output=True, text=True, timeout=20, check=False).stdout
+        return subprocess.run([str(program)], capture_output=True, text=True, timeout=120, check=False).stdout
     except subprocess.TimeoutExpired:
-        return []
-    return [[float(word) for word in line.split()] for line in said.splitlines()]
+        return ""
 
 
-def difference(one: list[list[float]], two: list[list[float]]) -> float:
-    """Largest difference of two sequences of outputs, relative to 1 and each; infinite where one ends or is NaN."""
-    if len(one) != len(two) or any(len(x) != len(y) for x, y in zip(one, two, strict=True)):
-        return math.inf
-    pairs = ((a, b) for x, y in zip(one, two, strict=True) for a, b in zip(x, y, strict=True))
-    apart = [0.0 if a == b else abs(a - b) / (1 + abs(a)) for a, b in pairs]
-    return math.inf if any(map(math.isnan, apart)) else max(apart, default=0.0)
+def difference(one: str, two: str) -> float:
+    """Largest difference of two outputs, relative to 1 and each; infinite where one ends or is NaN, 0 if bit-equal."""
+    apart = 0.0
+    for x, y in zip(one.splitlines(), two.splitlines(), strict=False):
+        if x != y:
+            pairs = [(float(a), float(b)) for a, b in zip(x.split(), y.split(), strict=False)]
+            differ = [0.0 if a == b or (a != a and b != b) else abs(a - b) / (1 + abs(a)) for a, b in pairs]
+            apart = max(apart, *(math.inf if math.isnan(each) else each for each in differ))
+    return math.inf if len(one.split()) != len(two.split()) else apart
 
 
 def subject(
@@ -206,8 +207,9 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=90)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--random-only", action="store_true", help="leave out the safety mutants")
-    parser.add_argument("--only", default="", help="safety mutants whose name holds this")
+    parser.add_argument("--only", default="", help="mutants whose name holds this")
     parser.add_argument("--first", type=int, default=0, help="random mutants to pass over, of the same seed")
+    parser.add_argument("--tell", action="store_true", help="name the mutants that give the same bits as well")
     options = parser.parse_args()
     scenario = tf.load_scenario(options.scenario)
     driver, files, defines = subject(scenario, options)
@@ -239,21 +241,37 @@ def main() -> int:
                 alive.append(mutant.what)
             (folder / mutant.file).write_text(files[mutant.file])
         print(f"safety mutants: {len(listed) - len(alive)} of {len(listed)} die; alive: {alive or 'none'}")
-        killed, equal, seen = 0, 0, []
+        killed, equal, seen, rounded = dict[str, int](), dict[str, int](), [], []
+        unbuilt = 0
         for mutant in random_mutants(files, options.count, options.seed, options.first):
-            if survives(mutant):
+            if options.only not in mutant.what:
+                continue
+            (folder / mutant.file).write_text(mutant.text)
+            tested = build(folder, "self_test.c", "self_test")
+            if tested is None:
+                unbuilt += 1
+            elif not passes(tested):
+                killed[mutant.file] = killed.get(mutant.file, 0) + 1
+            else:
                 program = build(folder, "driver.c", "driver", defines)
-                apart = 0.0 if program is None else difference(expected, answers(program))
+                apart = math.inf if program is None else difference(expected, answers(program))
                 if apart > relative:
                     seen.append(f"{mutant.what} ({apart:.2g})")
+                    print(f"  alive: {seen[-1]}", flush=True)
+                elif apart > 0:
+                    rounded.append(f"{mutant.what} ({apart:.2g})")
+                    print(f"  differs by rounding: {rounded[-1]}", flush=True)
                 else:
-                    equal += 1
-            else:
-                killed += 1
+                    equal[mutant.file] = equal.get(mutant.file, 0) + 1
+                    if options.tell:
+                        print(f"  same bits: {mutant.what}", flush=True)
             (folder / mutant.file).write_text(files[mutant.file])
-        print(f"random mutants: {killed} die, {len(seen)} observable ones live, {equal} behave as the original")
-        for what in seen:
-            print(f"  alive: {what}")
+        print(
+            f"random mutants: {sum(killed.values())} die, {len(seen)} observable ones live, {len(rounded)} differ by at most "
+            f"{relative:g}, {sum(equal.values())} give the same bits, {unbuilt} do not compile"
+        )
+        for name in sorted(killed.keys() | equal.keys()):
+            print(f"  {name}: {killed.get(name, 0)} die, {equal.get(name, 0)} give the same bits")
     return 1 if alive else 0
 
 

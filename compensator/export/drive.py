@@ -23,8 +23,8 @@ ROWS, CHANNELS = 20, 6
 
 _TEMPLATES = environment("tendonff.compensator.export", "templates/library")
 _MOST_BLOCKS = 2000
-_NUDGES = {Precision.DOUBLE: (1e-13, 1e-11), Precision.FLOAT: (3e-7, 3e-6)}
-_SHARE = {Precision.DOUBLE: 1e-9, Precision.FLOAT: 1e-3}
+_NUDGES = {Precision.DOUBLE: (1e-13, 1e-12), Precision.FLOAT: (3e-7, 3e-6)}
+_SHARE = {Precision.DOUBLE: 1e-11, Precision.FLOAT: 1e-3}
 """Of the largest sum of a channel: differences that always pass."""
 _MARGIN = 10.0
 
