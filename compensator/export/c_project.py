@@ -19,8 +19,8 @@ from tendonff.compensator.compensators.stream import StreamChoice, choose_stream
 from tendonff.compensator.compensators.table import BuiltTable, table_of
 from tendonff.compensator.compensators.tuning import certified, check_tuning, learnt, tuning_of
 from tendonff.compensator.export.adaptive import NUDGES, AdaptiveGolden, adaptive_golden, adaptive_test
-from tendonff.compensator.export.golden import Golden, golden_vectors
 from tendonff.compensator.export.drive import drive_on_host, host_text, test_text
+from tendonff.compensator.export.golden import Golden, golden_vectors
 from tendonff.compensator.export.host import compile_on_host, run_on_host
 from tendonff.compensator.export.judgement import Judged, chosen, judge, judge_stream, profiles_of, score_lines
 from tendonff.compensator.export.modules import ADAPTIVE, BOUNDS, OBSERVER, c_modules, check_prefix
@@ -189,12 +189,7 @@ def export_project(
         answers = [answer for run in found for answer in run.tuner]
         if ADAPTIVE in modules:  # not where the inverse that it tunes is left out
             further["adaptive"] = adaptive_test(problem, settings, golden.course, precision, tuned, answers)
-    texts = c_sources(scenario, problem, modules, precision, prefix, further)
-    called = drive_text(scenario, problem, modules, precision, prefix, further)
-    code = compile_on_host(texts, host_text(called, prefix, [module.name for module in modules]), precision)
-    driven = None if code is None else drive_on_host(code, precision)
-    further["drive"] = test_text(called, prefix, driven)
-    texts |= folder_files(scenario, problem, modules, precision, prefix, further)
+    texts = _texts(scenario, problem, modules, precision, prefix, further)
     texts["design.json"] = _design_json(
         scenario,
         problem,
@@ -218,6 +213,22 @@ def export_project(
         headline=live_headline(expectation, scenario),
         notes=notes,
     )
+
+
+def _texts(
+    scenario: Scenario,
+    problem: Problem,
+    modules: Sequence[CModule],
+    precision: Precision,
+    prefix: str,
+    further: Mapping[str, object],
+) -> dict[str, str]:
+    """Every file but design.json, by name; without a C compiler the self test does not call modules at random."""
+    sources = c_sources(scenario, problem, modules, precision, prefix, further)
+    drive = drive_text(scenario, problem, modules, precision, prefix, further)
+    code = compile_on_host(sources, host_text(drive, prefix, [module.name for module in modules]), precision)
+    tested = test_text(drive, prefix, None if code is None else drive_on_host(code, precision))
+    return sources | folder_files(scenario, problem, modules, precision, prefix, {**further, "drive": tested})
 
 
 def _late(problem: Problem) -> tuple[str, ...]:

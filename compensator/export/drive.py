@@ -1,7 +1,7 @@
 """Answers of exported code to calls drawn at random: what the shipped self test asks for beside its golden vectors.
 
-Inputs are drawn in C, the same text in the self test and on the host that records the answers. Which answers rounding can
-change is measured: with inputs that are nudged by little more than it.
+Inputs are drawn in C, the same text in the self test and on the host that records the answers. Which answers
+rounding can change is measured: with inputs that are nudged by little more than it.
 """
 
 import ctypes
@@ -81,7 +81,8 @@ def drive_on_host(code: HostCode, precision: Precision) -> Driven:
     apart = np.max([np.abs(other - sums) for other, _ in nudged], axis=0)
     same = np.all([other == words for _, other in nudged], axis=0)
     usual = _SHARE[precision] * np.abs(sums).max(axis=0, initial=0.0)
-    return Driven(sums=sums, tolerances=usual + _MARGIN * apart + 1e-300, words=np.where(same, words, 0).astype(np.uint32))
+    tolerances = usual + _MARGIN * apart + 1e-300
+    return Driven(sums=sums, tolerances=tolerances, words=np.where(same, words, 0).astype(np.uint32))
 
 
 def _common(prefix: str) -> str:

@@ -126,7 +126,7 @@ def drive_text(
     prefix: str,
     further: Mapping[str, Any],
 ) -> str:
-    """Calls of all modules at random, for the self test and for the host that answers them; arguments as of `c_sources`."""
+    """Calls of all modules at random, for the self test and for the host; arguments as of `c_sources`."""
     tension, motion, step = problem.reference.tension_N, problem.chain.motion, problem.reference.step_s
     angles = np.zeros((2, 0)) if motion is None else motion.at(np.arange(len(tension), dtype=np.float64) * step)
     low, high = float(tension.min()), float(tension.max())

@@ -138,7 +138,10 @@ def run_courses(
     which: Sequence[int],
     drive: str = "",
 ) -> tuple[list[FingerAnswers], Driven | None] | None:
-    """Answers of the exported code to courses, each of a finger by its number, and to a drive; None without a compiler."""
+    """Answers of the exported code to courses, each of a finger by its number, and to a drive, its text in C.
+
+    None where there is no C compiler.
+    """
     driver = _DRIVER.format(prefix=prefix)
     code = compile_on_host(sources, driver + (host_text(drive, prefix, ["finger"]) if drive else ""), precision)
     if code is None:

@@ -231,7 +231,10 @@ def run_courses(
     drive: str = "",
     modules: Sequence[str] = (),
 ) -> tuple[list[JointAnswers], Driven | None] | None:
-    """Answers of the exported code to courses, each of a joint by its number, and to a drive; None without a C compiler."""
+    """Answers of the exported code to courses, each of a joint by its number, and to a drive, its text in C.
+
+    None where there is no C compiler. `modules` are those that the drive calls.
+    """
     others = courses[0].other_rad.shape[1]
     each = f", &other[k * {others}]" if others else ""
     driver = _DRIVER.format(prefix=prefix, first=", other" if others else "", each=each)
@@ -258,10 +261,8 @@ def run_courses(
     return answers, drive_on_host(code, precision) if drive else None
 
 
-def drive_context(
-    scenario: JointScenario, course: JointCourse, least_rad: float, most_rad: float
-) -> dict[str, object]:
-    """Of a joint in a drive at random: sizes, and limits, start and usual change of its angle [rad], contact [N m], motor [rad]."""
+def drive_context(scenario: JointScenario, course: JointCourse, least_rad: float, most_rad: float) -> dict[str, object]:
+    """Of a joint in a drive at random: sizes; limits, start and usual change of its angle, contact, motor."""
     mechanism = scenario.mechanism
     loop = mechanism.drive.kind is DriveKind.LOOP
     start, usual = float(course.angle_rad[0]), float(np.abs(np.diff(course.angle_rad)).max(initial=0.0))

@@ -145,7 +145,8 @@ def export_joints(
         for scenario, course, joint in zip(scenarios, courses, joints, strict=True)
     ]
     drive = render("drive.c.j2", context | {"drives": sizes} | DRIVEN)
-    ran = run_courses(sources, prefix, precision, [*courses, *runs], list(range(len(scenarios))) * 2, drive, context["modules"])
+    numbers = list(range(len(scenarios))) * 2
+    ran = run_courses(sources, prefix, precision, [*courses, *runs], numbers, drive, context["modules"])
     found, driven = (None, None) if ran is None else ran
     judged, headlines = list[JudgedJoint](), list[str]()
     for k, (own, each, problem) in enumerate(zip(scenarios, sampled, problems, strict=True)):
