@@ -292,7 +292,7 @@ def main() -> int:
         alive = []
         listed = [] if "tff_path.c" in files or driver is not DRIVER else list(safety(files, options.precision))
         listed = [m for m in listed if options.only in m.what and not options.random_only]
-        if not getattr(scenario.adaptation, "integral_gain_per_s", 0.0):
+        if not getattr(getattr(scenario, "adaptation", None), "integral_gain_per_s", 0.0):
             listed = [m for m in listed if "integra" not in m.what]  # the same without integral action
         alive = [mutant.what for mutant in listed if bench.judge(mutant) is not Fate.DEAD]
         print(f"safety mutants: {len(listed) - len(alive)} of {len(listed)} die; alive: {alive or 'none'}")
