@@ -1,7 +1,8 @@
-"""Jaw torque of a surgical grasper from the motor's side: `python -m benchmarks.surgical FOLDER [FIGURE.svg]`.
+"""Jaw of a surgical grasper from the motor's side: `python -m benchmarks.surgical FOLDER [FIGURE.svg]`.
 
 FOLDER is davinci_tool4 with its parts identify and validate. Laws are fitted on the first; raw samples of both then go
-through the law of the observer, from 0.3 s on, where the load has been switched on.
+through the laws of the observer: of the torque from 0.3 s on, where the load has been switched on, of the angle from
+there and from random instants on.
 """
 
 import sys
@@ -11,6 +12,7 @@ import numpy as np
 from scipy.signal import butter, lfilter
 
 from tendonff.compensator.identification.joint.log import read_logs
+from tendonff.compensator.identification.joint.sensor import SensorFit, fit_sensor
 from tendonff.compensator.identification.joint.torque import TorqueFit, fit_torque
 from tendonff.compensator.reporting.colours import INK, VERMILION
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure
@@ -18,6 +20,7 @@ from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenarios import load_scenario
 
 ONSET_S, LATE_S, LOW_PASS_HZ = 0.3, 1.0, 5.0
+STARTS, STARTS_WITHIN = 20, 0.6
 HOW = Measurement(
     input_column="input_torque_Nm",
     output_column="output_torque_Nm",
@@ -59,6 +62,33 @@ def draw(fit: TorqueFit, folder: Path, target: Path) -> None:
         figure.savefig(target, metadata={"Date": None} if target.suffix == ".svg" else None)
 
 
+def print_angles(fit: SensorFit, file: Path) -> None:
+    """Error of the angle in raw samples from instants on, and how many the interval holds."""
+    data = np.genfromtxt(file, delimiter=",", names=True)
+    first = int(np.argmax(data["time_s"] > ONSET_S))
+    draw = np.random.default_rng(1).integers(first, int(STARTS_WITHIN * len(data)), STARTS)
+    found = []
+    for start in (first, *draw.tolist()):
+        rows = data[start:]
+        sensed, there = fit.sensor.follow(rows["input_angle_rad"], rows["input_torque_Nm"]), rows["output_angle_rad"]
+        inside = (sensed.low_rad - fit.band_rad <= there) & (there <= sensed.high_rad + fit.band_rad)
+        error = np.degrees(sensed.angle_rad - there)
+        found.append(
+            (
+                np.sqrt(np.mean(error**2)),
+                100 * np.mean(inside),
+                100 * np.mean(np.abs(error) <= np.degrees(fit.band_rad)),
+            )
+        )
+    onset, random = found[0], np.array(found[1:])
+    mean, least, worst = random.mean(axis=0), random.min(axis=0), random[:, 0].max()
+    print(
+        f"  {file.stem}: from {ONSET_S} s {onset[0]:.2f} deg, {onset[1]:.0f} % inside; {STARTS} random starts "
+        f"{mean[0]:.2f} deg (worst {worst:.2f}), {mean[1]:.0f} % inside (least {least[1]:.0f}), without the range over "
+        f"histories {mean[2]:.0f} (least {least[2]:.0f})"
+    )
+
+
 def main(folder: Path, target: Path | None) -> None:
     """Print the errors, and draw them."""
     scenario = load_scenario(EXAMPLE)
@@ -81,6 +111,11 @@ def main(folder: Path, target: Path | None) -> None:
                 f"{part}, low-pass {low_pass or 'none'}: RMS {whole:.2f} mN m ({100 * whole / span:.1f} % of range), "
                 f"after {LATE_S:g} s {after:.2f}; inside the band {shares}"
             )
+    for count in (len(seen), 3):
+        angle = fit_sensor(seen[:count], unseen, fit_torque(seen[:count], ()).largest_exponents)
+        print(f"angle, {count} files fitted, exponents {'bounded' if angle.bounded else 'free'}: {angle.sentence}")
+        for file in (*files["identify"], *files["validate"]):
+            print_angles(angle, file)
     if target is not None:
         draw(fit, folder, target)
 

@@ -126,9 +126,9 @@ WORKS: Mapping[str, Work] = MappingProxyType(
         "check": Work(
             by={
                 Kind.TENSION: "studies.design.check:check_design",
-                Kind.JOINT: "joint.design.check:check_joint_design",
-            },
-            refused={Kind.FINGER: "--check integrates one tendon or one joint; leave it out"},
+                Kind.JOINT: "studies.design.check:check_driven",
+                Kind.FINGER: "studies.design.check:check_driven",
+            }
         ),
         "compare": Work(
             by={
@@ -153,16 +153,6 @@ WORKS: Mapping[str, Work] = MappingProxyType(
                 Kind.TENSION: "studies.simulate.run:simulate_force_file",
                 Kind.JOINT: "studies.simulate.joint:simulate_joint_file",
                 Kind.FINGER: "studies.simulate.finger:simulate_finger_file",
-            },
-            options={
-                "joints": _not(_MOTORS, "--joints moves the path of one tendon; leave it out"),
-                "check": _not(_MOTORS, "--check is for the tension of one tendon; --method compares the joint's"),
-                "column": _not((Kind.FINGER,), "several motors have a column each, motor_NAME_rad: no --force-column"),
-                "method": _not(
-                    (Kind.FINGER,),
-                    "--method integrates one tendon or one joint; leave it out, or integrate "
-                    "tf.mechanism_equations(scenario.mechanism.mechanism(), level) by tf.integrate",
-                ),
             },
         ),
         "experiment": Work(
@@ -518,13 +508,13 @@ def simulate_file(
     out : Path
         CSV file of tensions and motion.
     column : str, optional
-        Name of the command's column, if it has another.
+        Name of the command's column, if it has another; of several motors NAME in it stands for the motor's name.
     joints : Path, optional
-        Of a tension: motion of the joints, instead of the scenario's.
+        Motion of the joints that no tendon drives, instead of the scenario's.
     level : Level, optional
         Default: the scenario's own.
     check : bool, optional
-        Of a tension: simulate with smaller steps too, and state the discretisation error.
+        Simulate with smaller steps too, and state the discretisation error.
     method : Method, optional
         How it advances in time.
     accept : bool, optional
@@ -540,8 +530,9 @@ def simulate_file(
     """
     if out.exists() and any(out.samefile(source) for source in (scenario.source, commands, joints) if source):
         raise InputError(f"{out} is an input of this run; name another file for the result")
-    other = None if method is Method.BDF2 else method
-    asked = {"column": column, "joints": joints, "check": check, "method": other}
+    if check and method is not Method.BDF2:
+        raise InputError(f"--check halves the fixed step, which --method {method} does not have; leave one of them out")
+    asked = {"column": column, "joints": joints, "check": check, "method": method}
     found: SimulatedFile = function_of("simulate", scenario, asked)(
         scenario, level or scenario.run.level, commands, out, accept=accept, progress=progress
     )

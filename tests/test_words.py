@@ -1,6 +1,7 @@
 """The manual, the README, docstrings, messages and templates use the field's terms."""
 
 import ast
+import functools
 import re
 from pathlib import Path
 
@@ -47,8 +48,14 @@ def prose(page: str) -> str:
     return re.sub(spans, lambda found: "\n" * found[0].count("\n"), page, flags=re.MULTILINE | re.DOTALL)
 
 
+ANY = re.compile("|".join(REFUSED).replace(" ", r"\s+"), re.IGNORECASE)
+"""Whether a text is worth the search word by word."""
+
+
 def refused(text: str) -> list[str]:
     """Each house word with its line and the term instead; words may be parted by a line break."""
+    if not ANY.search(text):
+        return []
     return [
         f"line {text.count(chr(10), 0, found.start()) + 1}: {' '.join(found[0].split())!r}, better: {better}"
         for words, better in REFUSED.items()
@@ -56,16 +63,22 @@ def refused(text: str) -> list[str]:
     ]
 
 
+@functools.cache
+def nodes_of(path: Path) -> list[ast.AST]:
+    """Nodes of a file's syntax tree, parsed once for all tests."""
+    return list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+
+
 def docstrings(path: Path) -> list[tuple[int, str]]:
     """Line and text of the docstrings of a file: module, classes, functions, and texts under a name."""
-    nodes = [each for each in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(each, ast.Expr)]
+    nodes = [each for each in nodes_of(path) if isinstance(each, ast.Expr)]
     texts = [(each.lineno, each.value.value) for each in nodes if isinstance(each.value, ast.Constant)]
     return [(line, text) for line, text in texts if isinstance(text, str)]
 
 
 def messages(path: Path) -> list[tuple[int, str]]:
     """Line and text of the strings of a file that are sentences: three words at least, values as braces."""
-    nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    nodes = nodes_of(path)
     parts = {part for each in nodes if isinstance(each, ast.JoinedStr) for part in each.values}
     parts |= {each.value for each in nodes if isinstance(each, ast.Expr)}  # docstrings
     texts = []

@@ -20,6 +20,7 @@ from tendonff.models.joint.parameters.finger import Finger
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.models.parameters.uncertainty import Spread, Uncertainty
 from tendonff.ocp.errors import SolveError
+from tendonff.ocp.integrate.method import Method
 from tendonff.ocp.mechanism.periodic import steady_inverse, steady_response
 from tendonff.ocp.mechanism.problem import MechanismProblem
 from tendonff.ocp.mechanism.response import MechanismRun, MechanismStatus, invert_mechanism, simulate_mechanism
@@ -149,6 +150,7 @@ class FingerTask(MotorTask):
         masses: int | None = None,
         refinement: int = 1,
         level: Level | None = None,
+        method: Method = Method.BDF2,
     ) -> MechanismRun:
         """Response of a mechanism behind its drives, rows as those of the reference; SolveError where it fails.
 
@@ -171,12 +173,12 @@ class FingerTask(MotorTask):
         problem = self.problem(finger, level, masses)
         known, effort = fine(sampled.motion.angle_rad), fine(self.efforts)
         if self.scenario.periodic:
-            cycle = steady_response(problem, fine(drums), step, known=known, effort=effort)
+            cycle = steady_response(problem, fine(drums), step, known=known, effort=effort, method=method)
             found = cycle.run
             if not cycle.is_steady and found.status is not MechanismStatus.FAILED:
                 raise SolveError(f"after {cycle.cycles} cycles the joints still change from one to the next")
         else:
-            found = simulate_mechanism(problem, fine(drums), step, known=known, effort=effort)
+            found = simulate_mechanism(problem, fine(drums), step, known=known, effort=effort, method=method)
         if found.status is MechanismStatus.FAILED:
             raise SolveError(found.message)
         kept = slice(None, None, refinement)
@@ -254,9 +256,10 @@ class FingerTask(MotorTask):
         level: Level | None = None,
         masses: int | None = None,
         refinement: int = 1,
+        method: Method = Method.BDF2,
     ) -> Reached:
         """Response of a mechanism behind its drives; see `MotorTask.reached`."""
-        run = self.respond(system, command_rad, masses, refinement, level)
+        run = self.respond(system, command_rad, masses, refinement, level, method)
         values = (run.position[:, : self.scenario.wanted] - self._middle_rad).T.ravel()
         return Reached(values=values, slack=run.message if run.status is MechanismStatus.SLACK else "")
 

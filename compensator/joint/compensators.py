@@ -24,6 +24,7 @@ from tendonff.models.joint.quasi_static import static_motor_rad
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.models.parameters.uncertainty import Objective, Spread, Uncertainty
 from tendonff.ocp.errors import SolveError
+from tendonff.ocp.integrate.method import Method
 from tendonff.ocp.joint.invert import JointInversion, JointStatus, invert_joint, steady_joint_inverse
 from tendonff.ocp.joint.protocol import JointProblem
 from tendonff.ocp.joint.simulate import JointOutcome
@@ -154,9 +155,10 @@ class JointTask(MotorTask):
         level: Level | None = None,
         masses: int | None = None,
         refinement: int = 1,
+        method: Method = Method.BDF2,
     ) -> Reached:
         """Response of a mechanism behind its drive; see `MotorTask.reached`."""
-        plant = self.plant(system, level or self.level, refinement, masses)
+        plant = replace(self.plant(system, level or self.level, refinement, masses), method=method)
         run = plant.respond(command_rad)
         slack = run.message if run.outcome is JointOutcome.SLACK else ""
         return Reached(values=plant.reached(run)[self.sampled.lead :], slack=slack)

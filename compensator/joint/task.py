@@ -17,6 +17,7 @@ from tendonff.compensator.scenario.unit import Unit
 from tendonff.models.errors import ParameterError, TendonffError
 from tendonff.models.fidelity import Level
 from tendonff.ocp.errors import SolveError
+from tendonff.ocp.integrate.method import Method
 
 K = TypeVar("K", bound=Hashable)
 R = TypeVar("R")
@@ -159,8 +160,9 @@ class MotorTask(ABC):
         level: Level | None = None,
         masses: int | None = None,
         refinement: int = 1,
+        method: Method = Method.BDF2,
     ) -> Reached:
-        """Response of a mechanism behind its drives; SolveError or ParameterError where there is none.
+        """Response of a mechanism behind its drives by a method; SolveError or ParameterError where there is none.
 
         `masses` of each tendon, by default the paths' own, and `refinement` steps to one of the run.
         """

@@ -28,14 +28,15 @@ class LoopObserver:
         """Advance; the last answer is held where an input is no number, and the history is forgotten."""
         if not (math.isfinite(motor_rad) and math.isfinite(motor_torque_N_m)):
             self.status = (ObserverStatus.INPUT_HELD,)
-            self._slid = None
+            self._stretch = self._slid = None
             return self._last
         self.status = ()
         row = np.array([motor_rad]), np.array([motor_torque_N_m])
-        angles, self._stretch = self._angle.follow(*row, self._stretch)
-        band, angle = self._table.angle_band_rad, float(angles[0])
+        sensed, band = self._angle.follow(*row, self._stretch), self._table.angle_band_rad
+        self._stretch = sensed.memory
+        value, low, high = (float(a[0]) for a in (sensed.angle_rad, sensed.low_rad, sensed.high_rad))
         self._last = Observation(
-            angle_rad=Estimate(value=angle, low=angle - band, high=angle + band),
+            angle_rad=Estimate(value=value, low=low - band, high=high + band),
             torque_N_m=self._torque_at(motor_rad, motor_torque_N_m),
         )
         return self._last

@@ -50,8 +50,8 @@ class Branch(StrEnum):
     RELEASE = "release"
 
 
-def held_within(start: float, low: Array, high: Array) -> Array:
-    """Play operator over a history: each value is the one before it, clipped to the bounds of its instant.
+def held_within(start: float | Array, low: Array, high: Array) -> Array:
+    """Play operator over a history, the first axis: each value is the one before, clipped to the bounds of its instant.
 
     Clips compose to clips, so all histories up to 1, 2, 4 ... instants are composed at once; nothing is rounded.
     """

@@ -17,6 +17,7 @@ from tendonff.models.joint.parameters import Mechanism
 from tendonff.models.layout import Array
 
 _PLACES = 40
+_SHARES = (np.arange(_PLACES) + 0.5) / _PLACES
 _FLOOR = 1e-12
 
 
@@ -48,14 +49,56 @@ class LoopSensor:
     zero_rad: float = 0.0
 
     def angle_rad(self, drum_rad: Array, drum_torque: Array) -> Array:
-        """Joint angle for a history of the drum, shape (rows,) [rad]."""
-        return self.follow(drum_rad, drum_torque)[0]
+        """Joint angle for a history of the drum that starts at uniform tension, shape (rows,) [rad]."""
+        lifted = self._lifted(drum_torque)
+        held = self._held(lifted, np.full(_PLACES, lifted[0]))
+        return self._angle(drum_rad, drum_torque, held)
 
-    def follow(self, drum_rad: Array, drum_torque: Array, memory: Array | None = None) -> tuple[Array, Array]:
-        """The same from a memory on, and the memory at its end; None for uniform tension at first."""
-        mean, memory = _mean_tension(self.law, drum_torque, memory)
+    def follow(self, drum_rad: Array, drum_torque: Array, memory: Array | None = None) -> "Followed":
+        """The same with its range, from a memory on; None where nothing is known of the history before."""
+        lifted = self._lifted(drum_torque)
+        if memory is None:
+            pull, release = self.law.pull_exponent, self.law.release_exponent
+            memory = float(lifted[0]) * np.exp(np.array([0.0, -pull, release])[:, None] * _SHARES)
+        held = self._held(lifted, memory)
+        angle, *ends = self._angle(drum_rad[:, None], drum_torque[:, None], held).T
+        return Followed(angle_rad=angle, low_rad=np.minimum(*ends), high_rad=np.maximum(*ends), memory=held[-1])
+
+    def _lifted(self, drum_torque: Array) -> Array:
+        return np.maximum(drum_torque + self.law.adhesion_N, _FLOOR)
+
+    def _held(self, lifted: Array, memory: Array) -> Array:
+        """Tension and p along the path by the tension at its drum, shape (rows, ..., places)."""
+        ways = -self.law.pull_exponent, self.law.release_exponent
+        rows = lifted.reshape(-1, *[1] * memory.ndim)
+        low, high = (rows * np.exp(way * _SHARES) for way in ways)
+        return held_within(memory, low, high)
+
+    def _angle(self, drum_rad: Array, drum_torque: Array, held: Array) -> Array:
+        """Joint angle; the mean of the tension along the path is its elongation times its stiffness."""
+        mean = held.mean(axis=-1) - self.law.adhesion_N
         angle: Array = self.gain * drum_rad + self.compliance * drum_torque + self.elongation * mean + self.zero_rad
-        return angle, memory
+        return angle
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Followed:
+    """Joint angle by a sensor.
+
+    Attributes
+    ----------
+    angle_rad, low_rad, high_rad : ndarray, shape (rows,)
+        From uniform tension at the start, and the range over all histories before it: a play never lets two histories
+        cross, so the range lies between the least and the largest tension that friction admits. It closes as the
+        torque swings.
+    memory : ndarray, shape (3, places)
+        Tension and p along the path at the end: of the likely history, of the least and of the largest tension.
+    """
+
+    angle_rad: Array
+    low_rad: Array
+    high_rad: Array
+    memory: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,27 +180,6 @@ class LoopTorque:
         rest = self.spring * drum_rad + self.offset
         low, high = self.law.output_bounds_N(max(drum_torque, _FLOOR - self.law.adhesion_N))
         return float(low) + rest, float(high) + rest
-
-
-def mean_tension(law: CapstanLaw, drum: Array) -> Array:
-    """Mean of the tension along a path for a history at its drum: elongation times stiffness, the elongation operator.
-
-    Signed values of a pre-tensioned loop are allowed, with p its pre-tension.
-    """
-    return _mean_tension(law, drum, None)[0]
-
-
-def _mean_tension(law: CapstanLaw, drum: Array, memory: Array | None) -> tuple[Array, Array]:
-    """The mean, and the tension with p at each place at the end; from uniform tension, or from a memory on."""
-    lifted, total = np.maximum(drum + law.adhesion_N, _FLOOR), np.zeros(len(drum))
-    start = np.full(_PLACES, lifted[0]) if memory is None else memory
-    end = np.empty(_PLACES)
-    for place, share in enumerate((np.arange(_PLACES) + 0.5) / _PLACES):
-        low, high = math.exp(-law.pull_exponent * share), math.exp(law.release_exponent * share)
-        held = held_within(float(start[place]), lifted * low, lifted * high)
-        total += held
-        end[place] = held[-1]
-    return total / _PLACES - law.adhesion_N, end
 
 
 def static_motor_rad(

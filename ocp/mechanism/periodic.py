@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tendonff.ocp.integrate.method import Method
 from tendonff.ocp.joint.invert import MOST_CYCLES, STEADY
 from tendonff.ocp.mechanism.problem import Array, MechanismMemory, MechanismProblem
 from tendonff.ocp.mechanism.response import MechanismRun, MechanismStatus, invert_mechanism, simulate_mechanism
@@ -50,7 +51,13 @@ def steady_inverse(
 
 
 def steady_response(
-    problem: MechanismProblem, cycle: Array, step_s: float, *, known: Array, effort: Array | float = 0.0
+    problem: MechanismProblem,
+    cycle: Array,
+    step_s: float,
+    *,
+    known: Array,
+    effort: Array | float = 0.0,
+    method: Method = Method.BDF2,
 ) -> SteadyCycle:
     """Response to motors that repeat, shape (n, motors), from rest.
 
@@ -61,7 +68,7 @@ def steady_response(
     before: MechanismRun | None = None
     for count in range(1, MOST_CYCLES + 1):
         command = cycle * rise if memory is None else cycle
-        found = simulate_mechanism(problem, command, step_s, known=known, effort=effort, memory=memory)
+        found = simulate_mechanism(problem, command, step_s, known=known, effort=effort, memory=memory, method=method)
         if found.status is MechanismStatus.FAILED:
             return SteadyCycle(run=found, cycles=count, is_steady=False)
         if before is not None and _repeats(before.position, found.position, _SETTLED):

@@ -7,6 +7,9 @@ import numpy as np
 
 from tendonff.models.errors import ParameterError
 from tendonff.models.turns import in_turn
+from tendonff.ocp.integrate.integrator import gave_up
+from tendonff.ocp.integrate.mechanism import IntegratedMechanism
+from tendonff.ocp.integrate.method import Accuracy, Method
 from tendonff.ocp.mechanism.compiled import CompiledMechanism
 from tendonff.ocp.mechanism.problem import Array, MechanismMemory, MechanismProblem, rest
 
@@ -143,6 +146,9 @@ def simulate_mechanism(
     effort: Array | float = 0.0,
     led: Array | None = None,
     memory: MechanismMemory | None = None,
+    method: Method = Method.BDF2,
+    rtol: float = 1e-6,
+    atol: float = 1e-9,
 ) -> MechanismRun:
     """Response of a mechanism to its motors.
 
@@ -161,13 +167,18 @@ def simulate_mechanism(
         Which of those bodies are led; default: those that a drive leads.
     memory : MechanismMemory, optional
         Start from here instead of from rest.
+    method : {"bdf2", "cvodes", "idas", "collocation"}, optional
+        How it advances: by the compiled step, or by an integrator of CasADi on `mechanism_equations`, a hundred times
+        slower or more, which needs no compiler.
+    rtol, atol : float, optional
+        Relative and absolute tolerance of an integrator, for every state in its SI unit.
 
     Raises
     ------
     ParameterError
         If an argument is not usable.
     CodeError
-        If no C compiler works here.
+        If the method is "bdf2" and no C compiler works here.
     """
     given = _rows("command", command, (None, problem.motors), step_s)
     count, leads = len(given), np.array(problem.leads)
@@ -180,12 +191,17 @@ def simulate_mechanism(
     memory = rest(problem) if memory is None else memory.copy()
     first = memory.copy()
     efforts = np.hstack([touched, np.where(forced, -given, 0.0)])
-    rows = CompiledMechanism(problem, step_s).run(memory, np.hstack([at, given]), efforts, leads)
+    engine = (
+        CompiledMechanism(problem, step_s)
+        if method is Method.BDF2
+        else IntegratedMechanism(problem, step_s, Method(method), Accuracy(rtol=rtol, atol=atol))
+    )
+    rows = engine.run(memory, np.hstack([at, given]), efforts, leads)
     good = len(rows.lowest_N) + 1
     position = np.vstack([first.z[:, 1], rows.position])
     drum = np.vstack([first.tension_N, rows.drum_N])
     lowest = np.concatenate([[float(first.tension_N.min())], rows.lowest_N])
-    status, message = _response_outcome(count, lowest, rows.residual_N, step_s)
+    status, message = _response_outcome(count, lowest, rows.residual_N, step_s, method)
     return MechanismRun(
         status=status,
         message=message,
@@ -258,7 +274,11 @@ def _inverse_outcome(
     return MechanismStatus.DONE, f"{rows} rows, least tension {lowest.min():.4g} N"
 
 
-def _response_outcome(rows: int, lowest: Array, residual_N: float, step_s: float) -> tuple[MechanismStatus, str]:
+def _response_outcome(
+    rows: int, lowest: Array, residual_N: float, step_s: float, method: Method
+) -> tuple[MechanismStatus, str]:
+    if len(lowest) < rows and method is not Method.BDF2:
+        return MechanismStatus.FAILED, f"simulation stopped at t = {len(lowest) * step_s:.6g} s: {gave_up(method)}"
     if len(lowest) < rows:
         return MechanismStatus.FAILED, (
             f"simulation stopped at t = {len(lowest) * step_s:.6g} s: the step did not converge although it was split; "

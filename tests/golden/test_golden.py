@@ -6,7 +6,9 @@ reviewed. Only the command line and the files it writes are used, so that all mo
 
 import contextlib
 import csv
+import json
 import zipfile
+from dataclasses import asdict
 from pathlib import Path
 
 import golden_set
@@ -15,6 +17,8 @@ import pytest
 from golden_set import TOLERANCE
 from without_figures import without_figures
 
+import tendonff as tf
+from tendonff.compensator import door
 from tendonff.compensator.cli import run
 
 pytestmark = pytest.mark.slow
@@ -25,6 +29,7 @@ LEVELS = ("elastic", "viscoelastic", "presliding")
 MOVING = "finger_moving"
 CROSSING = "servo_cycle"  # beside this file
 JOINTS = ("hand_joint", "instrument_pair", "spring_cycle")  # a loop, a pair, one tendon against a spring in a cycle
+FINGER = "short_finger"  # several joints, beside this file
 EXPERIMENTS = ("finger",)
 TABLES = (("finger", "presliding"), ("finger", "elastic"))
 SIMULATIONS = (*(("finger", level) for level in LEVELS), ("finger_stribeck", "presliding"))
@@ -134,7 +139,7 @@ def test_simulate_gives_what_is_stored(example, level, command, golden):
 @pytest.mark.parametrize(
     ("example", "precision"),
     [
-        pytest.param(*each, marks=pytest.mark.nightly) if each[0] in {"bowden", "finger_fast"} else each
+        pytest.param(*each, marks=pytest.mark.nightly) if each[0] in {"bowden", "finger_fast", "surgical"} else each
         for each in EXPORTS
     ],
 )
@@ -177,7 +182,7 @@ def test_design_gives_what_is_stored_where_drive_path_and_cycle_meet(command, go
 
 
 @pytest.mark.compiler
-@pytest.mark.parametrize("example", JOINTS)
+@pytest.mark.parametrize("example", [*JOINTS, FINGER])
 def test_design_of_joints_gives_what_is_stored(example, command, golden):
     here = Path(__file__).with_name(example)
     stored = golden(f"{example}/design")
@@ -198,8 +203,98 @@ def test_what_takes_a_joint_gives_what_is_stored(command, golden):
     stored.arrays(Path("c"))
 
 
+WORKS = {
+    "compare": ("matrix.csv", ()),
+    "sweep": ("samples.csv", ("--samples", 2)),
+    "table": ("table.csv", ()),
+    "adapt": ("estimate.csv", ()),
+}
+"""Main table of a work on driven joints, and its arguments."""
+
+DRIVEN = [
+    *(("compare", each) for each in ("spring_cycle", FINGER, "loop", "pair")),
+    *(("sweep", each) for each in ("spring_cycle", FINGER, "loop", "pair")),
+    *(("table", each) for each in ("spring_cycle", "loop")),
+    ("adapt", "loop"),
+]
+
+
+@pytest.fixture
+def coarse(examples):
+    """A scenario of driven joints, in steps of 4 ms."""
+
+    def of(name):
+        here = Path(__file__).with_name(name)
+        if here.with_suffix(".toml").exists():
+            return here
+        tuning = '\n[adaptation]\nsensor = "joint_angle"\nnoise = 4.4e-4\ndelay_samples = 2\n'
+        source, more = {"loop": ("hand_joint", tuning), "pair": ("instrument_pair", "")}[name]
+        text = (examples / f"{source}.toml").read_text(encoding="utf-8").replace("step_s = 0.001", "step_s = 0.004")
+        Path(f"{name}.toml").write_text(text + more, encoding="utf-8")
+        return Path(name).absolute()
+
+    return of
+
+
 @pytest.mark.compiler
-@pytest.mark.parametrize("kind", ["samples", "grid"])
+@pytest.mark.parametrize(
+    ("work", "example"),
+    [
+        each
+        if each in (("compare", "spring_cycle"), ("sweep", FINGER))
+        else pytest.param(*each, marks=pytest.mark.nightly)
+        for each in DRIVEN
+    ],
+)
+def test_works_on_driven_joints_give_what_is_stored(work, example, coarse, command, golden):
+    table, arguments = WORKS[work]
+    stored = golden(f"{example}/{work}")
+    stored.messages(command(work, coarse(example), *arguments, "--out", "out"))
+    stored.table(Path("out") / table)
+    stored.data(Path("out/summary.json"))
+
+
+@pytest.mark.compiler
+@pytest.mark.nightly
+@pytest.mark.parametrize("example", ["loop", FINGER])
+def test_identify_of_driven_joints_gives_what_is_stored(example, coarse, command, golden):
+    """A log of the mechanism itself."""
+    motors = {"loop": ["motor_rad"]}.get(example, ["motor_flexor_rad", "motor_profundus_rad", "motor_extensor_rad"])
+    turns = [[0, 0.3, -0.1, 0.2, 0.1], [0, 0.1, 0, 0.2, 0.3], [0, -0.5, 0.1, -0.3, -0.4]]
+    write_rows(Path("motor.csv"), {"time_s": [0, 0.3, 0.7, 1.0, 1.3], **dict(zip(motors, turns, strict=False))})
+    command("simulate", coarse(example), "--force", "motor.csv", "--out", "log.csv")
+    text = Path("log.csv").read_text(encoding="utf-8")
+    Path("log.csv").write_text(text.replace(",angle_rad", ",joint_rad"), encoding="utf-8")
+    stored = golden(f"{example}/identify")
+    stored.messages(command("identify", coarse(example), "--data", "log.csv", "--out", "out"))
+    stored.data(Path("out/fit.json"), 1e-6, alone=True)  # the fit ends at a tolerance
+
+
+@pytest.mark.compiler
+@pytest.mark.parametrize("example", ["spring_cycle", FINGER])
+def test_explore_of_driven_joints_gives_what_is_stored(example, coarse, golden, tmp_path, monkeypatch):
+    """Curves of the page with more friction than the design knows, and the scenario that it saves."""
+    monkeypatch.chdir(tmp_path)
+    page = door.function_of("explore", scenario := tf.load_scenario(coarse(example).with_suffix(".toml")))(scenario)
+    values = {knob.key: knob.value for knob in page.knobs} | {"mu": 1.2}
+    found = page.explore(values, design_knows=False, curves=page.fast)
+    curves = {
+        f"{name}_{column}": getattr(course, column)
+        for name, course in found.courses.items()
+        for column in ("given", "output", "error")
+    }
+    write_rows(Path("curves.csv"), {"time_s": found.time_s, "wanted": found.wanted, **curves})
+    stored = golden(f"{example}/explore")
+    stored.table(Path("curves.csv"))
+    panels = {name: asdict(panel) for name, panel in page.panels.items()}
+    knobs = {knob.key: asdict(knob) for knob in page.knobs}
+    said = {"panels": panels, "knobs": knobs, "notes": found.notes, "toml": page.toml(values)}
+    Path("page.json").write_text(json.dumps(said), encoding="utf-8")
+    stored.data(Path("page.json"))
+
+
+@pytest.mark.compiler
+@pytest.mark.parametrize("kind", ["samples", pytest.param("grid", marks=pytest.mark.nightly)])
 def test_sweep_gives_what_is_stored(kind, command, golden):
     asked = ["--samples", 3] if kind == "samples" else ["--over", "friction.mu_dynamic=0.15:0.25:3"]
     stored = golden(f"{CROSSING}/sweep-{kind}")
@@ -251,6 +346,7 @@ def test_identify_gives_what_is_stored_on_a_synthetic_log(command, golden):
 
 
 @pytest.mark.compiler
+@pytest.mark.nightly
 def test_identify_gives_what_is_stored_on_a_surgical_grasper(command, golden, measured_data):
     folder = measured_data / "davinci_tool4"
     fit = [f"--data={f}" for f in sorted((folder / "identify").glob("*.csv"))]
@@ -271,7 +367,10 @@ def test_every_stored_folder_belongs_to_a_test():
         *(f"{e}/export-c-{x}" for e, x in EXPORTS),
         *(f"{e}/export-fmu-{x}" for e, x in UNITS),
         *(f"{CROSSING}/{x}" for x in ("design", "sweep-samples", "sweep-grid")),
-        *(f"{e}/design" for e in JOINTS),
+        *(f"{e}/design" for e in (*JOINTS, FINGER)),
+        *(f"{e}/{work}" for work, e in DRIVEN),
+        *(f"{e}/identify" for e in ("loop", FINGER)),
+        *(f"{e}/explore" for e in ("spring_cycle", FINGER)),
         "spring_cycle/works",
         "finger_adaptive/adapt",
         *(f"finger/identify-{x}" for x in ("synthetic", "davinci-tool4")),

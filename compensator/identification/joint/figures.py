@@ -97,11 +97,8 @@ def _sensor(sensor: SensorFit) -> Figure:
     figure, axes = new_figure(len(shown), 1, height_in=2.2 * len(shown) + 0.5)
     for panel, file in zip(axes[:, 0], shown, strict=True):
         rows, model = thinned(len(file.time_s)), np.degrees(file.model_rad)
-        if sensor.band_rad is not None:
-            band = np.degrees(sensor.band_rad)
-            panel.fill_between(
-                file.time_s[rows], (model - band)[rows], (model + band)[rows], color=VERMILION, alpha=0.2, linewidth=0
-            )
+        low, high = (np.degrees(end)[rows] for end in (file.low_rad, file.high_rad))
+        panel.fill_between(file.time_s[rows], low, high, color=VERMILION, alpha=0.2, linewidth=0)
         panel.plot(file.time_s[rows], np.degrees(file.joint_rad)[rows], color=INK, label="encoder")
         panel.plot(file.time_s[rows], model[rows], color=VERMILION, linestyle="--", label="virtual sensor")
         panel.set_title(f"{file.name} ({'validation' if file.role == 'validate' else 'fitted'})")

@@ -61,6 +61,11 @@ MOST_EXTRAS = 3
 FIRST_STEPS, STEPS, FINE_STEPS = 5, 15, 4
 """Evaluations of a start, of the best one, and on the finer mechanism."""
 
+_ONE_FILE = (
+    "one file was fitted: the interval of [observer] is that of its parts, and another load may miss the joint's angle "
+    "by several times as much; give files of other loads too"
+)
+
 register_views(
     JointIdentification,
     Views(
@@ -124,9 +129,9 @@ def identify_joint(
         sensor, torque = None, None
         if _percent(found) > DESCRIBED_PERCENT and all(log.joint_rad is not None for log in (*logs, *judges)):
             say("virtual sensor")
-            sensor = fit_sensor(logs, judges)
             if all(log.joint_torque_N_m is not None for log in (*logs, *judges)):
                 torque = fit_torque(logs, judges)
+            sensor = fit_sensor(logs, judges, None if torque is None else torque.largest_exponents)
         say("intervals")
         return _answer(scenario, found, looks, judges, (*files, *judging), sensor, torque)
 
@@ -339,10 +344,12 @@ def _answer(
     name = ", ".join(("loop with presliding", *taken)) if sensor is None else "virtual sensor of a loop"
     encoder = any(log.joint_rad is not None for log in law.logs)
     warnings = list(_warnings(found, described=described, joint=encoder, observed=sensor is not None))
+    if sensor is not None and len(law.logs) == 1:
+        warnings.append(_ONE_FILE)
     mechanism = put_into(scenario.mechanism, found.identified)
     text = fitted_text(scenario, mechanism, estimates) if described else scenario.text
     if sensor is not None:
-        bands = sensor.band_rad or 0.0, 0.0 if torque is None else torque.band_N_m or 0.0
+        bands = sensor.band_rad, 0.0 if torque is None else torque.band_N_m or 0.0
         forward = None if torque is None else torque.law
         text = observer_text(scenario, ObserverTable.of(sensor.sensor, bands[0], forward, bands[1]))
     return JointIdentification(

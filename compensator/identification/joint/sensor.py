@@ -3,11 +3,16 @@
 Where something else loads the joint, no mechanism predicts the torque, but the torque determines the elongation of the
 tendons. So the law is q = gain theta + compliance T + elongation mean(T along the path) + zero, with the memory of
 friction in the mean (`models.joint.quasi_static`). It needs an encoder while it is fitted, and none afterwards.
+
+A memory deeper than the torque's explains strokes from rest, and forgets any other start late or never. So where the
+torque at the joint is known, a law whose exponents stay within the torque's is fitted as well, and both are judged on
+data left out of the fit, from random starts: that with the narrower interval wins.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -16,7 +21,7 @@ from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.joint.log import JointLog
 from tendonff.compensator.identification.measured import Array
 from tendonff.models.capstan import CapstanLaw
-from tendonff.models.joint.quasi_static import LoopSensor
+from tendonff.models.joint.quasi_static import Followed, LoopSensor
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fits.least_squares import Residuals, Solution, Unknown, solve
 from tendonff.ocp.fits.mechanism import differences
@@ -28,6 +33,13 @@ BLOCK_S = 2.5
 """Rows this far apart are taken as independent."""
 
 SIZE_RAD, STEP = 0.01, 1e-4
+
+JUDGED_STARTS, STARTS_WITHIN, SEED = 12, 0.6, 0
+"""Random starts in each file that judge a law, within this share of it, beside its first row."""
+
+PARTS = 3
+"""A single file is left out in so many parts."""
+
 STARTS = (0.3, 1.0)
 UNITS = {
     "pull_exponent": "-",
@@ -41,6 +53,9 @@ UNITS = {
 _LOGARITHMIC = ("pull_exponent", "release_exponent", "preload_N_m")
 
 
+T = TypeVar("T")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SensorFile:
     """Angle of the joint in a file, by the sensor.
@@ -51,6 +66,10 @@ class SensorFile:
         Of the file; fit or validate.
     time_s, joint_rad, model_rad : ndarray, shape (rows,)
         Time [s], and the joint angle measured and by the sensor [rad].
+    low_rad, high_rad : ndarray, shape (rows,)
+        Its 95 % interval, nothing being known of the history before the file [rad].
+    inside : float
+        Share of the rows after random starts whose interval holds the measured angle.
     """
 
     name: str
@@ -58,6 +77,9 @@ class SensorFile:
     time_s: Array
     joint_rad: Array
     model_rad: Array
+    low_rad: Array
+    high_rad: Array
+    inside: float
 
     @property
     def error_rad(self) -> Array:
@@ -77,29 +99,45 @@ class SensorFit:
     files : tuple of SensorFile
     own_zero_files : tuple of SensorFile
         The same by the sensor fitted with a zero for each file, and with that zero.
-    band_rad : float or None
-        Half-width that holds 95 % of the rows of a file that was left out of the fit; None of a single file.
+    band_rad : float
+        What the interval adds on either side of the range over all histories: it then holds 95 % of the rows after
+        random starts of files left out of the fit, of a single file of its parts.
+    bounded : bool
+        The exponents stay within those of the torque.
     """
 
     sensor: LoopSensor
     estimates: tuple[Estimate, ...]
     files: tuple[SensorFile, ...]
     own_zero_files: tuple[SensorFile, ...]
-    band_rad: float | None
+    band_rad: float
+    bounded: bool
 
     def rms_deg(self, role: str, *, own_zero: bool = False) -> float | None:
         """RMS error over all files of a role, with one zero or with one for each; None without such files."""
         errors = [f.error_rad for f in (self.own_zero_files if own_zero else self.files) if f.role == role]
         return float(np.degrees(np.sqrt(np.mean(np.concatenate(errors) ** 2)))) if errors else None
 
-    def as_json(self) -> dict[str, float | None]:
+    def inside_percent(self, role: str) -> float | None:
+        """Rows inside the interval after random starts, over all files of a role; None without such files."""
+        shares = [f.inside for f in self.files if f.role == role]
+        return 100 * float(np.mean(shares)) if shares else None
+
+    def as_json(self) -> dict[str, float | bool | None]:
         """Errors, for `fit.json`."""
+        roles = ("fit", "validate")
         errors = {
             f"{role}_rms_deg{'_own_zero' if own else ''}": self.rms_deg(role, own_zero=own)
-            for role in ("fit", "validate")
+            for role in roles
             for own in (False, True)
         }
-        return {**errors, "band_95_deg": None if self.band_rad is None else math.degrees(self.band_rad)}
+        inside = {f"{role}_inside_percent_from_random_starts": self.inside_percent(role) for role in roles}
+        return {
+            **errors,
+            **inside,
+            "band_95_deg": math.degrees(self.band_rad),
+            "exponents_within_those_of_the_torque": self.bounded,
+        }
 
     @property
     def sentence(self) -> str:
@@ -107,36 +145,80 @@ class SensorFit:
         role = "validate" if any(f.role == "validate" for f in self.files) else "fit"
         one, own = self.rms_deg(role), self.rms_deg(role, own_zero=True)
         where = "files that were not fitted" if role == "validate" else "the fitted files"
-        band = "" if self.band_rad is None else f", 95 % within {math.degrees(self.band_rad):.2g} deg"
+        inside = self.inside_percent(role) or 0.0
         return (
-            f"as a virtual sensor the motor gives the joint's angle to {one:.2f} deg RMS on {where}{band}, "
-            f"{own:.2f} deg with a zero for each file"
+            f"as a virtual sensor the motor gives the joint's angle to {one:.2f} deg RMS on {where}, "
+            f"{own:.2f} deg with a zero for each file; once strokes have wiped out what was before, 95 % within "
+            f"{math.degrees(self.band_rad):.2g} deg ({inside:.0f} % inside the interval from random starts)"
         )
 
 
-def fit_sensor(logs: Sequence[JointLog], judges: Sequence[JointLog]) -> SensorFit:
-    """Fit a virtual sensor to logs that all have the joint's angle; SolveError where none can be."""
+def fit_sensor(
+    logs: Sequence[JointLog], judges: Sequence[JointLog], torque: Mapping[str, float] | None = None
+) -> SensorFit:
+    """Fit a virtual sensor to logs that all have the joint's angle; SolveError where none can be.
+
+    `torque` holds the largest exponents of the torque at the joint, where that is known.
+    """
     seen = [_thinned(log) for log in logs]
-    solution = _fitted(seen)
-    sensor = _sensor(solution.values)
-    band = None
-    if len(seen) > 1:
-        start = solution.values
-        left: list[Array] = []
-        for k, (_, drum, torque, joint) in enumerate(seen):
-            others = _solved([f for j, f in enumerate(seen) if j != k], start)
-            left.append(_sensor(others.values).angle_rad(drum, torque) - joint)
-        band = float(np.quantile(np.abs(np.concatenate(left)), 0.95))
+    tried = [_judged(seen, largest) for largest in ({}, *(() if torque is None else (torque,)))]
+    best = min(tried, key=lambda law: law.width_rad)
+    sensor = _sensor(best.solution.values)
     rows = [("fit", log.name, f) for log, f in zip(logs, seen, strict=True)]
     rows += [("validate", log.name, _thinned(log)) for log in judges]
-    centred = _sensor(_solved(seen, solution.values, own_zero=True).values)
+    centred = _sensor(_solved(seen, best.solution.values, best.largest, own_zero=True).values)
     return SensorFit(
         sensor=sensor,
-        estimates=_estimates(solution),
-        files=tuple(_file(name, role, sensor, f) for role, name, f in rows),
-        own_zero_files=tuple(_file(name, role, _zeroed(centred, f), f) for role, name, f in rows),
-        band_rad=band,
+        estimates=_estimates(best.solution),
+        files=tuple(_file(name, role, sensor, f, best.band_rad) for role, name, f in rows),
+        own_zero_files=tuple(_file(name, role, _zeroed(centred, f), f, best.band_rad) for role, name, f in rows),
+        band_rad=best.band_rad,
+        bounded=bool(best.largest),
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Judged:
+    """A law with the interval that data left out of its fit ask for."""
+
+    largest: Mapping[str, float]  # of the exponents
+    solution: Solution
+    band_rad: float
+    width_rad: float  # half of the interval, the mean
+
+
+def _judged(files: Sequence["_File"], largest: Mapping[str, float]) -> _Judged:
+    solution = _fitted(files, largest)
+    parts = list(files) if len(files) > 1 else _parts(files[0])
+    beyond, ranges = list[Array](), list[Array]()
+    for k, left in enumerate(parts):
+        others = _sensor(_solved([f for j, f in enumerate(parts) if j != k], solution.values, largest).values)
+        outside, wide = zip(*_from_starts(others, left, _beyond), strict=True)
+        beyond.append(np.concatenate(outside))
+        ranges.append(np.concatenate(wide))
+    band = float(np.quantile(np.concatenate(beyond), 0.95))
+    width = band + float(np.mean(np.concatenate(ranges))) / 2
+    return _Judged(largest=largest, solution=solution, band_rad=band, width_rad=width)
+
+
+def _parts(file: "_File") -> list["_File"]:
+    """A single file in parts, which count as files."""
+    time, drum, torque, joint = (np.array_split(column, PARTS) for column in file)
+    return list(zip(time, drum, torque, joint, strict=True))
+
+
+def _beyond(sensed: Followed, joint_rad: Array) -> tuple[Array, Array]:
+    """Distance of the measured angle from the range over all histories, and the range's width."""
+    outside = np.maximum(np.maximum(sensed.low_rad - joint_rad, joint_rad - sensed.high_rad), 0.0)
+    return outside, sensed.high_rad - sensed.low_rad
+
+
+def _from_starts(sensor: LoopSensor, file: "_File", of: Callable[[Followed, Array], T]) -> list[T]:
+    """Results of `of` on the sensor's answer and the measured angle, from the first row on and from random ones."""
+    _, drum, torque, joint = file
+    draw = np.random.default_rng(SEED)
+    starts = draw.integers(0, max(int(STARTS_WITHIN * len(drum)), 1), JUDGED_STARTS)
+    return [of(sensor.follow(drum[k:], torque[k:]), joint[k:]) for k in (0, *starts.tolist())]
 
 
 def _zeroed(sensor: LoopSensor, file: "_File") -> LoopSensor:
@@ -146,9 +228,20 @@ def _zeroed(sensor: LoopSensor, file: "_File") -> LoopSensor:
     return replace(sensor, zero_rad=sensor.zero_rad - off)
 
 
-def _file(name: str, role: str, sensor: LoopSensor, file: "_File") -> SensorFile:
+def _file(name: str, role: str, sensor: LoopSensor, file: "_File", band_rad: float) -> SensorFile:
     time, drum, torque, joint = file
-    return SensorFile(name=name, role=role, time_s=time, joint_rad=joint, model_rad=sensor.angle_rad(drum, torque))
+    sensed = sensor.follow(drum, torque)
+    held = _from_starts(sensor, file, lambda answer, there: _beyond(answer, there)[0] <= band_rad)
+    return SensorFile(
+        name=name,
+        role=role,
+        time_s=time,
+        joint_rad=joint,
+        model_rad=sensed.angle_rad,
+        low_rad=sensed.low_rad - band_rad,
+        high_rad=sensed.high_rad + band_rad,
+        inside=float(np.mean(np.concatenate(held))),
+    )
 
 
 _File = tuple[Array, Array, Array, Array]
@@ -178,19 +271,20 @@ def _sensor(values: Mapping[str, float]) -> LoopSensor:
     )
 
 
-def _fitted(files: Sequence[_File]) -> Solution:
+def _fitted(files: Sequence[_File], largest: Mapping[str, float]) -> Solution:
     """The best of several starts, whose linear numbers are those of least squares."""
     torque = np.concatenate([f[2] for f in files])
     preload = 0.8 * float(np.ptp(torque))
     tried = []
     for exponent in STARTS:
-        memory = {"pull_exponent": exponent, "release_exponent": exponent, "preload_N_m": preload}
+        memory = {n: min(exponent, largest.get(n, np.inf)) for n in ("pull_exponent", "release_exponent")}
+        memory["preload_N_m"] = preload
         rows = np.vstack([_columns(memory, f) for f in files])
         joint = np.concatenate([f[3] for f in files])
         linear, *_ = np.linalg.lstsq(rows, joint, rcond=None)
         names = ("gain", "compliance_rad_per_N_m", "elongation_rad_per_N_m", "zero_rad")
         start = {**memory, **dict(zip(names, linear.tolist(), strict=True))}
-        tried.append(_solved(files, start))
+        tried.append(_solved(files, start, largest))
     return min(tried, key=lambda s: s.cost)
 
 
@@ -202,7 +296,9 @@ def _columns(memory: Mapping[str, float], file: _File) -> Array:
     return np.column_stack([drum, torque, mean, np.ones(len(drum))])
 
 
-def _solved(files: Sequence[_File], start: Mapping[str, float], *, own_zero: bool = False) -> Solution:
+def _solved(
+    files: Sequence[_File], start: Mapping[str, float], largest: Mapping[str, float], *, own_zero: bool = False
+) -> Solution:
     names = tuple(n for n in start if not (own_zero and n == "zero_rad"))
     blocks = np.concatenate([1000 * k + (f[0] / BLOCK_S).astype(int) for k, f in enumerate(files)])
 
@@ -221,7 +317,7 @@ def _solved(files: Sequence[_File], start: Mapping[str, float], *, own_zero: boo
             name=n,
             start=start[n],
             low=start[n] / 20 if n in _LOGARITHMIC else -np.inf,
-            high=start[n] * 20 if n in _LOGARITHMIC else np.inf,
+            high=min(start[n] * 20, largest.get(n, np.inf)) if n in _LOGARITHMIC else np.inf,
             scale=0.3 if n in _LOGARITHMIC else max(abs(start[n]), 1e-3),
             logarithmic=n in _LOGARITHMIC,
         )

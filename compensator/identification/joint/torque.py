@@ -85,6 +85,13 @@ class TorqueFit:
         return {**found, "band_95_N_m": self.band_N_m}
 
     @property
+    def largest_exponents(self) -> dict[str, float]:
+        """Upper ends of the intervals of the exponents, by name."""
+        ends = {e.name.removeprefix("torque_"): e.interval for e in self.estimates}
+        found = {name: (ends[name], getattr(self.law.law, name)) for name in ("pull_exponent", "release_exponent")}
+        return {name: value if ends is None else ends[1] for name, (ends, value) in found.items()}
+
+    @property
     def sentence(self) -> str:
         """Its error, for the user."""
         role = "validate" if any(f.role == "validate" for f in self.files) else "fit"

@@ -31,6 +31,26 @@ def moved_by_file(scenario: Scenario, path: Path) -> Scenario:
     return replace(scenario, joints=joints)
 
 
+def motion_by_file(motion: JointMotion, others: tuple[str, ...], path: Path, end_s: float, file: str) -> JointMotion:
+    """Motion whose other joints, those that no tendon drives, move as a file says: time_s, NAME_rad.
+
+    The driven ones stay as they are, at least until `end_s` [s]. InputError where there are no others, or the file has
+    no meaning; `file` is the scenario's name.
+    """
+    if not others:
+        raise InputError(
+            f"{file}: --joints moves joints that no tendon drives, and there are none; add a table [joints.NAME] and "
+            "name it in a section"
+        )
+    step = float(motion.time_s[1] - motion.time_s[0])
+    time = step * np.arange(max(len(motion.time_s), math.ceil(end_s / step - 1e-9) + 1), dtype=np.float64)
+    columns = [
+        read_motion(path, name, time, end_s) if name in others else np.interp(time, motion.time_s, column)
+        for name, column in motion.by_joint.items()
+    ]
+    return replace(motion, time_s=time, angle_rad=np.column_stack(columns), period_s=None)
+
+
 def posed(scenario: Scenario, angles_rad: Mapping[str, float]) -> Scenario:
     """Scenario with joints at constant angles [rad] by name; the others keep its motion.
 

@@ -6,22 +6,22 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.files.progress import Progress, silent
-from tendonff.compensator.files.reading import FloatArray, InputError, read_csv
-from tendonff.compensator.files.tables import table_dialect
+from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.files.writing import write_csv
-from tendonff.compensator.joint.drive import driven
 from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
+from tendonff.compensator.scenario.sampled.joint_motion import motion_by_file
+from tendonff.compensator.studies.simulate.motors import behind, check_step, finer, read_motors
 from tendonff.compensator.studies.simulate.result import SimulatedFile
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.joint.parameters import DriveKind
+from tendonff.models.turns import in_turn
 from tendonff.ocp.integrate.method import Method
-from tendonff.ocp.joint.simulate import JointOutcome, simulate_joint
+from tendonff.ocp.joint.simulate import JointOutcome, JointSimulation, simulate_joint
 from tendonff.ocp.joint.start import joint_problem
 
-_LOOP_COLUMNS = ("motor_rad", "motor_inverse_rad")
 
-
+@in_turn
 def simulate_joint_file(
     scenario: JointScenario,
     level: Level,
@@ -29,11 +29,13 @@ def simulate_joint_file(
     out: Path,
     *,
     column: str | None = None,
+    joints: Path | None = None,
+    check: bool = False,
     method: Method = Method.BDF2,
     accept: bool = False,  # noqa: ARG001  a file of angles raises no doubt
     progress: Progress = silent,  # noqa: ARG001  one call computes all
 ) -> SimulatedFile:
-    """Simulate a joint under motor angles of a file, and write a table.
+    """Simulate a joint under motor angles of a file, and write a table; see `door.simulate_file`.
 
     Parameters
     ----------
@@ -46,7 +48,10 @@ def simulate_joint_file(
         CSV file: time_s, angles and torques of the motors, angle_rad, torque_N_m of the tendons on the joint, tensions
         at the joint and at the drums.
     column : str, optional
-        Column of a loop's motor, if it has another name.
+        Name of the motors' columns, where NAME stands for the motor's.
+    joints : Path, optional
+        Motion of the joints that no tendon drives.
+    check : bool, optional
     method : Method, optional
 
     Raises
@@ -57,29 +62,39 @@ def simulate_joint_file(
         If the simulation fails.
     """
     mechanism, step = scenario.mechanism, scenario.run.step_s
-    names = _columns(scenario, motors, column)
-    table = read_csv(motors, ("time_s", *names), increasing="time_s", starts_at_zero=True)
-    rows = int(table["time_s"][-1] / step * (1 + 1e-9) + 1e-9) + 1
-    if rows < 2:
-        raise InputError(f"{motors.name}: ends at {table['time_s'][-1]:g} s, before the first step of {step:g} s")
-    time = np.arange(rows) * step
-    motor = np.column_stack([np.interp(time, table["time_s"], table[name]) for name in names])
+    loop = mechanism.drive.kind is DriveKind.LOOP
+    names = [""] if loop else [tendon.name for tendon in mechanism.tendons]
+    drums = behind([mechanism.drive] * len(names), read_motors(motors, names, step, column), step)
+    time = np.arange(float(len(drums))) * step
     whole = replace(scenario.mechanism, drive=replace(mechanism.drive, homing_rad=0.0))  # the file says what is turned
     sampled = sample_joint(replace(scenario, mechanism=whole))
+    motion = sampled.motion
+    if joints is not None:
+        motion = motion_by_file(motion, tuple(scenario.joints), joints, time[-1], scenario.source.name)
     try:
-        problem = joint_problem(mechanism, level, sampled.motion)
+        problem = joint_problem(mechanism, level, motion)
     except ParameterError as error:
         raise InputError(f"{scenario.source.name}: {error}") from None
     contact = np.interp(time, sampled.time_s, sampled.contact_N_m)
     led = None if scenario.motion is None else np.interp(time, sampled.time_s, sampled.angle_rad)
-    run = simulate_joint(
-        problem,
-        driven(mechanism.drive, motor, step),
-        step,
-        contact_N_m=contact if led is None else float(contact[0]),
-        led_rad=led,
-        method=method,
-    ).require()
+
+    def respond(drums: FloatArray, parts: int, method: Method = Method.BDF2) -> JointSimulation:
+        return simulate_joint(
+            problem,
+            drums,
+            step / parts,
+            contact_N_m=finer(contact, parts) if led is None else float(contact[0]),
+            led_rad=None if led is None else finer(led, parts),
+            method=method,
+        ).require()
+
+    def output(run: JointSimulation) -> FloatArray:
+        return run.angle_rad if led is None else run.torque_N_m
+
+    run, found = respond(drums, 1, method), None
+    if check:
+        quantity = ("joint angle", "rad") if led is None else ("joint torque", "N m")
+        found = check_step(lambda d, parts: output(respond(d, parts)), drums, output(run), step, *quantity)
     columns: dict[str, FloatArray] = {"time_s": run.time_s}
     columns |= {name: run.motor_rad[:, k] for k, name in enumerate(_motor_columns(scenario))}
     columns |= {name: run.motor_torque_N_m[:, k] for k, name in enumerate(_torque_columns(scenario))}
@@ -89,12 +104,8 @@ def simulate_joint_file(
     for k, tendon in enumerate(mechanism.tendons):
         columns[f"tension_{tendon.name}_at_drum_N"] = run.drum_N[:, k]
     write_csv(out, columns)
-    said = [run.message] if run.outcome is JointOutcome.SLACK else []
-    if run.method is not method:
-        said.append(
-            f"simulated by {run.method}, without a C compiler: slower, to the same numbers within its tolerance"
-        )
-    return SimulatedFile(rows=len(time), warnings=tuple(said))
+    slack = (run.message,) if run.outcome is JointOutcome.SLACK else ()
+    return SimulatedFile(rows=len(time), warnings=slack, check=found)
 
 
 def _motor_columns(scenario: JointScenario) -> tuple[str, ...]:
@@ -107,15 +118,3 @@ def _torque_columns(scenario: JointScenario) -> tuple[str, ...]:
     if scenario.mechanism.drive.kind is DriveKind.LOOP:
         return ("motor_torque_N_m",)  # the name that identification reads
     return tuple(f"motor_torque_{tendon.name}_N_m" for tendon in scenario.mechanism.tendons)
-
-
-def _columns(scenario: JointScenario, motors: Path, column: str | None) -> tuple[str, ...]:
-    """Columns to read of a file of motor angles."""
-    if scenario.mechanism.drive.kind is DriveKind.PAIR:
-        if column is not None:
-            raise InputError(f"{motors.name}: a pair has a column for each motor; leave --force-column out")
-        return _motor_columns(scenario)
-    if column is not None:
-        return (column,)
-    known = table_dialect(motors, ("time_s", *_LOOP_COLUMNS)).names
-    return (next((name for name in _LOOP_COLUMNS if name in known), _LOOP_COLUMNS[0]),)

@@ -18,10 +18,12 @@ from tendonff.compensator.joint.design.run import design_joint
 from tendonff.compensator.runtime.kinds import RuntimeStatus
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.compare.joint import compare_joint
+from tendonff.compensator.studies.design.check import check_driven
 from tendonff.compensator.studies.design.sweep.run import sweep
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters.numbers import with_numbers
+from tendonff.ocp.integrate.method import Method
 from tendonff.ocp.mechanism.response import MechanismStatus
 
 EXAMPLE = Path("examples/three_joint_finger.toml")
@@ -50,6 +52,14 @@ def test_the_exact_inverse_follows_ten_times_closer_than_the_lengths_of_the_tend
     assert errors["inverse"] < errors["linear"] / 10
     assert errors["inverse"] < errors["static"] < errors["stretch"]
     assert np.degrees(errors["inverse"]) < 0.05
+
+
+@pytest.mark.compiler
+def test_a_design_is_checked_by_an_integrator(designed):
+    brief = scenario(SHORT, ("duration_s = 0.6", "duration_s = 0.1"), ("fade_in_s = 0.3", "fade_in_s = 0.1"))
+    check = check_driven(replace(designed, scenario=brief), Method.IDAS)
+    assert 0 < check.rms_percent_of_range < 0.05
+    assert check.compensator == designed.recommended.label
 
 
 @pytest.mark.compiler

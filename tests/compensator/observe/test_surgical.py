@@ -57,6 +57,28 @@ def test_the_observer_gives_the_laws_row_by_row_and_knows_the_torque_once_the_lo
     assert held == rows[-1]
 
 
+def test_the_interval_of_the_angle_holds_from_any_start():
+    """An observer that is switched on in the middle of a stroke does not know what friction stored before."""
+    asked = scenario()
+    own = replace(table(), angle_pull_exponent=0.8, angle_release_exponent=1.3, angle_band_rad=1e-6)
+    fitted = parse_joint_scenario(observer_text(asked, own), asked.source)
+    time = np.arange(400) * 0.02
+    motor, torque = 0.5 * np.sin(2 * time), 0.12 * np.sin(3 * time + 0.5) + 0.03 * np.sin(17 * time)
+    true, far = own.angle.angle_rad(motor, torque), 0.0
+    for start in np.random.default_rng(4).integers(0, 200, 5):
+        observer = tf.Observer(fitted)
+        rows = zip(motor[start:], torque[start:], strict=True)
+        seen = [observer.step(motor_rad=a, motor_torque_N_m=b).angle_rad for a, b in rows]
+        value, low, high = np.array([(s.value, s.low, s.high) for s in seen]).T
+        assert np.all((low <= true[start:]) & (true[start:] <= high))
+        assert high[-1] - low[-1] < 0.02 * (high[0] - low[0])  # strokes wipe out what was before
+        far = max(far, np.abs(value - true[start:]).max())
+    assert far > 0.01  # so the interval is needed
+    observer.step(motor_rad=float("nan"), motor_torque_N_m=0.1)  # who knows what the motor did meanwhile
+    again = observer.step(motor_rad=0.0, motor_torque_N_m=0.0).angle_rad
+    assert again.high - again.low > 0.02
+
+
 def test_a_loop_that_slides_carries_the_capstan_ratio_of_both_ways():
     motor = np.concatenate([np.linspace(0, 1, 50), np.linspace(1, 0, 50)])
     torque = np.full(100, 0.2)
@@ -88,8 +110,8 @@ def tool(measured_data: Path):
     folder, asked = measured_data / "davinci_tool4", scenario()
     seen, unseen = (read_logs(asked, sorted((folder / part).glob("*.csv")), HOW) for part in ("identify", "validate"))
     torque = fit_torque(seen, unseen)
-    angle = fit_sensor(seen[:3], ())
-    laws = ObserverTable.of(angle.sensor, angle.band_rad or 0.0, torque.law, torque.band_N_m or 0.0)
+    angle = fit_sensor(seen[:3], (), torque.largest_exponents)
+    laws = ObserverTable.of(angle.sensor, angle.band_rad, torque.law, torque.band_N_m or 0.0)
     return folder, parse_joint_scenario(observer_text(asked, laws), asked.source), torque
 
 

@@ -118,7 +118,8 @@ def test_a_pair_follows_and_keeps_its_tendons_taut(record_property) -> None:
     assert response.lowest_N.min() >= 1.5
 
 
-@pytest.mark.parametrize("kind", [LOOP, pytest.param(PAIR, marks=pytest.mark.nightly)])
+@pytest.mark.nightly
+@pytest.mark.parametrize("kind", [LOOP, PAIR])
 def test_tendons_that_bend_with_the_joint(kind: DriveKind, record_property) -> None:
     """Local tensions make the torque, L1 + L2 is not constant, the drums differ."""
     response, _ = on_plant(bent(mechanism(kind, 15.0 if kind is LOOP else 3.0)))

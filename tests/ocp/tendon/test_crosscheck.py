@@ -65,8 +65,8 @@ def test_the_step_check_estimates_the_true_error(generic: Transmission, level: L
     fine = simulate(chain, np.interp(fine_time, time, force), STEP / 100).require().output_tension_N[::100]
     true = math.sqrt(np.mean((simulate(chain, force, STEP).output_tension_N - fine)[1:] ** 2))
     assert found.reproducible
-    assert 0.5 * found.error_N < true < 1.5 * found.error_N
-    assert found.range_N == pytest.approx(np.ptp(fine), rel=1e-3)
+    assert 0.5 * found.error < true < 1.5 * found.error
+    assert found.range == pytest.approx(np.ptp(fine), rel=1e-3)
     assert "% of range" in found.text
     assert "not reproducible" not in found.text
 
@@ -75,8 +75,8 @@ def test_stick_slip_is_said_to_be_not_reproducible_with_its_spread(generic: Tran
     chain, force = Chain.of(chattering(generic), Level.ELASTIC, 12), swing(1.5)
     found = check_step(chain, force)
     assert not found.reproducible
-    assert found.spread_N > 0.01 * found.range_N
-    assert f"lie up to {found.spread_N:.3g} N apart" in found.text
+    assert found.spread > 0.01 * found.range
+    assert f"lie up to {found.spread:.3g} N apart" in found.text
     # The same rig with a soft bristle, or without the Stribeck effect, can be reproduced.
     for calm in (Chain.of(chattering(generic), Level.PRESLIDING, 12), Chain.of(smooth(generic), Level.ELASTIC, 6)):
         assert check_step(calm, force).reproducible
@@ -89,13 +89,13 @@ def test_a_check_in_pieces_is_the_check_of_the_whole(generic: Transmission) -> N
     for rows in np.array_split(np.arange(1, len(force)), 7):
         halving.add(run.time_s[rows], run.output_tension_N[rows], lambda t: np.interp(t, run.time_s, force))
     found, whole = halving.result(), check_step(chain, force)
-    assert found.error_N == pytest.approx(whole.error_N, rel=1e-9)
-    assert found.peak_N == pytest.approx(whole.peak_N, rel=1e-9)
-    assert found.spread_N == pytest.approx(whole.spread_N, rel=1e-9)
+    assert found.error == pytest.approx(whole.error, rel=1e-9)
+    assert found.peak == pytest.approx(whole.peak, rel=1e-9)
+    assert found.spread == pytest.approx(whole.spread, rel=1e-9)
 
 
 def test_a_force_that_stands_still_has_no_error(generic: Transmission) -> None:
     found = check_step(Chain.of(generic, Level.PRESLIDING), np.full(50, 30.0))
     assert found.reproducible
-    assert found.error_N < 1e-9
+    assert found.error < 1e-9
     assert "nan" not in found.text.replace("nanonewton", "")

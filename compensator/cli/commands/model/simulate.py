@@ -16,8 +16,8 @@ from tendonff.compensator.cli.options import (
 from tendonff.compensator.cli.progress import progress, say, warn
 from tendonff.ocp.integrate.method import Method
 
-_COLUMN = "Column of the force; default: force_N, in a profile.csv force_optimal_N."
-_JOINTS = "Motion of the joints: time_s,NAME_rad; default: that of the scenario."
+_COLUMN = "Column of the force or, with NAME for the motor, of motor angles; default: force_N, motor_NAME_rad."
+_JOINTS = "Motion of joints that no tendon drives: time_s,NAME_rad; default: the scenario's."
 
 
 def simulate(
