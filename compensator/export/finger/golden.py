@@ -9,17 +9,21 @@ import numpy as np
 
 from tendonff.compensator.compensators.motors.drive import commanded
 from tendonff.compensator.compensators.motors.finger import FingerTask
+from tendonff.compensator.export.drive import Driven, drive_on_host, host_text
 from tendonff.compensator.export.host import compile_on_host
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.models.path import JointMotion
 from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.codegen.printer import literal
 from tendonff.ocp.errors import CodeError, SolveError
 from tendonff.ocp.mechanism.response import MechanismRun, MechanismStatus, invert_mechanism
 
 _ROWS, BACK_ROWS = 600, 200
 _LOAD = 2.0
 """Of the load at the end of a golden course, in torques that the tendons give at the start: loops then hang loose."""
+_BEYOND = 0.05
+"""Of the range of the course: how far a drive at random goes beyond it."""
 _SLACK_BIT, _SPEED_BIT, _TORQUE_BIT = 32, 4, 2
 _DOUBLE_RAD, _DOUBLE_N = 1e-9, 1e-5
 _UNMEASURED_RAD, _UNMEASURED_N = 2e-4, 0.05
@@ -127,10 +131,19 @@ def _course(task: FingerTask, rows: np.ndarray, precision: Precision, load_N_m: 
 
 
 def run_courses(
-    sources: Mapping[str, str], prefix: str, precision: Precision, courses: Sequence[FingerCourse], which: Sequence[int]
-) -> list[FingerAnswers] | None:
-    """Answers of the exported code to courses, each of a finger by its number; None where there is no C compiler."""
-    code = compile_on_host(sources, _DRIVER.format(prefix=prefix), precision)
+    sources: Mapping[str, str],
+    prefix: str,
+    precision: Precision,
+    courses: Sequence[FingerCourse],
+    which: Sequence[int],
+    drive: str = "",
+) -> tuple[list[FingerAnswers], Driven | None] | None:
+    """Answers of the exported code to courses, each of a finger by its number, and to a drive, its text in C.
+
+    None where there is no C compiler.
+    """
+    driver = _DRIVER.format(prefix=prefix)
+    code = compile_on_host(sources, driver + (host_text(drive, prefix, ["finger"]) if drive else ""), precision)
     if code is None:
         return None
     sizes = (ctypes.c_int, ctypes.c_long, *(ctypes.c_int,) * 3)
@@ -148,7 +161,23 @@ def run_courses(
             raise CodeError(f"the exported code refuses the start of finger {number}")
         motor, command, tension, used = np.split(out.astype(np.float64), np.cumsum([motors, motors, tendons]), axis=1)
         answers.append(FingerAnswers(motor_rad=motor, command_rad=command, tension_N=tension, evaluations=used.ravel()))
-    return answers
+    return answers, drive_on_host(code, precision) if drive else None
+
+
+def drive_context(task: FingerTask, course: FingerCourse) -> dict[str, Any]:
+    """Of a finger in a drive at random: sizes, and rows of numbers by joint, those that nothing leads left out."""
+    angle, wanted = course.angle_rad, task.scenario.wanted
+    beyond = _BEYOND * np.ptp(angle, axis=0)
+    problem = task.problem(task.finger)
+    load = problem.tension_N.max() * problem.scale_m()[:wanted]
+    usual = np.abs(np.diff(angle, axis=0)).max(axis=0)
+    rows = (angle.min(axis=0) - beyond, angle.max(axis=0) + beyond, angle[0], usual, load)
+    return {
+        "joints": wanted,
+        "motors": course.run.motor.shape[1],
+        "tendons": course.run.tension_N.shape[1],
+        "rows": [[literal(float(value), Precision.DOUBLE) for value in row] for row in rows],
+    }
 
 
 def largest_departure(courses: Sequence[FingerCourse], found: Sequence[FingerAnswers]) -> float:

@@ -9,9 +9,11 @@ import numpy as np
 
 from tendonff._version import __version__
 from tendonff.compensator.compensators.motors.finger import FingerTask
+from tendonff.compensator.export.drive import test_text
 from tendonff.compensator.export.finger.golden import (
     BACK_ROWS,
     FingerCourse,
+    drive_context,
     followed_course,
     golden_context,
     golden_course,
@@ -29,6 +31,9 @@ from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.mechanism.response import MechanismStatus
+
+DRIVEN = {"episodes": 8, "episode_rows": 60}
+"""Of the drive at random in the self test."""
 
 _FILES = ("self_test.c", "example_main.c", "Makefile", "CMakeLists.txt", "README.md")
 
@@ -94,7 +99,10 @@ def export_fingers(
     module = finger_module(tasks, [task.problem(task.finger) for task in tasks], precision, prefix)
     courses = [golden_course(task, precision) for task in tasks]
     runs = [followed_course(task, precision) for task in tasks]
-    found = run_courses(module.files, prefix, precision, [*courses, *runs], [*range(len(tasks))] * 2)
+    sizes = [drive_context(*each) for each in zip(tasks, courses, strict=True)]
+    drive = render("drive.c.j2", module.context | {"drives": sizes} | DRIVEN)
+    ran = run_courses(module.files, prefix, precision, [*courses, *runs], [*range(len(tasks))] * 2, drive)
+    found, driven = (None, None) if ran is None else ran
     judged = []
     for k, (task, each) in enumerate(zip(tasks, module.context["fingers"], strict=True)):
         command = runs[k].command_rad if found is None else found[len(tasks) + k].command_rad
@@ -114,6 +122,7 @@ def export_fingers(
         )
     loss = None if found is None else largest_departure([*courses, *runs], found)
     context = module.context | {
+        "drive": test_text(drive, prefix, driven),
         "load_rows": BACK_ROWS,
         "loss": f"{loss:.2g}" if loss is not None and precision is Precision.FLOAT else "",
         "verifying": f"{max(task.masses for task in tasks)} masses a tendon at step/{FingerTask.refinement}",

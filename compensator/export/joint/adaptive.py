@@ -5,7 +5,7 @@ from dataclasses import asdict
 
 from tendonff.compensator.compensators.motors.adaptation import TunedJoint
 from tendonff.compensator.scenario.driven.joint import JointScenario
-from tendonff.ocp.adaptation.joint import between_law, tuning_law
+from tendonff.ocp.adaptation.joint import STILL, between_law, tuning_law
 from tendonff.ocp.codegen.partial_evaluation import PartialEvaluator
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal
@@ -34,6 +34,7 @@ def adaptive_context(
     between = {"f": "self->used", "value": "&value"} | {f"v{k}": f"v[{k}]" for k in range(3)}
     adaptive = []
     for place, (k, one) in enumerate(known):
+        settings = scenarios[k].adaptation
         own = {_own(name): value for name, value in asdict(one.tuning).items()}
         drive, step = scenarios[k].mechanism.drive, scenarios[k].run.step_s
         change = 1e30 if drive.speed_max_rad_per_s is None else drive.speed_max_rad_per_s * step
@@ -41,6 +42,7 @@ def adaptive_context(
             {
                 "name": scenarios[k].mechanism.joint.name,
                 "symbol": scenarios[k].mechanism.joint.name.upper(),
+                "lost_rad": (one.tuning.still - 4 * (settings.noise if settings else 0.0)) / STILL,
                 "delay": one.tuning.delay_samples,
                 "nodes": (len(scenarios) + 2 * place, k, len(scenarios) + 2 * place + 1),
                 "numbers": [literal(float(v), precision) for v in (change, *(own[name] for name in numbers))],

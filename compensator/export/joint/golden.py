@@ -8,6 +8,7 @@ import numpy as np
 
 from tendonff.compensator.compensators.motors.drive import commanded
 from tendonff.compensator.compensators.motors.joint import inverse_of
+from tendonff.compensator.export.drive import Driven, drive_on_host, host_text
 from tendonff.compensator.export.golden import to_and_fro
 from tendonff.compensator.export.host import compile_on_host
 from tendonff.compensator.export.joint.observed import STEP_RAD, observed_motor
@@ -17,12 +18,15 @@ from tendonff.compensator.scenario.driven.joint import JointScenario, SampledJoi
 from tendonff.models.joint.parameters import DriveKind
 from tendonff.models.path import JointMotion
 from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.codegen.printer import literal
 from tendonff.ocp.errors import CodeError, SolveError
 from tendonff.ocp.joint.invert import JointInversion, JointStatus, invert_joint
 from tendonff.ocp.joint.protocol import JointProblem
 
 _ROWS = 1000
 _REVERSAL_ROWS = 240
+_PUSHED = 1.5
+"""Largest contact of a drive at random, in torques of the largest tension of the course."""
 _SLACK_BIT, _SPEED_BIT, _TORQUE_BIT = 32, 4, 2
 
 _DOUBLE_RAD, _DOUBLE_N = 1e-9, 1e-5
@@ -224,12 +228,17 @@ def run_courses(
     precision: Precision,
     courses: Sequence[JointCourse],
     which: Sequence[int],
-) -> list[JointAnswers] | None:
-    """Answers of the exported code to courses, each of a joint by its number; None where there is no C compiler."""
+    drive: str = "",
+    modules: Sequence[str] = (),
+) -> tuple[list[JointAnswers], Driven | None] | None:
+    """Answers of the exported code to courses, each of a joint by its number, and to a drive, its text in C.
+
+    None where there is no C compiler. `modules` are those that the drive calls.
+    """
     others = courses[0].other_rad.shape[1]
     each = f", &other[k * {others}]" if others else ""
     driver = _DRIVER.format(prefix=prefix, first=", other" if others else "", each=each)
-    code = compile_on_host(sources, driver, precision)
+    code = compile_on_host(sources, driver + (host_text(drive, prefix, modules) if drive else ""), precision)
     if code is None:
         return None
     call = code.function("run", ctypes.c_int, ctypes.c_long, *(code.reals,) * 4, result=ctypes.c_int)
@@ -249,7 +258,23 @@ def run_courses(
                 motor_torque_N_m=found[:, 6 : 6 + motors],
             )
         )
-    return answers
+    return answers, drive_on_host(code, precision) if drive else None
+
+
+def drive_context(scenario: JointScenario, course: JointCourse, least_rad: float, most_rad: float) -> dict[str, object]:
+    """Of a joint in a drive at random: sizes; limits, start and usual change of its angle, contact, motor."""
+    mechanism = scenario.mechanism
+    loop = mechanism.drive.kind is DriveKind.LOOP
+    start, usual = float(course.angle_rad[0]), float(np.abs(np.diff(course.angle_rad)).max(initial=0.0))
+    arm = max(abs(each) for each in mechanism.arms_at(start))
+    fastest = STEP_RAD + observed_motor(scenario, course.angle_rad)[1] * scenario.run.step_s
+    numbers = (least_rad, most_rad, start, usual, _PUSHED * arm * float(course.tension_N.max()), fastest)
+    return {
+        "motors": course.motor_rad.shape[1],
+        "tendons": course.tension_N.shape[1],
+        "observed": int(loop or len(mechanism.tendons) == 1),
+        "numbers": [literal(float(value), Precision.DOUBLE) for value in numbers],
+    }
 
 
 def largest_departure(courses: Sequence[JointCourse], found: Sequence[JointAnswers]) -> float:

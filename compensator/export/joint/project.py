@@ -4,15 +4,18 @@ import json
 import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
+from typing import Any
 
 import numpy as np
 
 from tendonff._version import __version__
 from tendonff.compensator.compensators.motors.joint import JointTask
 from tendonff.compensator.compensators.motors.task import verifying_masses
+from tendonff.compensator.export.drive import test_text
 from tendonff.compensator.export.feedback import feedback_files
 from tendonff.compensator.export.joint.golden import (
     JointCourse,
+    drive_context,
     followed_course,
     golden_context,
     golden_course,
@@ -34,6 +37,9 @@ from tendonff.ocp.errors import SolveError
 from tendonff.ocp.joint.invert import JointStatus
 from tendonff.ocp.joint.protocol import JointProblem
 from tendonff.ocp.joint.target import other_joints
+
+DRIVEN = {"episodes": 12, "episode_rows": 100, "tuner_rows": 400}
+"""Of the drive at random in the self test."""
 
 _FILES = ("self_test.c", "example_main.c", "Makefile", "CMakeLists.txt", "README.md")
 
@@ -99,8 +105,15 @@ def export_joints(
     sources, context = module_text(scenarios, sampled, problems, precision, prefix)
     courses = [golden_course(*each, others, precision) for each in zip(scenarios, sampled, problems, strict=True)]
     runs = [followed_course(*each, others, precision) for each in zip(scenarios, sampled, problems, strict=True)]
-    joints: list[dict[str, object]] = context["joints"]
-    found = run_courses(sources, prefix, precision, [*courses, *runs], list(range(len(scenarios))) * 2)
+    joints: list[dict[str, Any]] = context["joints"]
+    sizes = [
+        drive_context(scenario, course, joint["least_rad"], joint["most_rad"])
+        for scenario, course, joint in zip(scenarios, courses, joints, strict=True)
+    ]
+    drive = render("drive.c.j2", context | {"drives": sizes} | DRIVEN)
+    numbers = list(range(len(scenarios))) * 2
+    ran = run_courses(sources, prefix, precision, [*courses, *runs], numbers, drive, context["modules"])
+    found, driven = (None, None) if ran is None else ran
     judged, headlines = list[JudgedJoint](), list[str]()
     for k, (own, each, problem) in enumerate(zip(scenarios, sampled, problems, strict=True)):
         command = runs[k].command_rad
@@ -125,6 +138,7 @@ def export_joints(
     loss = None if found is None else largest_departure(courses, found)
     masses = max(verifying_masses(scenario.mechanism) for scenario in scenarios)
     context |= {
+        "drive": test_text(drive, prefix, driven),
         "transmission": bool(transmission_files(context, others)),
         "loss": f"{loss:.2g}" if loss is not None and precision is Precision.FLOAT else "",
         "verifying": f"{masses} masses a tendon at step/{JointTask.refinement}",

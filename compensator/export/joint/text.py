@@ -136,6 +136,7 @@ def _context(
         "states": layout.size,
         "memory": memory,
         "state_bytes": 8 * -(-((2 * (2 * layout.size + memory) + 55) * size + 36) // 8),
+        "stack_bytes": max(1600 if precision is Precision.DOUBLE else 1024, 256 + 2 * layout.size * size),
         "others": others,
         "other_parameter": f", const {prefix}_real other_rad[]" if others else "",
         "re_entry": max(1, round(RE_ENTRY_S / step)),

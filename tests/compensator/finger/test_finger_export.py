@@ -128,7 +128,7 @@ def test_the_exported_inverse_is_the_runtime():
     task = FingerTask.of(scenario)
     module = finger_module([task], [task.problem(task.finger)], Precision.DOUBLE, "tff")
     course = followed_course(task, Precision.DOUBLE)
-    [answers] = run_courses(module.files, "tff", Precision.DOUBLE, [course], [0])
+    [answers], _ = run_courses(module.files, "tff", Precision.DOUBLE, [course], [0])
     runtime = tf.Runtime(scenario)
     live = np.array([runtime.step(row) for row in course.angle_rad[1:]])
     assert np.abs(answers.command_rad[1:] - live).max() < 1e-9

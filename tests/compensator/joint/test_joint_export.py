@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import subprocess
 from pathlib import Path
 
@@ -162,6 +163,19 @@ def test_a_self_test_notices_a_number_that_is_off(double: Path, tmp_path: Path) 
     done = make(tmp_path, "test")
     assert done.returncode != 0
     assert "FAILED: motor angle, joint 0" in done.stdout
+
+
+def test_a_self_test_calls_at_random_and_no_function_takes_more_stack_than_the_readme_says(double: Path) -> None:
+    """The answers of calls at random that rounding cannot change are nearly all, and statuses are compared exactly."""
+    test = (double / "self_test.c").read_text("utf-8")
+    words = re.findall(r"\d+(?=u)", test.partition("drive_status[DRIVE_BLOCKS] = {")[2].partition("}")[0])
+    assert len(words) > 300
+    assert sum(word != "0" for word in words) > 0.95 * len(words)
+    (said,) = re.findall(r"more than (\d+) bytes of\nstack", (double / "README.md").read_text("utf-8"))
+    done = make(double, "size", "CC=gcc")
+    assert done.returncode == 0, done.stderr
+    stacks = [int(row.split("\t")[1]) for row in done.stdout.splitlines() if row.count("\t") == 2 and ".c:" in row]
+    assert 500 < max(stacks) <= int(said)
 
 
 def test_single_precision_loses_less_than_a_hundredth_of_a_degree(several, tmp_path: Path) -> None:

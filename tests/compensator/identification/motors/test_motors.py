@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
+from tendonff.compensator.compensators.motors.task import ASSUMED_SPREAD
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.identification.answer.result import Estimate
@@ -22,7 +23,6 @@ from tendonff.compensator.identification.motors.run import (
     mechanism_of,
     suggest_motor_routine,
 )
-from tendonff.compensator.joint.task import ASSUMED_SPREAD
 from tendonff.compensator.scenarios import load_scenario, parse_any
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.ocp.fits.mechanism import MotorRun
