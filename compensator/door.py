@@ -93,7 +93,14 @@ _FINGER_ALONE = "tf.Runtime and export-c give their motor angles step by step"
 _APART = "a project holds tensions, single joints or fingers; give one kind at a time"
 _LIVE = "the filter of a live reference is that of a tension; the exported inverse of a joint leads to its reference"
 _PROBES = "the optimal profile is that of a tension; joints have the exact inverse"
-_ONE_MOTOR = "is for the tensions of one tendon; a joint is known by its motor, leave it out"
+_NO_CELLS = (
+    "--tension-column, --actuator-force-column and --explain are for cells at the ends of one tendon; a joint is known "
+    "by its motors, leave them out"
+)
+_IN_THE_DRIVE = (
+    "--gear-ratio and --drum-radius turn readings of a motor into tensions; those of a joint are fitted as they are, "
+    "by gear_ratio and drum_radius_m in [drive]"
+)
 
 WORKS: Mapping[str, Work] = MappingProxyType(
     {
@@ -169,17 +176,10 @@ WORKS: Mapping[str, Work] = MappingProxyType(
                 Kind.FINGER: "identification.driven:identify_several",
             },
             options={
-                name: _not(_MOTORS, f"{flag} {_ONE_MOTOR}")
-                for name, flag in (
-                    ("tension_columns", "--tension-column"),
-                    ("actuator_force_column", "--actuator-force-column"),
-                    ("explain", "--explain"),
-                    ("static_only", "--static"),
-                    ("conditions", "--condition"),
-                    ("tare_s", "--tare"),
-                    ("gear_ratio", "--gear-ratio"),
-                    ("drum_radius_m", "--drum-radius"),
-                )
+                **dict.fromkeys(("tension_columns", "actuator_force_column", "explain"), _not(_MOTORS, _NO_CELLS)),
+                **dict.fromkeys(("gear_ratio", "drum_radius_m"), _not(_MOTORS, _IN_THE_DRIVE)),
+                "static_only": _not(_MOTORS, "--static: one law fits a mechanism behind motors; leave it out"),
+                "conditions": _not(_MOTORS, "--condition: fit the files of each condition by themselves"),
             },
         ),
         "suggest": Work(

@@ -1,4 +1,4 @@
-"""Several tensions in one C project: a folder for each, names that go together, and one `make test` over all."""
+"""C project of several tensions: a folder for each, names that go together, and one `make test` over all."""
 
 import os
 import re

@@ -65,6 +65,7 @@ def identify_motors(
     validate: Sequence[str | os.PathLike[str]] = (),
     *,
     skip_s: float | None = None,
+    tare_s: tuple[float, float] | None = None,
     say: Callable[[str], None] = lambda _: None,
 ) -> MotorsIdentification:
     """Fit a finger or a pair to what its motors felt.
@@ -80,6 +81,8 @@ def identify_motors(
         Files that judge the law.
     skip_s : float, optional
         Leave out the start of every file [s].
+    tare_s : tuple of float, optional
+        From and to in every file, while no motor is loaded: torques are set to zero there [s].
     say : callable, optional
         Callback for messages on the work in progress.
 
@@ -93,8 +96,8 @@ def identify_motors(
     _require_friction(finger, scenario.source.name)
     files, judging = tuple(map(Path, data)), tuple(map(Path, validate))
     with threadpool_limits(limits=1, user_api="blas"):
-        logs = read_logs(finger, files, start_rad, skip_s)
-        judges = read_logs(finger, judging, start_rad, skip_s)
+        logs = read_logs(finger, files, start_rad, skip_s, tare_s)
+        judges = read_logs(finger, judging, start_rad, skip_s, tare_s)
         numbers = numbers_of(finger, [log.name for log in logs], _starts(finger, logs))
         coarse = MotorsLaw(finger=finger, logs=logs, numbers=numbers, segments=COARSE_MASSES)
         say("whole mechanism")

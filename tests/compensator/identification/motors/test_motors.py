@@ -13,6 +13,7 @@ from tendonff.compensator.compensators.motors.task import ASSUMED_SPREAD
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.identification.answer.result import Estimate
+from tendonff.compensator.identification.joint.log import read_logs as read_joint_logs
 from tendonff.compensator.identification.measured.smoothing import adaptive_low_pass, count_of
 from tendonff.compensator.identification.motors.law import MotorsLaw
 from tendonff.compensator.identification.motors.log import read_logs
@@ -23,6 +24,7 @@ from tendonff.compensator.identification.motors.run import (
     mechanism_of,
     suggest_motor_routine,
 )
+from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenarios import load_scenario, parse_any
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.ocp.fits.mechanism import MotorRun
@@ -242,3 +244,23 @@ def test_a_scenario_without_friction_is_refused(pair):
     bare = replace(scenario, mechanism=with_numbers(scenario.mechanism, {"mu": 0.0}))
     with pytest.raises(InputError, match="mu_dynamic of tendon"):
         identify_motors(bare, [log])
+
+
+@pytest.mark.parametrize(("name", "motors"), [("instrument_pair", ("_open", "_close")), ("hand_joint", ("",))])
+def test_a_tare_sets_the_torques_of_unloaded_motors_to_zero(examples, tmp_path, name, motors):
+    """Half a second without load, then swings; the offsets of the current sensors go."""
+    scenario, time = load_scenario(examples / f"{name}.toml"), 1e-3 * np.arange(3001)
+    swing = np.sin(2 * np.pi * np.maximum(time - 0.5, 0.0))
+    columns = {f"motor{motor}_rad": swing for motor in motors}
+    columns |= {f"motor_torque{motor}_N_m": 0.03 * (k + 1) + 0.1 * swing for k, motor in enumerate(motors)}
+    write_csv(tmp_path / "log.csv", {"time_s": time} | columns)
+    if name == "hand_joint":
+        [log] = read_joint_logs(scenario, [tmp_path / "log.csv"], Measurement(tare_s=(0.0, 0.4), skip_s=0.0))
+        torque = log.torque_N_m[:, None]
+    else:
+        finger = mechanism_of(scenario)[0]
+        [log] = read_logs(finger, [tmp_path / "log.csv"], np.zeros(1), None, (0.0, 0.4))
+        torque = log.torque_N_m
+    assert torque.shape[1] == len(motors)
+    assert np.abs(torque[:20]).max() < 2e-3
+    assert np.ptp(torque, axis=0) == pytest.approx(0.2, rel=0.1)
