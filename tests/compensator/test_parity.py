@@ -21,7 +21,7 @@ RIGS = {
 }
 """What there is, and the kind of scenario that it is to the program."""
 
-MOST_REFUSED = 17
+MOST_REFUSED = 13
 """Refusals: each reason of a whole work, and each reason of an option; they may only become fewer."""
 
 COMMANDS = {
