@@ -188,7 +188,7 @@ def difference(one: str, two: str) -> float:
 
 
 class Fate(StrEnum):
-    """What becomes of a mutant."""
+    """Fate of a mutant."""
 
     DEAD = "dead"  # the self test fails
     ALIVE = "alive"
@@ -252,7 +252,7 @@ def subject(
 
 
 def _of_finger(task: FingerTask) -> tuple[str, ...]:
-    """What the driver has to know of a finger."""
+    """Definitions of a finger for its driver."""
     angle, wanted = task.wanted_rad, task.scenario.wanted
     problem = task.problem(task.finger)
     beyond = 0.05 * np.ptp(angle, axis=0)

@@ -31,7 +31,7 @@ _MARGIN = 10.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Driven:
-    """What a drive at random answers.
+    """Answers to calls at random.
 
     Attributes
     ----------

@@ -47,12 +47,12 @@ class ExportedTensions:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the user should know, tension by tension."""
+        """Advice for the user, tension by tension."""
         return self._of("warnings")
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the tuners can identify, tension by tension."""
+        """Parameters that the tuners can identify, tension by tension."""
         return self._of("notes")
 
     @property
