@@ -22,7 +22,7 @@ from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.integrate.method import Method
-from tendonff.ocp.opti.tendon import Collocation
+from tendonff.ocp.opti.choices import Collocation
 
 if TYPE_CHECKING:
     from tendonff.compensator.compensators.base import Compensator

@@ -22,8 +22,9 @@ from tendonff.ocp.integrate.mechanism import page_state as mechanism_state
 from tendonff.ocp.joint.protocol import JointProblem
 from tendonff.ocp.joint.start import start_memory
 from tendonff.ocp.mechanism.problem import MechanismProblem, rest
+from tendonff.ocp.opti.choices import Collocation
 from tendonff.ocp.opti.collocation import History, collocate
-from tendonff.ocp.opti.tendon import Collocation, Formulation, ipopt_options
+from tendonff.ocp.opti.tendon import Formulation, ipopt_options
 
 _STEADY = 1e-4
 """Cost of the squared steps of the motors beside the squared error: not all of them follow from the joints."""

@@ -11,8 +11,9 @@ from tendonff.compensator.scenario.driven.reference import JointQuantity
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
+from tendonff.ocp.opti.choices import Collocation
 from tendonff.ocp.opti.joint import JointFormulation, Pursuit, formulate_joint, formulate_mechanism
-from tendonff.ocp.opti.tendon import Collocation, TensionFormulation, formulate
+from tendonff.ocp.opti.tendon import TensionFormulation, formulate
 from tendonff.ocp.tracking.track import first_guess
 
 
