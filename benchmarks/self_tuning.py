@@ -1,15 +1,17 @@
 """The exported self-tuning C, blind, on three rigs of 40 masses whose laws, scheme and step are others.
 
-    python benchmarks/self_tuning.py [--sensor output_tension] [--gain 40] [--parameters mu] [CASE ...]
+    python benchmarks/self_tuning.py [--sensor output_tension] [--gain 40] [--parameters mu] [--motions all] [CASE ...]
 
-Two sines, 8 s, 1 kHz, 2 ms of delay, noise of 0.5 % of range or of travel. Errors are RMS after 2 s in % of range
-(after the change and 2 s where something changes in mid-run: those of the last second are stated too); *worst* is the
-largest ratio to the plain inverse over any second, of seconds in which more than 0.5 % of range is left.
+Two sines (or every one of `MOTIONS`), 8 s, 1 kHz, 2 ms of delay, noise of 0.5 % of range or of travel. Errors are RMS
+after 2 s in % of range (after the change and 2 s where something changes in mid-run: those of the last second are
+stated too); *worst* is the largest ratio to the plain inverse over any second, of seconds in which more than 0.5 % of
+range is left. `--load-exponent 0.2` states friction that falls with the tension, at the tension of the start.
 """
 
 import argparse
 import ctypes
 import importlib.util
+import itertools
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -22,7 +24,7 @@ import numpy as np
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.export.modules import ADAPTIVE_MODULES
 from tendonff.compensator.export.text.c_text import c_sources
-from tendonff.compensator.scenario.reference import SineReference
+from tendonff.compensator.scenario.reference import Shape, SineReference, WaypointReference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenario.settings import Adaptation
 from tendonff.compensator.scenarios import load_scenario
@@ -34,6 +36,19 @@ from tendonff.ocp.codegen.precision import Precision
 ROOT = Path(__file__).parents[1]
 DURATION_S, STEP_S, NOISE = 8.0, 1e-3, 0.005
 RIGS = {"finger": (30.0, (12.0, 5.0)), "bowden": (100.0, (45.0, 20.0)), "surgical": (12.0, (5.0, 2.0))}
+# Courses of the tension about that of the start, in shares of the sum of a rig's amplitudes.
+MOTIONS: dict[str, tuple[tuple[float, ...], tuple[float, ...]] | tuple[Shape, tuple[float, ...], tuple[float, ...]]] = {
+    "two sines": ((0.5, 1.3), ()),  # with the rig's own amplitudes
+    "slow sine": ((0.25,), (1.0,)),
+    "fast sines": ((1.7, 2.9), (0.3, 0.15)),
+    "three sines": ((0.3, 0.7, 1.9), (0.5, 0.3, 0.2)),
+    "strokes": (
+        Shape.SMOOTH,
+        (0, 0.5, 1, 1.5, 2, 3, 3.3, 4, 5, 5.5, 6, 7, 8),
+        (0, 1, 1, -1, -1, 0.7, -0.2, 0.5, -0.8, -0.8, 1, 0, 0),
+    ),
+    "triangle": (Shape.LINEAR, (0, 0.5, 1.5, 2.5, 3.5, 4.5, 5.5, 6.5, 7.5, 8), (0, 1, -1, 1, -1, 1, -1, 1, -1, 0)),
+}
 DRIVER = """
 tff_adaptive *made(void) { return (tff_adaptive *)calloc(1, sizeof(tff_adaptive)); }
 void begin(tff_adaptive *self, double tension) { tff_adaptive_init(self, (tff_real)tension); }
@@ -124,19 +139,48 @@ CASES: dict[str, World] = {
     "load +20 %": World({"load": 1.2}),
     "tendon -20 %": World({"stiffness": 0.8}),
 }
+CASES |= {f"mu ~ T^-{n:g}": World({"load_exponent": n}) for n in (0.1, 0.2, 0.3)}
+CASES |= {
+    f"friction {p:+g} %, mu ~ T^-{n:g}": World({"mu": 1 + p / 100, "load_exponent": n})
+    for n in (0.1, 0.2, 0.3)
+    for p in (-20, 20)
+}
 
 
-def scenario_of(name: str, sensor: Sensor, parameters: tuple[Tunable, ...], gain_per_s: float | None) -> Scenario:
-    """An example on two sines, with self-tuning."""
+def reference_of(name: str, motion: str) -> SineReference | WaypointReference:
+    """Motion of a rig."""
     tension, amplitudes = RIGS[name]
-    scenario = load_scenario(ROOT / "examples" / f"{name}.toml")
-    sines = SineReference(
+    course, whole = MOTIONS[motion], sum(amplitudes)
+    if len(course) == 3:
+        shape, times_s, shares = course
+        return WaypointReference(
+            times_s=times_s, shape=shape, tensions_N=tuple(tension + whole * share for share in shares)
+        )
+    frequencies, shares = course
+    return SineReference(
         initial_tension_N=tension,
-        frequencies_Hz=(0.5, 1.3),
-        amplitudes_N=amplitudes,
+        frequencies_Hz=frequencies,
+        amplitudes_N=tuple(whole * share for share in shares) or amplitudes,
         duration_s=DURATION_S,
         fade_in_s=0.5,
     )
+
+
+def scenario_of(
+    name: str,
+    sensor: Sensor,
+    parameters: tuple[Tunable, ...],
+    gain_per_s: float | None,
+    motion: str = "two sines",
+    load_exponent: float = 0.0,
+) -> Scenario:
+    """An example on a motion, with self-tuning."""
+    amplitudes = RIGS[name][1]
+    scenario = load_scenario(ROOT / "examples" / f"{name}.toml")
+    if load_exponent:
+        friction = scenario.transmission.friction
+        friction = replace(friction, load_exponent=load_exponent, reference_tension_N=RIGS[name][0])
+        scenario = replace(scenario, transmission=replace(scenario.transmission, friction=friction))
     run = replace(scenario.run, step_s=STEP_S, level=Level.PRESLIDING)
     span = (
         2
@@ -145,7 +189,7 @@ def scenario_of(name: str, sensor: Sensor, parameters: tuple[Tunable, ...], gain
     )
     gain = {} if gain_per_s is None else {"integral_gain_per_s": gain_per_s}
     adaptation = Adaptation(sensor=sensor, parameters=parameters, noise=NOISE * span, delay_samples=2, **gain)
-    return replace(scenario, reference=sines, run=run, adaptation=adaptation)
+    return replace(scenario, reference=reference_of(name, motion), run=run, adaptation=adaptation)
 
 
 class Tuner:
@@ -220,11 +264,14 @@ def main() -> None:
     parser.add_argument("--sensor", default=Sensor.OUTPUT_TENSION, type=Sensor)
     parser.add_argument("--rigs", default=",".join(RIGS))
     parser.add_argument("--parameters", default="", help="default: the scenario's")
+    parser.add_argument("--motions", default="two sines", help="names, separated by commas; or all")
+    parser.add_argument("--load-exponent", type=float, default=0.0, help="stated in the scenario")
     parser.add_argument("--gain", type=float, default=None, help="integral action [1/s]; default: the scenario's")
     options = parser.parse_args()
-    for name in options.rigs.split(","):
+    motions = list(MOTIONS) if options.motions == "all" else options.motions.split(",")
+    for name, motion in itertools.product(options.rigs.split(","), motions):
         parameters = tuple(Tunable(p) for p in options.parameters.split(",") if p)
-        scenario = scenario_of(name, options.sensor, parameters, options.gain)
+        scenario = scenario_of(name, options.sensor, parameters, options.gain, motion, options.load_exponent)
         problem = Problem.of(scenario)
         library = compiled(scenario, problem)
         for case in options.cases:
@@ -235,7 +282,7 @@ def main() -> None:
             seconds = [slice(k, k + second) for k in range(0, len(error) - second, second // 4)]
             ratios = [rms(error[s]) / rms(plain[s]) for s in seconds if rms(error[s]) > 0.5]
             print(
-                f"{name:9} {options.sensor:17} {case:40} plain {rms(plain[late:]):6.2f}  "
+                f"{name:9} {motion:11} {options.sensor:17} {case:40} plain {rms(plain[late:]):6.2f}  "
                 f"tuned {rms(error[late:]):6.2f}  "
                 f"last {rms(error[-second:]):6.2f} worst {max(ratios, default=0):5.2f}  frozen "
                 f"{100 * np.mean((status & 64) > 0):3.0f} %  doubt {100 * np.mean((status & 256) > 0):3.0f} %  "

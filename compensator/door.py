@@ -22,6 +22,7 @@ from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.integrate.method import Method
+from tendonff.ocp.opti.tendon import Collocation
 
 if TYPE_CHECKING:
     from tendonff.compensator.compensators.base import Compensator
@@ -90,7 +91,6 @@ _FINGER_ALONE = "tf.Runtime and export-c give their motor angles step by step"
 _APART = "a project holds single joints or fingers, each kind in a folder of its own; give one kind at a time"
 _LIVE = "the filter of a live reference is that of a tension; the exported inverse of a joint leads to its reference"
 _PROBES = "the optimal profile is that of a tension; joints have the exact inverse"
-_TABLE_AXES = "the table of a joint has its angle and the way it turns as axes"
 _ONE_MOTOR = "is for the tensions of one tendon; a joint is known by its motor, leave it out"
 
 WORKS: Mapping[str, Work] = MappingProxyType(
@@ -223,30 +223,13 @@ WORKS: Mapping[str, Work] = MappingProxyType(
                 Kind.FINGER: "a table of several joints needs an axis for the angle and the way of each, 2 n in all, "
                 f"which fits no controller; {_FINGER_ALONE}"
             },
-            options={
-                name: _not((Kind.JOINT,), f"{flag} is for a tension; {_TABLE_AXES}")
-                for name, flag in (
-                    ("level", "--level"),
-                    ("bound_N", "--bound"),
-                    ("angles_rad", "--angles"),
-                    ("rates_N_per_s", "--rates"),
-                    ("pose_rad", "--pose"),
-                )
-            },
         ),
         "opti": Work(
             by={
                 Kind.TENSION: "studies.opti.run:opti_of_tension",
                 Kind.JOINT: "studies.opti.run:opti_of_joint",
-            },
-            refused={
-                Kind.FINGER: "opti takes one tendon or one driven joint, this scenario has several; take "
-                "mechanism_equations for a problem of your own"
-            },
-            options={
-                "options": _not((Kind.JOINT,), "options are weights and bounds of a tension; add yours to the problem"),
-                "payload": _not((Kind.TENSION,), "payload is a torque of a joint; leave it out"),
-            },
+                Kind.FINGER: "studies.opti.run:opti_of_finger",
+            }
         ),
         "export_c": Work(
             by={
@@ -644,36 +627,14 @@ def suggest(scenario: "AnyScenario") -> "Excitation | MotorRoutine | MotorsRouti
     return found
 
 
-@overload
-def make_table(
-    scenario: "Scenario",
-    *,
-    level: Level | None = None,
-    bound_N: float | None = None,
-    angles_rad: Sequence[float] = (),
-    rates_N_per_s: Sequence[float] = (),
-    pose_rad: Mapping[str, float] = ...,
-) -> "Tables": ...
-@overload
-def make_table(scenario: "JointScenario") -> "JointTable": ...
-@overload
-def make_table(
-    scenario: "AnyScenario",
-    *,
-    level: Level | None = None,
-    bound_N: float | None = None,
-    angles_rad: Sequence[float] = (),
-    rates_N_per_s: Sequence[float] = (),
-    pose_rad: Mapping[str, float] = ...,
-) -> "Tables | JointTable": ...
 @in_turn
 def make_table(
     scenario: "AnyScenario",
     *,
     level: Level | None = None,
-    bound_N: float | None = None,
+    bound: float | None = None,
     angles_rad: Sequence[float] = (),
-    rates_N_per_s: Sequence[float] = (),
+    rates: Sequence[float] = (),
     pose_rad: Mapping[str, float] = MappingProxyType({}),
 ) -> "Tables | JointTable":
     """Tabulate the feedforward: a force over reference, branch and tension since the last reversal; a motor's angle
@@ -683,13 +644,16 @@ def make_table(
     ----------
     scenario : Scenario or JointScenario
     level : Level, optional
-        Of a tension, as what follows. Default: the scenario's own.
-    bound_N : float, optional
-        Largest interpolation error; default: 0.5 % of the reference's range.
-    angles_rad, rates_N_per_s : sequence of float, optional
-        Wrap angles and rates of the reference: a further axis each.
+        Default: the scenario's own.
+    bound : float, optional
+        Largest interpolation error, of a force [N] or of the joint's angle [rad]; default: 0.5 % of the reference's
+        range, of a joint 0.1 %.
+    angles_rad : sequence of float, optional
+        Of a tension wrap angles, a further axis; of a joint the nodes of its angle.
+    rates : sequence of float, optional
+        Rates of the reference, a further axis [N/s, of a joint rad/s].
     pose_rad : mapping of str to float, optional
-        Angles of joints during the table.
+        Angles of joints that no tendon drives, constant for the table.
 
     Raises
     ------
@@ -702,14 +666,9 @@ def make_table(
     >>> tables = tf.make_table(tf.load_scenario("examples/finger.toml"))  # doctest: +SKIP
     >>> tables.write("table")  # doctest: +SKIP
     """
-    asked = {
-        "level": level,
-        "bound_N": bound_N,
-        "angles_rad": angles_rad,
-        "rates_N_per_s": rates_N_per_s,
-        "pose_rad": pose_rad,
-    }
-    found: Tables | JointTable = function_of("table", scenario, asked)(scenario)
+    found: Tables | JointTable = function_of("table", scenario)(
+        scenario, level=level, bound=bound, angles_rad=angles_rad, rates=rates, pose_rad=pose_rad
+    )
     return found
 
 
@@ -777,11 +736,11 @@ def opti(
     interval_s: float = 0.005,
     degree: int = 1,
     smoothing: float = 3e-4,
-    options: "TrackOptions | None" = None,
+    payload: bool = False,
 ) -> "Formulation": ...
 @overload
 def opti(
-    scenario: "JointScenario",
+    scenario: "JointScenario | FingerScenario",
     *,
     level: Level | None = None,
     interval_s: float = 0.005,
@@ -789,17 +748,6 @@ def opti(
     smoothing: float = 3e-4,
     payload: bool = False,
 ) -> "JointFormulation": ...
-@overload
-def opti(
-    scenario: "AnyScenario",
-    *,
-    level: Level | None = None,
-    interval_s: float = 0.005,
-    degree: int = 1,
-    smoothing: float = 3e-4,
-    options: "TrackOptions | None" = None,
-    payload: bool = False,
-) -> "Formulation | JointFormulation": ...
 @in_turn
 def opti(
     scenario: "AnyScenario",
@@ -808,15 +756,14 @@ def opti(
     interval_s: float = 0.005,
     degree: int = 1,
     smoothing: float = 3e-4,
-    options: "TrackOptions | None" = None,
     payload: bool = False,
 ) -> "Formulation | JointFormulation":
     """Pose the optimal-control problem of a scenario by direct collocation, to be extended and solved by IPOPT.
 
     Parameters
     ----------
-    scenario : Scenario or JointScenario
-        The tension of one tendon, or the angle of one driven joint.
+    scenario : Scenario, JointScenario or FingerScenario
+        The tension of one tendon, with the weights and bounds of its table [optimal], or angles of driven joints.
     level : Level, optional
         Of the model; default: the scenario's.
     interval_s : float, optional
@@ -826,10 +773,8 @@ def opti(
     smoothing : float, optional
         Friction switches over this share of the largest sliding speed of the first guess [-], > 0: abs(v) becomes
         sqrt(v^2 + w^2). Default 3e-4.
-    options : TrackOptions, optional
-        Weights and bounds of a tendon's problem; default: the scenario's table [optimal].
     payload : bool, optional
-        Of a joint: the torque on what it touches is a variable that your equations decide.
+        What the load or the joints give to what they touch are variables that your equations decide.
 
     Raises
     ------
@@ -850,9 +795,8 @@ def opti(
     >>> answer.value(problem.force_N).shape
     (21,)
     """
-    found: Formulation | JointFormulation = function_of("opti", scenario, {"options": options, "payload": payload})(
-        scenario, level=level, interval_s=interval_s, degree=degree, smoothing=smoothing
-    )
+    how = Collocation(interval_s=interval_s, degree=degree, smoothing=smoothing)
+    found: Formulation | JointFormulation = function_of("opti", scenario)(scenario, how, level=level, payload=payload)
     return found
 
 

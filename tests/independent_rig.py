@@ -26,6 +26,7 @@ typedef struct {
     double h, k1, k2, tau, c, mass, viscous, sigma, adhesion; /* of the whole tendon */
     double ma, ba, ml, bl, kl, anchor;       /* anchor: tension of the load's spring at q_l = 0 */
     double mu_pull, mu_release, angle, gear; /* gear: dry friction of the drive [N] */
+    double exponent, level;                  /* friction falls as (tension / level)^-exponent */
     double gear_force, spot[MAX];            /* spot: factor on friction of each mass, 0 means 1 */
     double v[MAX], e[MAX], z[MAX], fs[MAX], qa, ql, tension;
 } rig;
@@ -65,7 +66,9 @@ void rig_advance(rig *r, double force_from, double force_to, int steps)
         }
         for (i = 1; i <= n; i++) {
             double normal = k[i - 1] + k[i] + 2 * r->adhesion, v = r->v[i], bar = v >= 0 ? bar_pull[i] : bar_release[i];
-            double sigma = r->sigma / n, most = bar * (normal > 1e-9 ? normal : 1e-9);
+            double sigma = r->sigma / n, most;
+            if (r->exponent > 0) bar *= pow((normal > 1e-3 ? normal : 1e-3) / 2 / r->level, -r->exponent);
+            most = bar * (normal > 1e-9 ? normal : 1e-9);
             keep[i] = most / (most + sigma * h * fabs(v)); /* f_s = keep (f_s + sigma h v) */
             a[i] = -g[i - 1]; b[i] = -g[i];
             d[i] = r->mass / n / h + r->viscous / n + keep[i] * sigma * h + g[i - 1] + g[i];
@@ -101,7 +104,7 @@ void rig_advance(rig *r, double force_from, double force_to, int steps)
 _MOST = 128
 _NUMBERS = (
     *("h", "k1", "k2", "tau", "c", "mass", "viscous", "sigma", "adhesion", "ma", "ba", "ml", "bl", "kl", "anchor"),
-    *("mu_pull", "mu_release", "angle", "gear", "gear_force"),
+    *("mu_pull", "mu_release", "angle", "gear", "exponent", "level", "gear_force"),
 )
 
 
@@ -131,6 +134,8 @@ class Rig:
     load: float = 1.0
     release: float = 1.0  # on friction when releasing, beside `mu`
     gear_N: float = 0.0  # dry friction of the drive
+    load_exponent: float = 0.0  # friction falls with the tension: mu (T / reference_tension_N)^-load_exponent
+    reference_tension_N: float | None = None  # default: the tension at the start
     masses: int = 40
     step_s: float = 1e-5
     true_tension_N: float | None = None
@@ -160,6 +165,8 @@ class Rig:
             t.friction.release_dynamic * self.mu * self.release,
             t.path.total_angle_rad,
             self.gear_N,
+            self.load_exponent,
+            start if self.reference_tension_N is None else self.reference_tension_N,
         )
         _library().rig_start(ctypes.byref(self._rig), ctypes.c_double(start))
 

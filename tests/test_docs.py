@@ -163,7 +163,8 @@ def cable(folder, *, is_there=True):
     force = level * (1 + 0.8 * np.sin(2 * np.pi * 0.25 * time) * np.minimum(time, 1))
     write_synthetic(folder / "log.csv", transmission, time, force, Faults(), step_s=2e-3, masses=12)
     if not is_there:
-        (folder / "mine.toml").unlink()
+        for written in folder.glob("mine.*"):  # `new` draws it too
+            written.unlink()
 
 
 def knuckle(folder, *logs):
@@ -176,9 +177,18 @@ def knuckle(folder, *logs):
 
 
 def hand(folder):
-    """The second joint of a hand; the first is written by the page."""
-    knuckle(folder)
-    (folder / "knuckle.toml").unlink()
+    """The second joint of a hand, and both among its fingers; the first is written by the page."""
+    fingers(folder)
+    for written in folder.glob("knuckle.*"):
+        written.unlink()
+
+
+def knuckle_and_finger(folder):
+    """A log of a joint, and one of a finger along the suggested routine."""
+    knuckle(folder, "log.csv")
+    assert run(["new", "finger.toml", "--for", "finger"]) == 0
+    assert run(["identify", "finger.toml", "--suggest", "--out", "plan"]) == 0
+    assert run(["simulate", "finger.toml", "--force", "plan/suggested_motors.csv", "--out", "finger.csv"]) == 0
 
 
 def worn(folder):
@@ -224,7 +234,7 @@ NEEDED = (
     pytest.param("docs/identify.md", cable, marks=MINUTES),
     pytest.param("docs/tutorials/hand.md", hand, marks=MINUTES),
     pytest.param("docs/tutorials/fingers.md", lambda _: None, marks=MINUTES),
-    pytest.param("docs/guide/identify_joint.md", lambda folder: knuckle(folder, "log.csv"), marks=MINUTES),
+    pytest.param("docs/guide/identify_joint.md", knuckle_and_finger, marks=MINUTES),
     pytest.param("docs/guide/watch_joint.md", worn, marks=MINUTES),
     pytest.param("docs/guide/joints.md", fingers, marks=MINUTES),
     pytest.param("docs/guide/import.md", models, marks=MINUTES),
@@ -233,6 +243,8 @@ NEEDED = (
 )
 """What the commands of a page take as given."""
 
+# The first reference of an imported hand is beyond the quasi-static law, so `design` leaves it out and ends with 1.
+LEAVES_OUT_A_COMPENSATOR = {"docs/guide/import.md", "docs/tutorials/mjcf.md"}
 BY_OTHER_TESTS = {f"docs/tutorials/{name}.md" for name in ("bowden", "finger", "identify")}
 
 
@@ -250,7 +262,8 @@ def test_the_commands_of_a_page_run_with_its_files(page, prepare, tmp_path, monk
         if command[0] == "explore":  # serves until it is stopped; has tests of its own
             continue
         words = [file for word in command for file in (sorted(map(str, Path().glob(word))) if "*" in word else [word])]
-        assert run(words) == 0, command
+        incomplete = command[0] == "design" and page in LEAVES_OUT_A_COMPENSATOR
+        assert run(words) == (1 if incomplete else 0), command
 
 
 @pytest.fixture

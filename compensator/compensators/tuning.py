@@ -41,11 +41,27 @@ class Certified:
 
 
 def check_tuning(scenario: Scenario) -> None:
-    """Refuse self-tuning behind a position servo: the model of the tuner is driven by the force that was applied."""
+    """Refuse self-tuning behind a position servo, and a load exponent that there is none of.
+
+    The model of the tuner is driven by the force that was applied.
+    """
     if scenario.adaptation is not None and scenario.transmission.actuator.drive is Drive.POSITION:
         raise InputError(
             f'{scenario.source.name} [adaptation]: self-tuning needs a force drive; leave it out, or use "force"'
         )
+    if scenario.adaptation is not None and Tunable.LOAD_EXPONENT in scenario.adaptation.parameters:
+        _check_load_exponent(scenario)
+
+
+def _check_load_exponent(scenario: Scenario) -> None:
+    where, stated = f"{scenario.source.name} [adaptation] parameters", scenario.transmission.friction.load_exponent
+    if not stated:
+        raise InputError(
+            f'{where}: "load_exponent" is a factor on [friction] load_exponent, which is {stated or 0}; state it there '
+            "with reference_tension_N, 0.2 for polymers"
+        )
+    if scenario.joints or scenario.transmission.path.sections:
+        raise InputError(f'{where}: "load_exponent" is tuned on a path of one piece at rest only; leave it out here')
 
 
 def tuning_of(problem: Problem, settings: Adaptation) -> Tuning:

@@ -107,7 +107,8 @@ class Adaptation:
         Age of the joint angles when they arrive, in steps, 0 to 63: the tuner takes them on at the rate of so many
         steps. Default 0.
     parameters : tuple of Tunable, optional
-        What is tuned, one or two: "mu", "mu_pull", "mu_release", "load_stiffness", "tendon_stiffness". Default mu_pull
+        What is tuned, one or two: "mu", "mu_pull", "mu_release", "load_stiffness", "tendon_stiffness", "load_exponent"
+        where `[friction]` states one. Default mu_pull
         and mu_release from the output tension; mu from the position, from which the directions are separately
         identifiable only where load stiffness and start tension are known.
     range : tuple of float, optional

@@ -37,6 +37,7 @@ _SCALED: dict[Tunable, tuple[str, ...]] = {
         "relaxing_stiffness_N_per_m",
         "second_relaxing_stiffness_N_per_m",  # where the tendon has one
     ),
+    Tunable.LOAD_EXPONENT: ("load_exponent",),
 }
 _OF_SECTIONS = _FRICTION[0] + _FRICTION[1]
 LOAD_STIFFNESS = "far_stiffness_N_per_m"

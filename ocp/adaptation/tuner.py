@@ -71,6 +71,7 @@ class _RigStruct(ctypes.Structure):
         ("start", ctypes.c_double),
         ("output", ctypes.c_double),
         ("gain", ctypes.c_double),
+        ("crosstalk", ctypes.c_double),
         ("delay", ctypes.c_int),
         ("gear", ctypes.c_double),
         ("gear_force", ctypes.c_double),
@@ -120,6 +121,8 @@ class SimulatedRig:
         True age of a measurement when it arrives; default: that of the tuner.
     gear_N : float, optional
         Dry friction of the drive, beside that of the chain [N].
+    crosstalk : float, optional
+        Share of the actuator's force that the sensor shows beside what it measures [unit of the sensor per N].
     """
 
     def __init__(
@@ -132,21 +135,23 @@ class SimulatedRig:
         sensor_gain: float = 1.0,
         delay_samples: int | None = None,
         gear_N: float = 0.0,
+        crosstalk: float = 0.0,
     ) -> None:
         self.chain, self.rows = chain, 0
         self.x = rest_on_spring(chain, initial_tension_N)
         self.x_old = self.x.copy()
         start = float(self.x[chain.layout.part("q_a")][0])
-        self.late, self._delay, self._gain = np.empty(0), delay_samples, sensor_gain
+        self.late, self._delay = np.empty(0), delay_samples
+        self._gain, self._aside = sensor_gain, crosstalk * initial_tension_N
         drive = (gear_N, 0.0, gear_N / _GEAR_TRAVEL_M)
         state = (1, initial_tension_N, start, initial_tension_N)
-        self.struct = _RigStruct(step_s / substeps, substeps, *state, sensor_gain, 0, *drive)
+        self.struct = _RigStruct(step_s / substeps, substeps, *state, sensor_gain, crosstalk, 0, *drive)
 
     def sensed_through(self, delay_samples: int, first: float) -> None:
         """Fill the line of measurements on their way, once; `first` is what the sensor says at rest."""
         if not self.late.size:
             self.struct.delay = delay_samples if self._delay is None else self._delay
-            self.late = np.full(self.struct.delay + 1, self._gain * first)
+            self.late = np.full(self.struct.delay + 1, self._gain * first + self._aside)
 
     def stretch(self, longer_m: float) -> None:
         """Make the tendon longer at rest, at once."""

@@ -63,6 +63,7 @@ class Tunable(StrEnum):
     MU_RELEASE = "mu_release"
     LOAD_STIFFNESS = "load_stiffness"  # k_l, with the load's spring anchored at the tension of the start
     TENDON_STIFFNESS = "tendon_stiffness"  # k1 and k2
+    LOAD_EXPONENT = "load_exponent"  # n of friction that falls with the load
 
 
 class Nuisance(StrEnum):

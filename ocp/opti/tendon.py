@@ -86,6 +86,10 @@ class Formulation:
         Of the actuator.
     output_N : ca.MX, shape (n, 1)
         Tension at the far end.
+    contact_N : ca.MX, shape (n, 1)
+        Force that the load gives to what it touches: none or, with `payload`, a variable.
+    load_m, load_m_per_s : ca.MX, shape (n, 1)
+        Place and speed of the load, positive towards the actuator.
     tension_N : ca.MX, shape (N + 1, n)
         Of every link, from the actuator to the load.
     states : ca.MX, shape (states, n)
@@ -101,6 +105,9 @@ class Formulation:
     wanted_N: Array
     force_N: ca.MX
     output_N: ca.MX
+    contact_N: ca.MX
+    load_m: ca.MX
+    load_m_per_s: ca.MX
     tension_N: ca.MX
     states: ca.MX
     cost: ca.MX
@@ -136,7 +143,9 @@ def solve_opti(opti: ca.Opti) -> OptiSolution:
     )
 
 
-def formulate(problem: TrackingProblem, guess_N: Array, collocation: Collocation) -> Formulation:
+def formulate(
+    problem: TrackingProblem, guess_N: Array, collocation: Collocation, *, payload: bool = False
+) -> Formulation:
     """Pose a tracking problem.
 
     Parameters
@@ -145,6 +154,9 @@ def formulate(problem: TrackingProblem, guess_N: Array, collocation: Collocation
     guess_N : ndarray, shape (n,)
         A force within the limits to start from [N]; see `tracking.search.first_guess`.
     collocation : Collocation
+    payload : bool, optional
+        The force of the load on what it touches is a variable, but for its first row, and the user's equations decide
+        it; of all plants alike.
     """
     rows = problem.step_s * np.arange(len(problem.reference_N))
     intervals = max(round(float(rows[-1]) / collocation.interval_s), 1)
@@ -156,11 +168,12 @@ def formulate(problem: TrackingProblem, guess_N: Array, collocation: Collocation
     opti = ca.Opti()
     force = opti.variable(intervals + 1)
     opti.set_initial(force, guess)
+    contact = opti.variable(intervals + 1) if payload else ca.MX.zeros(intervals + 1, 1)
 
     # dynamics: the equations of every plant under that force
     pages = [chain_equations(plant.chain) for plant in problem.plants]
     every = [
-        _driven(opti, page, plant, force, guess, step, collocation)
+        _driven(opti, page, plant, force, contact, guess, step, collocation)
         for page, plant in zip(pages, problem.plants, strict=True)
     ]
     tensions = [plant.along(page.tension_N) for page, plant in zip(pages, every, strict=True)]
@@ -190,6 +203,8 @@ def formulate(problem: TrackingProblem, guess_N: Array, collocation: Collocation
 
     # boundary: the force of row 0 is given, and every plant is where it is
     opti.subject_to(force[0] == problem.start_N)
+    if payload:
+        opti.subject_to(contact[0] == 0.0)
 
     found = Formulation(
         opti=opti,
@@ -197,6 +212,9 @@ def formulate(problem: TrackingProblem, guess_N: Array, collocation: Collocation
         wanted_N=wanted[0],
         force_N=force,
         output_N=tensions[0][-1, :].T,
+        contact_N=contact,
+        load_m=every[0].states[-1, :].T,
+        load_m_per_s=every[0].states[problem.plants[0].chain.count + 1, :].T,
         tension_N=tensions[0],
         states=every[0].states,
         cost=cost,
@@ -231,20 +249,22 @@ def _driven(
     page: ChainEquations,
     plant: PlantModel,
     force: ca.MX,
+    contact: ca.MX,
     guess: Array,
     step_s: float,
     collocation: Collocation,
 ) -> Trajectory:
     """A chain under the force, its path where the joints move it."""
-    n, others = len(guess), len(INPUT_NAMES) - 1
+    n, names = len(guess), list(INPUT_NAMES)
+    given = {name: ca.MX.zeros(1, n) for name in names} | {"near_force_N": force.T, "far_force_N": contact.T}
     places = plant.chain.path_at(plant.state.time_s + step_s * np.arange(float(n))).table()
     return collocate(
         opti,
         page,
         step_s,
         plant.state.vector(),
-        History(inputs=ca.vertcat(force.T, ca.MX.zeros(others, n)), places=ca.DM(places.T)),
-        (np.column_stack([guess, np.zeros((n, others))]), places),
+        History(inputs=ca.vertcat(*(given[name] for name in names)), places=ca.DM(places.T)),
+        (np.column_stack([guess, np.zeros((n, len(names) - 1))]), places),
         degree=collocation.degree,
         smoothing=collocation.smoothing,
     )

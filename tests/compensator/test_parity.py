@@ -21,7 +21,7 @@ RIGS = {
 }
 """What there is, and the kind of scenario that it is to the program."""
 
-MOST_REFUSED = 28
+MOST_REFUSED = 20
 """Refusals: each reason of a whole work, and each reason of an option; they may only become fewer."""
 
 COMMANDS = {
@@ -32,7 +32,7 @@ COMMANDS = {
     "table": ["table"],
     "online": ["design", "--online"],
 }
-"""A command that asks for each work that some kind refuses; `tf.opti` has none."""
+"""A command that asks for each work that some kind refuses."""
 
 OPTIONS = {
     ("compare", "compensators"): ["compare", "--optimal"],
@@ -44,11 +44,6 @@ OPTIONS = {
     ("identify", "tare_s"): ["identify", "--data", "log.csv", "--tare", "0:1"],
     ("identify", "gear_ratio"): ["identify", "--data", "log.csv", "--gear-ratio", "5"],
     ("identify", "drum_radius_m"): ["identify", "--data", "log.csv", "--drum-radius", "0.01"],
-    ("table", "level"): ["table", "--level", "elastic"],
-    ("table", "bound_N"): ["table", "--bound", "0.1"],
-    ("table", "angles_rad"): ["table", "--angles", "1,2"],
-    ("table", "rates_N_per_s"): ["table", "--rates", "10"],
-    ("table", "pose_rad"): ["table", "--pose", "wrist=0.5"],
     ("export_fmu", "kind"): ["export-fmu", "--kind", "plant"],
 }
 """A command with each option that some kind lacks; those of Python alone are not here."""

@@ -17,6 +17,7 @@ from tendonff.compensator.identification.measured.reading import Finding
 from tendonff.compensator.reporting.results import Result, views_of
 from tendonff.compensator.scenario.measurement import Explain, Measurement
 from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.models.capstan import CapstanLaw
 
 EXPONENTS = {"mu_dynamic": "mu_theta", "mu_dynamic_release": "mu_theta_release"}
 """Friction as ln(T_in/T_out) in gross sliding, which follows from the coefficients."""
@@ -378,6 +379,28 @@ def missing(found: Identification) -> str:
     return f"not identifiable (see the report): {', '.join(e.name for e in names)}{way}"
 
 
+def crosstalk_shares(pull: float, release: float, crosstalk: float = 0.01) -> tuple[float, float]:
+    """Relative change of mu theta, pulling and releasing, where the output's cell also shows a share of the input.
+
+    ln(T_in/T_out) loses ln(1 + c e^a) while the tendon is pulled, and ln(1 + c e^-a) while it is let go, where it is
+    negative.
+    """
+    return -math.log1p(crosstalk * math.exp(pull)) / pull, math.log1p(crosstalk * math.exp(-release)) / release
+
+
+def _crosstalk(found: Identification) -> str:
+    """Sentence about what no log of two cells shows; empty where only one is read."""
+    law = CapstanLaw.of(found.scenario.transmission)
+    if not found.described or found.explain is Explain.POSITION or min(law.pull_exponent, law.release_exponent) <= 0:
+        return ""
+    pull, release = crosstalk_shares(law.pull_exponent, law.release_exponent)
+    return (
+        "no log shows crosstalk: where the output's force cell shows 1 % of the input, mu comes out "
+        f"{-100 * pull:.2g} % too small pulling and {100 * release:.2g} % too large releasing; load one cell alone and "
+        "read both"
+    )
+
+
 def summary_lines(found: Identification, folder: str = "") -> Sequence[str]:
     """The answer in a few lines of text, its files being in `folder`."""
     lines = [headline(found, folder)]
@@ -386,7 +409,11 @@ def summary_lines(found: Identification, folder: str = "") -> Sequence[str]:
         for e in found.estimates
         if e.identifiable and e.interval is not None
     ]
-    lines += [f"  {line}" for line in (missing(found), *(section.text for section in found.sections)) if line]
+    lines += [
+        f"  {line}"
+        for line in (missing(found), _crosstalk(found), *(section.text for section in found.sections))
+        if line
+    ]
     lines.append(f"law: {found.law}; {RULE}")
     if found.replay_percent is not None:
         lines.append(f"fitted.toml, read back: RMS error {found.replay_percent:.2f} % of range on fitted files")

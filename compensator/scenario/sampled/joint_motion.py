@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -51,7 +52,22 @@ def motion_by_file(motion: JointMotion, others: tuple[str, ...], path: Path, end
     return replace(motion, time_s=time, angle_rad=np.column_stack(columns), period_s=None)
 
 
-def posed(scenario: Scenario, angles_rad: Mapping[str, float]) -> Scenario:
+class _WithJoints(Protocol):
+    """A scenario with joints that no tendon drives."""
+
+    @property
+    def source(self) -> Path:
+        """The file it was read from."""
+
+    @property
+    def joints(self) -> dict[str, Joint]:
+        """By name."""
+
+
+S = TypeVar("S", bound=_WithJoints)
+
+
+def posed(scenario: S, angles_rad: Mapping[str, float]) -> S:
     """Scenario with joints at constant angles [rad] by name; the others keep its motion.
 
     InputError where there is no joint of a name.
@@ -66,10 +82,10 @@ def posed(scenario: Scenario, angles_rad: Mapping[str, float]) -> Scenario:
         name: ConstantJoint(angle_rad=angle, range_rad=scenario.joints[name].range_rad)
         for name, angle in angles_rad.items()
     }
-    return replace(scenario, joints={**scenario.joints, **still})
+    return replace(scenario, joints={**scenario.joints, **still})  # type: ignore[type-var]
 
 
-def _need_joints(scenario: Scenario, option: str) -> None:
+def _need_joints(scenario: _WithJoints, option: str) -> None:
     if not scenario.joints:
         raise InputError(
             f"{scenario.source.name}: {option} needs joints; add a table [joints.NAME] and name it in a section"

@@ -71,6 +71,7 @@ def summary(result: AdaptationStudy) -> dict[str, object]:
         "plants": {
             case.variation.name: {
                 "limit": case.is_limit,
+                "worst_second": dict(zip(("times_plain", "percent_of_range"), case.worst_second, strict=True)),
                 **{
                     scheme.value: {
                         "rmse_percent_of_range": trace.rmse_percent,

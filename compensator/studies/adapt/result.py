@@ -30,11 +30,31 @@ WINDOW_S = 0.25
 WORSE = 1.05
 """A plant on which self-tuning has more than this times the plain error, and more than 1 %, is named as a limit."""
 
+WORSE_SECOND = 1.3
+"""Likewise for its worst second: more than this times the plain error there."""
+
+SECOND_PERCENT = 0.5
+"""Seconds with less than this error [% of range] count as good, whatever the plain one."""
+
 
 def moving_rms(error: FloatArray, step_s: float) -> FloatArray:
     """RMS error over the last `WINDOW_S` at every sample."""
     window = max(round(WINDOW_S / step_s), 1)
     return np.sqrt(np.convolve(error**2, np.ones(window) / window)[: len(error)])
+
+
+def worst_second(tuned: FloatArray, plain: FloatArray, step_s: float, scale: float) -> tuple[float, float]:
+    """Largest ratio of two errors over any second, and the first one there [% of `scale`]; see `Case`."""
+    window = min(max(round(1 / step_s), 1), len(tuned))
+    sums = (np.concatenate([[0.0], np.cumsum(error**2)]) for error in (tuned, plain))
+    left, before = (100 / scale * np.sqrt((s[window:] - s[:-window]) / window) for s in sums)
+    counts = left > SECOND_PERCENT
+    if not counts.any():
+        return 0.0, 0.0
+    # where the plain inverse is exact by chance the ratio says nothing beyond this
+    ratio = np.where(counts, left / np.maximum(before, 1e-3 * SECOND_PERCENT), 0.0)
+    worst = int(np.argmax(ratio))
+    return float(ratio[worst]), float(left[worst])
 
 
 class Change(StrEnum):
@@ -61,8 +81,13 @@ class Variation:
         Factor on friction when releasing, beside `mu`.
     gear : float
         Dry friction of the drive as a share of the range of the reference.
+    load_exponent : float or None
+        n of friction that falls with the tension, mu (T/T_0)^-n, as stated at the tension of the start; None: as the
+        scenario.
     gain : float
         Factor on what the sensor measures.
+    crosstalk : float
+        Share of the actuator's force in what the sensor shows.
     delay_s : float or None
         True age of a measurement when it arrives [s]; None: as stated.
     joints_late_s : float
@@ -86,7 +111,9 @@ class Variation:
     load: float = 1.0
     release: float = 1.0
     gear: float = 0.0
+    load_exponent: float | None = None
     gain: float = 1.0
+    crosstalk: float = 0.0
     delay_s: float | None = None
     joints_late_s: float = 0.0
     stretch_m: float = 0.0
@@ -101,7 +128,17 @@ def friction_off(mu: float) -> Variation:
     return Variation(name=f"friction {100 * (mu - 1):+.0f} %".replace("-", "\N{MINUS SIGN}"), mu=mu)
 
 
-def variations(sensor: Sensor, *, moving: bool = False) -> tuple[Variation, ...]:
+def _other_loads(stated: float) -> tuple[Variation, ...]:
+    """Friction that falls with the tension where none is stated, or otherwise than stated."""
+    if stated == 0:
+        return (Variation(name="friction falls with the tension as T^-0.2", load_exponent=0.2),)
+    return tuple(
+        Variation(name=f"friction falls with the tension as T^-{n:.2g}", load_exponent=n)
+        for n in (0.5 * stated, 1.5 * stated)
+    )
+
+
+def variations(sensor: Sensor, *, moving: bool = False, load_exponent: float = 0.0) -> tuple[Variation, ...]:
     """The plants of the study, the scenario's own first; `moving`: joints move the path.
 
     An offset means nothing for a position that is relative to the start, but drift of its zero does.
@@ -126,7 +163,13 @@ def variations(sensor: Sensor, *, moving: bool = False) -> tuple[Variation, ...]
         Variation(name="a lubricated spot in mid-run takes 10 % of friction", mu=0.9, change=Change.MU_STEP),
         Variation(name="load changes with posture by 30 %", load=1.3, change=Change.POSTURE),
         Variation(name="dry friction of the drive 3 % of range", gear=0.03),
+        *(() if moving else _other_loads(load_exponent)),
         Variation(name="sensor gain +3 %", gain=1.03),
+        *(
+            (Variation(name="1 % of crosstalk from the actuator's force cell", crosstalk=0.01),)
+            if sensor is Sensor.OUTPUT_TENSION
+            else ()
+        ),
         Variation(name="measurement 3 ms later than stated", delay_s=3e-3),
         *((Variation(name="joint angles 10 ms late", joints_late_s=0.01),) if moving else ()),
         Variation(name="friction steps by +20 %", mu=1.2, change=Change.MU_STEP),
@@ -189,6 +232,9 @@ class Case:
         Shape (n,); the reference of this case, and the plant's true factor on mu.
     traces : dict[Scheme, Trace]
         Each scheme on it.
+    worst_second : tuple[float, float]
+        Largest ratio of the RMS error with self-tuning to that of plain feedforward over any second in which more
+        than `SECOND_PERCENT` is left, and what is left there [% of range]; zeros where there is none.
     """
 
     variation: Variation
@@ -196,6 +242,7 @@ class Case:
     reference_N: FloatArray
     mu_factor: FloatArray
     traces: dict[Scheme, Trace]
+    worst_second: tuple[float, float] = (0.0, 0.0)
 
     @property
     def is_limit(self) -> bool:

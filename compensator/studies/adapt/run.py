@@ -15,7 +15,6 @@ from tendonff.compensator.compensators.tuning import (
     check_tuning,
     integral_gain_per_s,
     learnt,
-    tuned_chain,
     tuning_of,
 )
 from tendonff.compensator.files.progress import Progress, silent
@@ -29,6 +28,7 @@ from tendonff.compensator.studies.adapt.output import estimate_table, write_file
 from tendonff.compensator.studies.adapt.result import (
     SETTLED_S,
     WINDOW_S,
+    WORSE_SECOND,
     AdaptationStudy,
     Case,
     Change,
@@ -38,6 +38,7 @@ from tendonff.compensator.studies.adapt.result import (
     friction_off,
     moving_rms,
     variations,
+    worst_second,
 )
 from tendonff.models.turns import in_turn
 from tendonff.ocp.adaptation.code import TunedChain
@@ -84,7 +85,11 @@ def adapt(scenario: Scenario, *, progress: Progress = silent) -> AdaptationStudy
     known = learnt(problem, tuning)
     certificate = _certificate(problem, settings)
     bounds = None if problem.chain.moving else certified(problem)
-    every = variations(settings.sensor, moving=problem.chain.moving)
+    every = variations(
+        settings.sensor,
+        moving=problem.chain.moving,
+        load_exponent=problem.transmission.friction.load_dependence[0],
+    )
     cases: list[Case] = []
     for one in every:  # one after the other: CasADi's symbols are not safe in threads
         cases.append(_case(problem, tuning, certificate, one))
@@ -164,7 +169,15 @@ def _case(
         reference_N=wanted[1:],
         mu_factor=mu,
         traces=traces,
+        worst_second=_worst_second(traces, wanted[1:], reference),
     )
+
+
+def _worst_second(traces: dict[Scheme, Trace], wanted: FloatArray, reference: Reference) -> tuple[float, float]:
+    if not {Scheme.SELF_TUNING, Scheme.FEEDFORWARD} <= traces.keys():
+        return 0.0, 0.0
+    tuned, plain = (traces[s].tension_N - wanted for s in (Scheme.SELF_TUNING, Scheme.FEEDFORWARD))
+    return worst_second(tuned, plain, reference.step_s, reference.range_N)
 
 
 def _scheme_tuning(tuning: Tuning, certificate: FeedbackCertificate | None, scheme: Scheme) -> Tuning:
@@ -185,8 +198,7 @@ def _run(
     scheme: Scheme,
 ) -> TunedRun:
     reference, start = problem.reference, problem.reference.initial_tension_N
-    tuned = tuned_chain(problem, tuning)
-    plant = TunedChain.of(problem.transmission, problem.level, _VARIED, PLANT_MASSES)
+    tuned, plant = _chains(problem, tuning, one.load_exponent)
     bristle = {"bristle_stiffness_N_per_m": one.bristle * plant.whole.value("bristle_stiffness_N_per_m")}
     plant = replace(plant, whole=plant.whole.changed(bristle))
     noise = np.random.default_rng(0).normal(size=len(mu)) * tuning.noise + one.offset * tuning.span
@@ -215,6 +227,7 @@ def _run(
                 sensor_gain=one.gain,
                 delay_samples=tuning.delay_samples + late,
                 gear_N=one.gear * reference.range_N,
+                crosstalk=one.crosstalk,
             )
         rig.change(chain)
         if one.stretch_m:
@@ -223,6 +236,29 @@ def _run(
         part = slice(first, last)
         runs.append(tuner.run(rig, wanted[1:][part], noise[part], adapt=scheme is Scheme.SELF_TUNING))
     return TunedRun.joined(runs)
+
+
+def _chains(problem: Problem, tuning: Tuning, load_exponent: float | None) -> tuple[TunedChain, TunedChain]:
+    """The tuner's chain and the plant's; a rig runs by the laws of its tuner, which then has the exponent 0."""
+    transmission, friction = problem.transmission, problem.transmission.friction
+    stated = bool(friction.load_exponent)
+    if load_exponent is not None and not stated:
+        falling = replace(
+            friction,
+            load_exponent=load_exponent,
+            reference_tension_N=problem.reference.initial_tension_N,
+            pull_spread=None,
+            release_spread=None,
+        )
+        transmission = replace(transmission, friction=falling)
+    tuned = TunedChain.of(transmission, problem.level, tuning.parameters)
+    plant = TunedChain.of(transmission, problem.level, _VARIED, PLANT_MASSES)
+    if load_exponent is not None:
+        plant = replace(plant, whole=plant.whole.changed({"load_exponent": load_exponent}))
+        if not stated:
+            without = replace(tuned, whole=tuned.whole.changed({"load_exponent": 0.0}))
+            tuned = replace(without, chain=without.with_factors({}))
+    return tuned, plant
 
 
 def _extended(problem: Problem, duration_s: float) -> tuple[Problem, FloatArray]:
@@ -293,6 +329,22 @@ def _warnings(cases: list[Case], known: Information, certificate: FeedbackCertif
                 f"do not use it where {case.variation.name}: RMS error {tuned.settled_percent:.3g} % of range after "
                 f"{SETTLED_S:g} s, plain feedforward {plain.settled_percent:.3g} %"
             )
+    seconds = [
+        f"{case.variation.name} ({ratio:.2g} times, {left:.2g} % of range)"
+        for case in cases
+        for ratio, left in (case.worst_second,)
+        if ratio > WORSE_SECOND and not case.is_limit
+    ]
+    if seconds:
+        notes.append(
+            f"in single seconds more than {WORSE_SECOND:g} times the error of plain feedforward where "
+            + "; ".join(seconds)
+        )
+    if any(case.variation.load_exponent and case.worst_second[0] > WORSE_SECOND for case in cases):
+        notes.append(
+            "where friction falls with the tension state [friction] load_exponent, and tune it: "
+            f'parameters = ["{Tunable.MU}", "{Tunable.LOAD_EXPONENT}"]'
+        )
     frozen = [
         f"{case.variation.name} (after {after:.2f} s)"
         for case in cases

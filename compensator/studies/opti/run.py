@@ -1,69 +1,77 @@
 """`tf.opti`: what a scenario asks for, as a `casadi.Opti` with the scenario's reference, limits and weights."""
 
+import numpy as np
+
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.optimal import posed
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.finger.compensators import FingerTask
+from tendonff.compensator.finger.scenario import FingerScenario
 from tendonff.compensator.joint.compensators import JointTask
 from tendonff.compensator.joint.scenario.reference import JointQuantity
 from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
-from tendonff.ocp.opti.joint import JointFormulation, formulate_joint
+from tendonff.ocp.opti.joint import JointFormulation, Pursuit, formulate_joint, formulate_mechanism
 from tendonff.ocp.opti.tendon import Collocation, Formulation, formulate
-from tendonff.ocp.tracking.options import TrackOptions
 from tendonff.ocp.tracking.track import first_guess
 
 
 @in_turn
 def opti_of_tension(
-    scenario: Scenario,
-    *,
-    level: Level | None = None,
-    interval_s: float = 0.005,
-    degree: int = 1,
-    smoothing: float = 3e-4,
-    options: TrackOptions | None = None,
+    scenario: Scenario, how: Collocation, *, level: Level | None = None, payload: bool = False
 ) -> Formulation:
     """Pose the problem of one tendon; see `opti`."""
-    if scenario.reference.periodic:
+    _require_once(scenario.source.name, scenario.reference.periodic)
+    if payload and scenario.transmission.load.joint is not None:
         raise InputError(
-            f"{scenario.source.name}: opti starts at rest, and this reference is periodic; leave out periodic = true"
+            f"{scenario.source.name}: a joint moves the far end, whatever loads it; payload is for one on its spring"
         )
-    problem = Problem.of(scenario, level=level, options=options)
+    problem = Problem.of(scenario, level=level)
     tracking = posed(problem)
-    collocation = Collocation(interval_s=interval_s, degree=degree, smoothing=smoothing)
-    return formulate(tracking, first_guess(tracking, problem.inversion), collocation)
+    return formulate(tracking, first_guess(tracking, problem.inversion), how, payload=payload)
 
 
 @in_turn
 def opti_of_joint(
-    scenario: JointScenario,
-    *,
-    level: Level | None = None,
-    interval_s: float = 0.005,
-    degree: int = 1,
-    smoothing: float = 3e-4,
-    payload: bool = False,
+    scenario: JointScenario, how: Collocation, *, level: Level | None = None, payload: bool = False
 ) -> JointFormulation:
     """Pose the problem of a driven joint; see `opti`."""
-    if scenario.reference.periodic:
-        raise InputError(
-            f"{scenario.source.name}: opti starts at rest, and this reference is periodic; leave out periodic = true"
-        )
+    _require_once(scenario.source.name, scenario.reference.periodic)
     if scenario.reference.quantity is not JointQuantity.ANGLE:
         raise InputError(
             f"{scenario.source.name}: opti of a joint follows an angle, this reference is a torque; give "
             'quantity = "joint_angle"'
         )
     task = JointTask.of(scenario, level)
-    sampled, inverse = task.sampled, task.inversion
-    return formulate_joint(
-        task.problem,
-        sampled.angle_rad,
-        inverse.motor_rad,
-        sampled.contact_N_m,
-        scenario.run.step_s,
-        Collocation(interval_s=interval_s, degree=degree, smoothing=smoothing),
-        payload=payload,
+    pursuit = Pursuit(
+        wanted_rad=task.sampled.angle_rad[:, None],
+        motor_rad=task.inversion.motor_rad,
+        contact_N_m=task.sampled.contact_N_m[:, None],
+        step_s=scenario.run.step_s,
     )
+    return formulate_joint(task.problem, pursuit, how, payload=payload)
+
+
+@in_turn
+def opti_of_finger(
+    scenario: FingerScenario, how: Collocation, *, level: Level | None = None, payload: bool = False
+) -> JointFormulation:
+    """Pose the problem of several driven joints; see `opti`."""
+    _require_once(scenario.source.name, scenario.periodic)
+    task = FingerTask.of(scenario, level)
+    pursuit = Pursuit(
+        wanted_rad=task.wanted_rad,
+        motor_rad=np.asarray(task.inversion.motor),
+        contact_N_m=task.sampled.effort_N_m,
+        step_s=scenario.run.step_s,
+    )
+    drives = [motor.drive for motor in scenario.mechanism.motors]
+    problem = task.problem(scenario.mechanism)
+    return formulate_mechanism(problem, drives, task.sampled.motion, pursuit, how, payload=payload)
+
+
+def _require_once(file: str, periodic: bool) -> None:
+    if periodic:
+        raise InputError(f"{file}: opti starts at rest, and this reference is periodic; leave out periodic = true")

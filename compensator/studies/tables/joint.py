@@ -1,7 +1,10 @@
 """Table of a joint's motor angles over its angle and the way it turns: the quasi-static law, to be looked up."""
 
+import math
 import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -27,7 +30,11 @@ from tendonff.compensator.reporting.page import (
     write_pages,
 )
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure
+from tendonff.compensator.scenario.sampled.joint_motion import posed
+from tendonff.models.errors import require
+from tendonff.models.fidelity import Level
 from tendonff.models.joint.quasi_static import directions, static_motor_rad
+from tendonff.models.turns import in_turn
 
 BOUND_SHARE = 1e-3
 """Largest interpolation error of a table, over the range of the reference [-]."""
@@ -46,7 +53,9 @@ class JointTable:
     ----------
     scenario : JointScenario
     angle_rad : ndarray, shape (nodes,)
-    motor_rad : dict of str to ndarray, shape (nodes, motors)
+    speeds_rad_per_s : tuple of float
+        Of the joint, by which its damping acts; (0,) for slow motion alone.
+    motor_rad : dict of str to ndarray, shape (speeds, nodes, motors)
         Of each branch, relative to the start.
     error_rad : float
         Largest interpolation error, as an angle of the joint.
@@ -58,6 +67,7 @@ class JointTable:
 
     scenario: JointScenario
     angle_rad: FloatArray
+    speeds_rad_per_s: tuple[float, ...]
     motor_rad: dict[str, FloatArray]
     error_rad: float
     masses: int
@@ -68,7 +78,7 @@ class JointTable:
         """Nodes and worst errors."""
         worst = self.expectation.worst_percent
         return (
-            f"{len(BRANCHES) * len(self.angle_rad)} nodes. Worst RMS error, % of range: table {worst['table']:.2g}, "
+            f"{self.nodes} nodes. Worst RMS error, % of range: table {worst['table']:.2g}, "
             f"ratio alone {worst['linear']:.2g}, exact inverse {worst['inverse']:.2g}, for {self.expectation.doubt}"
         )
 
@@ -85,8 +95,8 @@ class JointTable:
 
     @property
     def nodes(self) -> int:
-        """Of both branches."""
-        return len(BRANCHES) * len(self.angle_rad)
+        """Of both branches and all speeds."""
+        return len(BRANCHES) * len(self.speeds_rad_per_s) * len(self.angle_rad)
 
     @property
     def lines(self) -> tuple[str, ...]:
@@ -100,14 +110,16 @@ class JointTable:
         """
         with figure_style():
             figures = {"table": _figure(self)}
-        motors = _motors(self.scenario)
+        motors, by_speed = _motors(self.scenario), len(self.speeds_rad_per_s) > 1
         rows = [
-            (float(angle), branch, *motor)
-            for branch, values in self.motor_rad.items()
+            (float(angle), branch, *((speed,) if by_speed else ()), *motor)
+            for branch, every in self.motor_rad.items()
+            for speed, values in zip(self.speeds_rad_per_s, every, strict=True)
             for angle, motor in zip(self.angle_rad, values.tolist(), strict=True)
         ]
+        names = ["angle_rad", "branch", *(["speed_rad_per_s"] if by_speed else []), *motors]
         with atomic_directory(folder) as partial:
-            write_text(partial / "table.csv", csv_text(["angle_rad", "branch", *motors], rows))
+            write_text(partial / "table.csv", csv_text(names, rows))
             write_text(partial / "table.h", _header(self, prefix))
             write_pages(partial, self.summary, figures, _report(self, figures), pdf=pdf)
 
@@ -116,53 +128,85 @@ class JointTable:
         """The contents of `summary.json`."""
         return {
             **summary_head(self.scenario),
-            "nodes": len(BRANCHES) * len(self.angle_rad),
+            "nodes": self.nodes,
             "interpolation_error_rad": self.error_rad,
             "expectation": expectation_summary(self.expectation, self.masses),
         }
 
 
-def tabulate_joint(scenario: JointScenario) -> JointTable:
+@in_turn
+def tabulate_joint(
+    scenario: JointScenario,
+    *,
+    level: Level | None = None,
+    bound: float | None = None,
+    angles_rad: Sequence[float] = (),
+    rates: Sequence[float] = (),
+    pose_rad: Mapping[str, float] = MappingProxyType({}),
+) -> JointTable:
     """Tabulate the quasi-static law of a joint over the range of its reference.
 
     Parameters
     ----------
     scenario : JointScenario
+    level : Level, optional
+        Of the plants that judge it; default: the scenario's own.
+    bound : float, optional
+        Largest interpolation error [rad] of the joint; default: 0.1 % of the reference's range.
+    angles_rad : sequence of float, optional
+        Nodes, from the least angle of the reference or below to the largest or above; default: as many as the bound
+        needs.
+    rates : sequence of float, optional
+        Speeds of the joint [rad/s], > 0, at which its damping acts: a further axis.
+    pose_rad : mapping of str to float, optional
+        Angles of joints that no tendon drives, constant for the table.
 
     Raises
     ------
     InputError
         If a table has no meaning: for a torque, or where other joints move the path.
     """
-    task, file = JointTask.of(scenario), scenario.source.name
+    scenario = posed(scenario, pose_rad) if pose_rad else scenario
+    task, file = JointTask.of(scenario, level), scenario.source.name
     sampled, mechanism = task.sampled, task.mechanism
     if scenario.reference.quantity is JointQuantity.TORQUE:
         raise InputError(f"{file}: a table over the angle has no room for a torque; export the inverse by export-c")
-    if any(t.follows(name) for t in mechanism.tendons for name in sampled.others(mechanism.joint.name)):
-        raise InputError(f"{file}: no table can hold a path that other joints move; export the inverse by export-c")
+    others = sampled.others(mechanism.joint.name)
+    if any(np.ptp(angle) > 0 for name, angle in others.items() if any(t.follows(name) for t in mechanism.tendons)):
+        raise InputError(
+            f"{file}: no table can hold a path that other joints move; hold them by --pose, or export the inverse by "
+            "export-c"
+        )
     low, high = float(sampled.angle_rad.min()), float(sampled.angle_rad.max())
-    bound = BOUND_SHARE * sampled.range
+    speeds, given = _speeds(rates), _nodes(angles_rad, low, high)
+    bound = BOUND_SHARE * sampled.range if bound is None else bound
+    require("bound", bound, above=0, hint="it is an angle of the joint [rad]")
     arm, drum = abs(mechanism.arms_at(low)[0]), mechanism.drum_radius_m[0] / mechanism.drive.gear_ratio
     nodes = _LEAST
     while True:
-        angle, fine = np.linspace(low, high, nodes), np.linspace(low, high, 2 * nodes - 1)
-        motor = {name: _branch(task, angle, way) for name, way in BRANCHES.items()}
-        between = [_branch(task, fine, way) - _looked_up(angle, motor[name], fine) for name, way in BRANCHES.items()]
+        angle = given if given is not None else np.linspace(low, high, nodes)
+        fine = np.sort(np.r_[angle, 0.5 * (angle[1:] + angle[:-1])])
+        motor = {name: np.stack([_branch(task, angle, way, w) for w in speeds]) for name, way in BRANCHES.items()}
+        between = [
+            _branch(task, fine, way, speeds[0]) - _looked_up(angle, motor[name][0], fine)
+            for name, way in BRANCHES.items()
+        ]
         error = float(np.abs(between).max()) * drum / arm
-        if error <= bound or nodes >= _MOST:
+        if error <= bound or nodes >= _MOST or given is not None:
             break
         nodes = 2 * nodes - 1
     table = JointCompensator(
         name="table",
         label="table over angle and direction",
         style=Style(color=GREEN, linestyle="-"),
-        motor_rad=lambda own: _command(own, angle, motor),
+        motor_rad=lambda own: _command(own, angle, speeds, motor),
     )
     each = (joint_compensator("linear"), table, joint_compensator("inverse"))
     commands = {one.name: one.command_rad(task) for one in each}
     return JointTable(
         scenario=scenario,
         angle_rad=angle,
+        speeds_rad_per_s=speeds,
         motor_rad=motor,
         error_rad=error,
         masses=verifying_masses(mechanism),
@@ -170,25 +214,59 @@ def tabulate_joint(scenario: JointScenario) -> JointTable:
     )
 
 
-def _branch(task: JointTask, angle_rad: FloatArray, way: float) -> FloatArray:
-    """Motor angles relative to the start, shape (rows, motors), while the joint turns one way."""
+def _speeds(rates: Sequence[float]) -> tuple[float, ...]:
+    for rate in rates:
+        if not 0 < rate < math.inf:
+            raise InputError(f"--rates: every value must be a finite number > 0, got {rate}")
+    return tuple(sorted(rates)) or (0.0,)
+
+
+def _nodes(angles_rad: Sequence[float], low_rad: float, high_rad: float) -> FloatArray | None:
+    """Nodes that were asked for; None for none."""
+    if not len(angles_rad):
+        return None
+    nodes: FloatArray = np.unique(np.asarray(angles_rad, dtype=np.float64))
+    if len(nodes) < 2 or not (nodes[0] <= low_rad and high_rad <= nodes[-1]):
+        raise InputError(
+            f"--angles: the nodes must reach over the reference, from {low_rad:.4g} to {high_rad:.4g} rad, got "
+            f"{', '.join(f'{node:g}' for node in nodes)}"
+        )
+    return nodes
+
+
+def _branch(task: JointTask, angle_rad: FloatArray, way: float, speed_rad_per_s: float) -> FloatArray:
+    """Motor angles relative to the start, shape (rows, motors), while the joint turns one way at a speed."""
     joint = task.mechanism.joint
     angle = np.concatenate([task.sampled.angle_rad[:1], angle_rad])  # a run counts from its start at rest
     ways = np.append(0.0, np.full(len(angle_rad), way))
-    held = joint.static_torque_N_m(angle) + ways * joint.coulomb_N_m
-    return static_motor_rad(task.mechanism, angle, held, direction=ways)[1:]
+    resisted = joint.coulomb_N_m + joint.damping_N_m_s_per_rad * speed_rad_per_s
+    held = joint.static_torque_N_m(angle) + ways * resisted
+    still = task.sampled.others(joint.name)
+    others = {name: np.full(len(angle), rows[0]) for name, rows in still.items()}
+    return static_motor_rad(task.mechanism, angle, held, others, ways)[1:]
 
 
 def _looked_up(nodes_rad: FloatArray, motor_rad: FloatArray, angle_rad: FloatArray) -> FloatArray:
     return np.column_stack([np.interp(angle_rad, nodes_rad, column) for column in motor_rad.T])
 
 
-def _command(task: JointTask, nodes_rad: FloatArray, motor_rad: dict[str, FloatArray]) -> FloatArray:
+def _command(
+    task: JointTask, nodes_rad: FloatArray, speeds_rad_per_s: tuple[float, ...], motor_rad: dict[str, FloatArray]
+) -> FloatArray:
     """Motor angles by the table, shape (rows, motors); at the start at rest none."""
-    angle = task.sampled.angle_rad
+    angle, rows = task.sampled.angle_rad, np.arange(len(task.sampled.angle_rad))
     ways = directions(angle)[:, None]
-    up, down = (_looked_up(nodes_rad, motor_rad[name], angle) for name in BRANCHES)
-    found: FloatArray = np.where(ways > 0, up, np.where(ways < 0, down, 0.0))
+    speed = np.abs(np.gradient(angle, task.scenario.run.step_s))
+    at = np.interp(speed, speeds_rad_per_s, np.arange(float(len(speeds_rad_per_s))))
+    below = at.astype(int)
+    above, share = np.minimum(below + 1, len(speeds_rad_per_s) - 1), (at - below)[:, None]
+
+    def branch(name: str) -> FloatArray:
+        each = np.stack([_looked_up(nodes_rad, values, angle) for values in motor_rad[name]])
+        found: FloatArray = (1 - share) * each[below, rows] + share * each[above, rows]
+        return found
+
+    found: FloatArray = np.where(ways > 0, branch("up"), np.where(ways < 0, branch("down"), 0.0))
     found[0] = 0.0
     return found
 
@@ -201,17 +279,26 @@ def _motors(scenario: JointScenario) -> list[str]:
 def _header(result: JointTable, prefix: str) -> str:
     """The table as constants of C."""
     guard, joint = f"{prefix.upper()}_JOINT_TABLE", result.scenario.mechanism.joint.name
-    motors = _motors(result.scenario)
+    motors, speeds = _motors(result.scenario), result.speeds_rad_per_s
+    by_speed = len(speeds) > 1
+    shape = f"[{guard}_SPEEDS][{guard}_NODES][{guard}_MOTORS]" if by_speed else f"[{guard}_NODES][{guard}_MOTORS]"
 
-    def row(values: FloatArray) -> str:
+    def row(values: FloatArray | tuple[float, ...]) -> str:
         return ", ".join(repr(float(value)) for value in values)
 
+    def nodes(values: FloatArray) -> str:
+        return "".join(f"    {{{row(node)}}},\n" for node in values)
+
     branches = [
-        f"static const double {prefix}_joint_table_{branch}_rad[{guard}_NODES][{guard}_MOTORS] = {{\n"
-        + "".join(f"    {{{row(node)}}},\n" for node in values)
+        f"static const double {prefix}_joint_table_{branch}_rad{shape} = {{\n"
+        + ("".join(f"    {{\n{nodes(values)}    }},\n" for values in every) if by_speed else nodes(every[0]))
         + "};\n"
-        for branch, values in result.motor_rad.items()
+        for branch, every in result.motor_rad.items()
     ]
+    axis = (
+        f"#define {guard}_SPEEDS ({len(speeds)})\n",
+        f"static const double {prefix}_joint_table_speed_rad_per_s[{guard}_SPEEDS] = {{{row(speeds)}}};\n",
+    )
     return "\n".join(
         (
             f"/* Motor angles relative to the start [rad] over the angle of the joint {joint} [rad],",
@@ -220,6 +307,7 @@ def _header(result: JointTable, prefix: str) -> str:
             f"#ifndef {guard}_H\n#define {guard}_H\n",
             f"#define {guard}_NODES ({len(result.angle_rad)})\n#define {guard}_MOTORS ({len(motors)})\n",
             f"static const double {prefix}_joint_table_angle_rad[{guard}_NODES] = {{{row(result.angle_rad)}}};\n",
+            *(axis if by_speed else ()),
             *branches,
             "#endif\n",
         )
@@ -231,12 +319,12 @@ def _figure(result: JointTable) -> Figure:
     figure, axes = new_figure(1, 1)
     panel, angle = axes[0, 0], result.angle_rad
     for k, motor in enumerate(motor_names(result.scenario)):
-        middle = 0.5 * sum(values[:, k] for values in result.motor_rad.values())
+        middle = 0.5 * sum(values[0, :, k] for values in result.motor_rad.values())
         line = np.polyval(np.polyfit(angle, middle, 1), angle)
         for (branch, values), colour in zip(result.motor_rad.items(), (INK, VERMILION), strict=True):
             label = f"{branch}" + (f", {motor}" if len(motor_names(result.scenario)) > 1 else "")
             style = ("-", "--")[k % 2]
-            panel.plot(np.rad2deg(angle), np.rad2deg(values[:, k] - line), style, color=colour, label=label)
+            panel.plot(np.rad2deg(angle), np.rad2deg(values[0, :, k] - line), style, color=colour, label=label)
     panel.set(xlabel="joint angle [deg]", ylabel="motor less a line [deg]")
     legend_below(figure, panel, columns=4)
     return figure

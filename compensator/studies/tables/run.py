@@ -29,9 +29,9 @@ def make_tables(
     scenario: Scenario,
     *,
     level: Level | None = None,
-    bound_N: float | None = None,
+    bound: float | None = None,
     angles_rad: Sequence[float] = (),
-    rates_N_per_s: Sequence[float] = (),
+    rates: Sequence[float] = (),
     pose_rad: Mapping[str, float] = MappingProxyType({}),
 ) -> Tables:
     """Tables over the requested axes, and the scores of the scenario's own.
@@ -40,11 +40,11 @@ def make_tables(
     ----------
     level : Level, optional
         Default: the scenario's own.
-    bound_N : float, optional
+    bound : float, optional
         Largest interpolation error [N]; default: 0.5 % of the reference's range.
     angles_rad : sequence of float, optional
         Wrap angles [rad], > 0; a further column of the file.
-    rates_N_per_s : sequence of float, optional
+    rates : sequence of float, optional
         Rates of the reference [N/s], > 0; a further column of the file.
     pose_rad : mapping of str to float, optional
         Angles of joints, constant for the table, by name [rad].
@@ -59,7 +59,7 @@ def make_tables(
     True
     """
     scenario = posed(scenario, pose_rad) if pose_rad else scenario
-    for name, values in (("angles", angles_rad), ("rates", rates_N_per_s)):
+    for name, values in (("angles", angles_rad), ("rates", rates)):
         for value in values:
             if not 0 < value < float("inf"):
                 raise InputError(f"--{name}: every value must be a finite number > 0, got {value}")
@@ -68,18 +68,18 @@ def make_tables(
     if refused := CompensationTable().refusal(problem):
         raise InputError(refused)
     own_angle, covered = transmission.path.total_angle_rad, table_range(problem)
-    own = table_of(problem, bound_N=bound_N)
+    own = table_of(problem, bound_N=bound)
     tables = [AngleTable(built=own, total_angle_rad=own_angle)]
-    if angles_rad or rates_N_per_s:
+    if angles_rad or rates:
         tables = []
         for angle in sorted(angles_rad or [own_angle]):
             bent = replace(transmission, path=replace(transmission.path, total_angle_rad=angle))
             there = replace(problem, transmission=bent)
             tables += [
                 AngleTable(
-                    built=table_of(there, bound_N=bound_N, rate_N_per_s=rate, range_N=covered), total_angle_rad=angle
+                    built=table_of(there, bound_N=bound, rate_N_per_s=rate, range_N=covered), total_angle_rad=angle
                 )
-                for rate in sorted(rates_N_per_s or [own.rate_N_per_s])
+                for rate in sorted(rates or [own.rate_N_per_s])
             ]
     compensation = CompensationTable(own.table)
     every = (compensator("none"), compensator(FRICTIONLESS), compensation)
@@ -96,14 +96,14 @@ def make_tables(
     bounds = problem.options.minimum_tension_N, problem.options.maximum_tension_N
     needed = problem.inversion.force_N, reference.step_s, problem.limits
     causes = reasons(law_of(problem.chain), reference.tension_N, *needed, *bounds) if met else ()
-    options = {"level": level, "bound": bound_N, "angles": _listed(angles_rad), "rates": _listed(rates_N_per_s)}
+    options = {"level": level, "bound": bound, "angles": _listed(angles_rad), "rates": _listed(rates)}
     options["pose"] = " --pose ".join(f"{name}={angle}" for name, angle in pose_rad.items())
     return Tables(
         scenario=scenario,
         level=problem.level,
         reference=reference,
         tables=tuple(tables),
-        axes=(("total_angle_rad",) if angles_rad else ()) + (("rate_N_per_s",) if rates_N_per_s else ()),
+        axes=(("total_angle_rad",) if angles_rad else ()) + (("rate_N_per_s",) if rates else ()),
         scores=scores,
         expectation=expectation,
         options=" ".join(f"--{name} {value}" for name, value in options.items() if value),

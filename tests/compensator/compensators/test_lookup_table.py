@@ -65,6 +65,7 @@ def test_reversals_that_the_table_was_not_made_from_are_met_within_the_bound(fin
     assert outside.max() < 1.2 * built.bound_N
 
 
+@pytest.mark.compiler
 def test_a_smaller_bound_needs_more_nodes_and_gives_less_error(finger, reference, built):
     finer = table_of(Problem.of(finger), bound_N=0.3 * built.bound_N)
     assert finer.table.nodes > built.table.nodes
@@ -124,6 +125,7 @@ def test_doubtful_tables_are_refused():
         BranchTable(share=np.array([0.0, 1.0]), force_N=np.array([[0.0, np.nan]]))
 
 
+@pytest.mark.compiler
 def test_the_command_writes_table_data_header_and_figure(output, examples, tmp_path, record_property):
     out = output("table", "finger", "--level", "presliding").folder
     assert {p.name for p in out.iterdir()} >= {"table.csv", "table.json", "table.h", "table.svg"}
@@ -142,6 +144,7 @@ def test_the_command_writes_table_data_header_and_figure(output, examples, tmp_p
     assert not (tmp_path / "u").exists()
 
 
+@pytest.mark.compiler
 def test_the_actuators_limits_apply_to_the_table_too(examples):
     slow = load_scenario(examples / "finger_fast.toml")
     force = CompensationTable().profile(Problem.of(slow)).force_N

@@ -114,6 +114,7 @@ def test_preview_for_the_largest_jump_comes_near_the_optimum_on_a_plant_apart(fi
     assert np.abs(np.diff(force)).max() <= 0.25 * (1 + 1e-5)
 
 
+@pytest.mark.compiler
 def test_the_self_test_of_a_module_with_ramps_passes_and_dies_with_their_rules(exported, tmp_path):
     exported.write(tmp_path / "c")
     folder = tmp_path / "c"

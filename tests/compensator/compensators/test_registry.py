@@ -115,6 +115,7 @@ def test_the_inverse_knows_the_travel_of_the_actuator_where_no_limit_binds(quick
     assert compensator("inverse").profile(Problem.of(quick)).travel_m is None
 
 
+@pytest.mark.compiler
 def test_a_further_compensator_goes_through_design_with_force_error_and_picture(designed, tmp_path):
     reference, gain = designed.reference.tension_N, math.exp(0.2 * math.pi)
     actuator = designed.scenario.transmission.actuator
@@ -171,6 +172,7 @@ def test_every_module_that_follows_a_reference_has_a_co_simulation_unit(quick):
     assert followers <= {kind.value for kind in Kind}
 
 
+@pytest.mark.compiler
 def test_a_design_computes_the_inverse_once_with_and_once_without_friction_and_once_for_a_live_reference(
     quick, monkeypatch
 ):
@@ -222,6 +224,7 @@ def uncertain(quick):
     return replace(quick, robust=Uncertainty(mu=0.15, samples=3))
 
 
+@pytest.mark.compiler
 def test_the_exported_profile_is_that_of_the_design_also_under_uncertainty(quick, uncertain):
     of_design = design(uncertain, compensators=[compensator("none"), compensator("optimal")]).profiles["optimal"]
     assert np.array_equal(export_project(uncertain).profile_N, of_design.force_N)

@@ -178,6 +178,7 @@ def test_equal_input_gives_equal_bytes_and_no_date(examples, finger_files):
     assert not any(re.search(r"20\d\d-\d\d-\d\d", text) for text in again.values())
 
 
+@pytest.mark.compiler
 def test_references_are_accepted_up_to_what_the_largest_force_delivers_through_the_friction(examples):
     """T = (F + p) e^{-mu theta} - p; limits and sample time as in the scenario."""
     scenario = load_scenario(examples / "finger.toml")
@@ -196,6 +197,7 @@ def test_references_are_accepted_up_to_what_the_largest_force_delivers_through_t
     assert stated("STEP_S") == scenario.run.step_s
 
 
+@pytest.mark.compiler
 def test_float_code_holds_no_double(finger_files):
     for name, text in finger_files(Precision.FLOAT).items():
         if name.startswith("tff_") and name.endswith((".c", ".h")):
@@ -204,6 +206,7 @@ def test_float_code_holds_no_double(finger_files):
             assert not re.search(r"(?<![\w.])\d+\.\d+(?![\df.e-])", code), name
 
 
+@pytest.mark.compiler
 def test_a_name_that_would_end_a_comment_does_not(examples):
     evil = "evil */ #error \n line /* (* *) #error ??/ \u202e \x1b /*/ (*)"
     scenario = replace(load_scenario(examples / "finger.toml"), name=evil)
@@ -283,6 +286,7 @@ def test_two_exports_build_under_one_cmake_project(examples, tmp_path):
         assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.compiler
 def test_every_source_says_whose_it_is(finger_files):
     for name, text in finger_files().items():
         if name.endswith((".c", ".h")):

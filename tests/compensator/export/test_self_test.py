@@ -45,6 +45,7 @@ def small_moves(finger):
     return replace(finger, reference=moves)
 
 
+@pytest.mark.compiler
 def test_a_module_that_is_worse_than_none_is_left_out_and_said(small_moves, tmp_path, capsys):
     scenario = tmp_path / "s.toml"
     scenario.write_text(scenario_to_toml(small_moves), encoding="utf-8")
@@ -81,6 +82,7 @@ def test_nothing_is_exported_where_all_modules_do_harm(finger, monkeypatch):
         export_project(finger, profile_N=sample_reference(finger).tension_N)
 
 
+@pytest.mark.compiler
 def test_the_judgement_is_an_independent_simulation_of_each_force(finger):
     """A force that is the reference itself has the error of no compensation, and a constant one the reference's own."""
     problem = Problem.of(finger)

@@ -10,7 +10,7 @@ import pytest
 
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.identification.answer.report import identification_report
-from tendonff.compensator.identification.answer.result import headline, missing, summary_lines
+from tendonff.compensator.identification.answer.result import crosstalk_shares, headline, missing, summary_lines
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.capstan import CapstanLaw
@@ -44,6 +44,16 @@ def test_the_headline_has_friction_error_and_the_next_command(found):
     assert line.endswith("Next: tendonff design fit/fitted.toml")
     assert summary_lines(found, "fit")[0] == line
     assert identification_report(found, {}).summary.startswith(headline(found))
+
+
+def test_crosstalk_is_said_with_what_it_does_to_either_direction(found):
+    """The ratio of the tensions while the tendon slides, by the law itself."""
+    law, force = CapstanLaw(pull_exponent=0.5, release_exponent=0.45), np.array([10.0, 90.0, 20.0])
+    ratio = np.log(force / (law.output_history_N(force) + 0.01 * force))
+    shares = crosstalk_shares(0.5, 0.45)
+    assert (ratio[1] / 0.5 - 1, -ratio[2] / 0.45 - 1) == pytest.approx(shares, rel=1e-9)
+    assert shares == pytest.approx((-0.0327, 0.0141), rel=0.01)
+    assert sum("3.3 % too small pulling and 1.4 % too large releasing" in line for line in summary_lines(found)) == 1
 
 
 def test_what_is_not_identifiable_is_one_line(found):

@@ -11,6 +11,7 @@ from tendonff.compensator.files.writing import write_csv
 from tendonff.models.servo import Servo
 
 
+@pytest.mark.compiler
 @pytest.mark.parametrize(
     ("example", "table", "pair"),
     [("finger", "actuator", ("command_N", "force_N")), ("hand_joint", "drive", ("command_rad", "motor_rad"))],

@@ -52,6 +52,7 @@ def strokes(tmp_path):
     return tmp_path / "a.csv"
 
 
+@pytest.mark.compiler
 @pytest.mark.usefixtures("unpainted")
 def test_the_report_repeats_the_options_that_read_the_files(examples, strokes, tmp_path):
     other = replace(

@@ -184,8 +184,27 @@ def test_a_table_is_the_quasi_static_law_and_judged_on_the_same_plants(scenario:
 def test_a_table_is_refused_where_it_has_no_meaning(tmp_path: Path) -> None:
     text = written(tmp_path, *PAIRWISE[1]).source.read_text("utf-8").replace('joint = "q"', 'joint = "wrist"')
     other = '[joints.wrist]\nkind = "sine"\namplitudes_rad = [0.1]\nfrequencies_Hz = [2.5]\n'
+    moved = parse_joint_scenario(text + other, tmp_path / "wrist.toml")
     with pytest.raises(InputError, match="no table can hold a path that other joints move"):
-        tabulate_joint(parse_joint_scenario(text + other, tmp_path / "wrist.toml"))
+        tabulate_joint(moved)
+    assert tabulate_joint(moved, pose_rad={"wrist": 0.05}).nodes > 0
+    with pytest.raises(InputError, match="the nodes must reach over the reference"):
+        tabulate_joint(moved, pose_rad={"wrist": 0.05}, angles_rad=(0.0, 0.01))
+
+
+def test_a_table_has_the_nodes_and_speeds_that_are_asked_for(examples: Path, tmp_path: Path) -> None:
+    """Damping leans on the side that the joint turns to, the more the faster."""
+    scenario = load_scenario(examples / "hand_joint.toml")
+    nodes = np.linspace(-0.6, 1.7, 6)
+    found = tabulate_joint(scenario, level=Level.ELASTIC, angles_rad=nodes, rates=(0.5, 4.0))
+    assert np.array_equal(found.angle_rad, nodes)
+    assert (found.motor_rad["up"][1] > found.motor_rad["up"][0]).all()
+    assert (found.motor_rad["down"][1] < found.motor_rad["down"][0]).all()
+    found.write(tmp_path / "t")
+    names, *rows = (tmp_path / "t" / "table.csv").read_text("utf-8").splitlines()
+    assert names == "angle_rad,branch,speed_rad_per_s,motor_rad"
+    assert len(rows) == found.nodes == 2 * 2 * 6
+    assert "[TFF_JOINT_TABLE_SPEEDS][TFF_JOINT_TABLE_NODES]" in (tmp_path / "t" / "table.h").read_text("utf-8")
 
 
 def test_comparison_and_sweep_write_their_pages(tmp_path: Path) -> None:

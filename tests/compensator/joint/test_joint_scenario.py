@@ -147,6 +147,7 @@ def test_a_reference_beyond_a_stop_is_taken_back_to_it_smoothly_and_says_stop_an
     assert sample_joint(parse_joint_scenario(stopped(hand, -0.5, 1.2))).warnings == ()
 
 
+@pytest.mark.compiler
 def test_a_design_names_the_stop_or_refuses_it_where_strict(
     hand: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -18,12 +18,14 @@ def designs(examples):
     )
 
 
+@pytest.mark.compiler
 def test_the_repr_of_a_result_is_its_name_and_its_headline(designs):
     for result in designs:
         assert repr(result) == f"<{type(result).__name__} of {result.scenario.name!r}: {result.headline}>"
         assert len(repr(result)) < 800
 
 
+@pytest.mark.compiler
 def test_the_frame_of_a_design_is_its_profile_file(designs, tmp_path):
     for k, result in enumerate(designs):
         result.write(tmp_path / str(k))
@@ -34,6 +36,7 @@ def test_the_frame_of_a_design_is_its_profile_file(designs, tmp_path):
         assert frame.iloc[0].tolist() == [float(value) for value in first]
 
 
+@pytest.mark.compiler
 def test_a_figure_is_plotted_by_the_name_of_its_file(designs):
     result = designs[0]
     assert isinstance(result.plot("force"), Figure)
@@ -42,6 +45,7 @@ def test_a_figure_is_plotted_by_the_name_of_its_file(designs):
         result.plot("forces")
 
 
+@pytest.mark.compiler
 def test_a_notebook_shows_headline_and_first_figure(designs):
     for result in designs:
         page = result._repr_html_()

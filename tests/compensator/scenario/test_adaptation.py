@@ -5,7 +5,7 @@ import pytest
 
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.certificate import feedback_certificate
-from tendonff.compensator.compensators.tuning import tuned_chain, tuning_of
+from tendonff.compensator.compensators.tuning import check_tuning, tuned_chain, tuning_of
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.scenario import parse_scenario, scenario_to_toml
 from tendonff.compensator.scenarios import load_scenario
@@ -108,3 +108,15 @@ def test_friction_and_load_are_tuned_on_a_path_that_moves(finger):
     )
     run = SelfTuner(tuned, scenario.run.step_s, tuning, problem.limits, start).run(rig, wanted, np.zeros(len(wanted)))
     assert run.factors[-1, 0] == pytest.approx(1.2, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("name", "stated", "why"), [("finger", "", "which is 0; state"), ("finger_moving", "0.2", "at rest")]
+)
+def test_an_exponent_is_tuned_only_where_one_is_stated_and_the_path_rests(examples, name, stated, why):
+    text = (examples / f"{name}.toml").read_text(encoding="utf-8")
+    table = TABLE.replace('"load_stiffness"', '"load_exponent"')
+    if stated:
+        text = text.replace("[friction]", f"[friction]\nload_exponent = {stated}\nreference_tension_N = 30.0", 1)
+    with pytest.raises(InputError, match=why):
+        check_tuning(parse_scenario(text + table, examples / f"{name}.toml"))

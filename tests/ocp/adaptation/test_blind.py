@@ -1,5 +1,6 @@
 """Blind: 40 masses, another scheme, hidden parameters, noise and a delay of 2 ms."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -85,6 +86,18 @@ def test_friction_is_found_from_the_position_where_the_load_is_off_too(bench, re
     assert worst_second([tension, plain], longer) <= 1.05
     assert percent(tension, longer) < 1.2  # the inverse keeps the scenario's load: with friction known 0.5
     assert percent(plain, longer) > 8
+
+
+def test_friction_that_falls_with_the_tension_is_found_with_its_exponent_from_the_position(bench, reference, percent):
+    """0.2 is stated, and the rig has 0.3 and a fifth less friction; friction alone leaves a third of what plain has."""
+    friction = replace(bench.transmission.friction, load_exponent=0.2, reference_tension_N=bench.start_N)
+    falling = type(bench)(replace(bench.transmission, friction=friction), bench.rigs)
+    longer = np.concatenate([reference, reference[-2::-1]])
+    tuning = falling.tuning(POSITION, (Tunable.MU, Tunable.LOAD_EXPONENT))
+    plain, tuned = (run(falling, tuning, longer, adapt=adapt, mu=0.8, load_exponent=0.3)[0] for adapt in (False, True))
+    assert percent(plain, longer) > 8
+    assert percent(tuned, longer) < 1.5
+    assert worst_second([tuned, plain], longer) <= 1.3
 
 
 def test_directions_are_not_told_apart_from_the_position_by_a_start_tension_that_is_off(bench, reference, percent):

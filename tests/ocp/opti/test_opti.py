@@ -9,6 +9,7 @@ import pytest
 import tendonff as tf
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.optimal import solve
+from tendonff.compensator.finger.compensators import FingerTask
 from tendonff.compensator.joint.compensators import JointTask
 from tendonff.models.mechanism.chain import chain_equations
 from tendonff.models.tendon.chain import Chain
@@ -28,6 +29,7 @@ def finger(examples, name="finger_fast", duration_s=0.3, masses=2):
         transmission=replace(scenario.transmission, path=path),
         reference=replace(scenario.reference, duration_s=duration_s, fade_in_s=0.05, frequencies_Hz=(3.0, 5.0)),
         run=replace(scenario.run, step_s=0.005),
+        optimal=NOMINAL,
     )
 
 
@@ -35,14 +37,14 @@ def finger(examples, name="finger_fast", duration_s=0.3, masses=2):
 def limited(examples):
     """A reference whose rate limit binds, and its solution."""
     scenario = finger(examples)
-    problem = tf.opti(scenario, options=NOMINAL)
+    problem = tf.opti(scenario)
     return scenario, problem, problem.solve()
 
 
 def test_where_no_limit_binds_the_force_is_the_exact_inverse(examples):
     scenario = finger(examples, "finger", duration_s=0.1)
     options = replace(NOMINAL, travel_weight=0.0)
-    problem = tf.opti(scenario, options=options, smoothing=1e-5)
+    problem = tf.opti(replace(scenario, optimal=options), smoothing=1e-5)
     answer = problem.solve()
     wanted = np.interp(problem.time_s, *_reference(scenario))
     assert np.abs(answer.value(problem.output_N) - wanted).max() < 1e-3
@@ -76,7 +78,7 @@ def test_the_scenario_chooses_the_solver(examples):
 def test_a_constraint_of_the_user_holds(limited, examples):
     _, free, before = limited
     most = 0.95 * float(before.value(free.tension_N)[:, 1].max())
-    problem = tf.opti(finger(examples), options=NOMINAL)
+    problem = tf.opti(finger(examples))
     problem.opti.subject_to(problem.tension_N[1, 1:] <= most)
     middle = problem.solve().value(problem.tension_N)[1:, 1]
     assert most * (1 - 1e-3) < middle.max() <= most * (1 + 1e-6)
@@ -84,7 +86,7 @@ def test_a_constraint_of_the_user_holds(limited, examples):
 
 def test_a_cost_of_the_user_is_what_is_minimised(limited, examples):
     _, free, before = limited
-    problem = tf.opti(finger(examples), options=NOMINAL)
+    problem = tf.opti(finger(examples))
     problem.opti.subject_to(problem.cost <= 2 * before.value(free.cost))
     problem.opti.minimize(ca.sumsqr(problem.force_N) / 1e5)
     force = problem.solve().value(problem.force_N)
@@ -92,7 +94,7 @@ def test_a_cost_of_the_user_is_what_is_minimised(limited, examples):
 
 
 def test_a_problem_without_solution_says_what_the_solver_says(examples):
-    problem = tf.opti(finger(examples, duration_s=0.1), options=NOMINAL)
+    problem = tf.opti(finger(examples, duration_s=0.1))
     problem.opti.solver("ipopt", *ipopt_options(iterations=30))
     problem.opti.subject_to(problem.tension_N[1, -1] <= 1.0)
     with pytest.raises(tf.SolveError, match=r"not solved: \w+ after \d+ iterations"):
@@ -167,9 +169,38 @@ def test_a_payload_of_the_user_loads_the_joint(examples):
     assert carried.sum() * h == pytest.approx(inertia * moved[-1], rel=1e-6)  # its momentum
 
 
+def test_a_payload_of_the_user_loads_the_end_of_a_tendon(examples):
+    """A spring like the load's own beside it: the same tension moves the load half as far, but for damping."""
+    free, loaded = (tf.opti(finger(examples, "finger", duration_s=0.1), payload=each) for each in (False, True))
+    own = tf.load_scenario(examples / "finger.toml").transmission.load.stiffness_N_per_m
+    start = float(loaded.opti.value(loaded.load_m[0], loaded.opti.initial()))
+    loaded.opti.subject_to(loaded.contact_N[1:] == own * (loaded.load_m[1:] - start))
+    moved = [each.solve().value(each.load_m) - start for each in (free, loaded)]
+    assert moved[1][-1] == pytest.approx(moved[0][-1] / 2, rel=0.05)
+
+
+def several(examples):
+    scenario = tf.load_scenario(examples / "three_joint_finger.toml")
+    tendons = tuple(replace(t, path=replace(t.path, segments=len(t.path.sections))) for t in scenario.mechanism.tendons)
+    references = {name: replace(each, duration_s=0.1, fade_in_s=0.05) for name, each in scenario.references.items()}
+    return replace(scenario, mechanism=replace(scenario.mechanism, tendons=tendons), references=references)
+
+
+def test_several_joints_follow_their_references_under_a_bound_of_the_user(examples):
+    """The answer is simulated by the compiled step: within 2 % of range after intervals of 10 ms."""
+    scenario = several(examples)
+    problem = tf.opti(scenario, interval_s=0.01, level=tf.Level.ELASTIC)
+    problem.opti.subject_to(ca.vec(problem.tension_N[:, 3:]) >= 4.0)
+    answer = problem.solve()
+    task = FingerTask.of(scenario, tf.Level.ELASTIC)
+    rows, motor = task.sampled.time_s, answer.value(problem.motor_rad)
+    run = task.respond(task.finger, np.column_stack([np.interp(rows, problem.time_s, each) for each in motor.T]))
+    off = run.position[:, :3] - task.wanted_rad
+    assert np.sqrt(np.mean(off**2)) < 0.02 * np.ptp(task.wanted_rad, axis=0).max()
+    assert answer.value(problem.tension_N)[3:].min() >= 4.0 - 1e-6
+
+
 def test_what_it_cannot_pose_is_refused_with_the_way_out(examples):
-    with pytest.raises(tf.InputError, match="mechanism_equations"):
-        tf.opti(tf.load_scenario(examples / "three_joint_finger.toml"))
     with pytest.raises(tf.InputError, match="leave out periodic"):
         tf.opti(tf.load_scenario(examples / "exosuit.toml"))
     with pytest.raises(tf.ParameterError, match="degree must be a whole number"):

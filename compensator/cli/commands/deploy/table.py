@@ -20,7 +20,9 @@ from tendonff.compensator.cli.progress import progress, say, warn
 from tendonff.ocp.errors import SolveError
 
 _MANY_NODES = 5000
-_BOUND = "Largest interpolation error [N]; default: 0.5 % of the reference's range."
+_BOUND = "Largest interpolation error [N, of a joint rad]; default: 0.5 % of the reference's range, 0.1 %."
+_ANGLES = "Wrap angles [rad]: a further axis; of a joint: its nodes."
+_RATES = "Rates of the reference [N/s, of a joint rad/s]: a further axis."
 
 
 def _numbers(text: str | None, option: str) -> tuple[float, ...]:
@@ -38,8 +40,8 @@ def table(
     out: OutFolderOption = Path("table"),
     level: LevelOption = None,
     bound: Annotated[float | None, option("--bound", "N", _BOUND)] = None,
-    angles: Annotated[str | None, option("--angles", "A,A,...", "Wrap angles [rad]: a further axis.")] = None,
-    rates: Annotated[str | None, option("--rates", "R,R,...", "Rates of the reference [N/s]: a further axis.")] = None,
+    angles: Annotated[str | None, option("--angles", "A,A,...", _ANGLES)] = None,
+    rates: Annotated[str | None, option("--rates", "R,R,...", _RATES)] = None,
     pose: Annotated[
         list[str] | None,
         option("--pose", "NAME=ANGLE", "Angle of a joint during the table [rad]; repeatable."),
@@ -66,9 +68,9 @@ def table(
             result = door.make_table(
                 loaded,
                 level=level,
-                bound_N=bound,
+                bound=bound,
                 angles_rad=angle_axis,
-                rates_N_per_s=rate_axis,
+                rates=rate_axis,
                 pose_rad=angles_of_joints,
             )
             if result.harm and not force:

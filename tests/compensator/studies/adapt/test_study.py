@@ -2,13 +2,15 @@
 
 import csv
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from without_figures import without_figures
 
 from tendonff.compensator.cli import run
-from tendonff.compensator.studies.adapt.result import Case, Scheme, variations
+from tendonff.compensator.studies.adapt.result import Case, Scheme, variations, worst_second
 from tendonff.compensator.studies.adapt.run import _headline, _warnings
 from tendonff.ocp.adaptation.tuning import Sensor
 
@@ -85,6 +87,36 @@ def test_nothing_in_the_study_gets_worse(summary):
         assert not plant["limit"]
 
 
+def test_friction_that_falls_with_the_tension_is_among_the_plants_with_its_worst_second(summary):
+    plant = summary["plants"]["friction falls with the tension as T^-0.2"]
+    plain, tuned = (plant[scheme]["settled_rmse_percent_of_range"] for scheme in ("feedforward", "self_tuning"))
+    assert plain > 4
+    assert tuned < 1.05 * plain
+    assert 0.9 < plant["worst_second"]["times_plain"] < 1.3
+
+
+def test_the_worst_second_is_that_of_the_largest_ratio_among_those_that_leave_anything():
+    step_s, quiet, loud = 1e-2, np.full(100, 0.0003), np.full(100, 0.03)
+    plain = np.concatenate([loud, loud, 0.01 * quiet])
+    tuned = np.concatenate([loud, 2 * loud, quiet])
+    ratio, left = worst_second(tuned, plain, step_s, 1.0)
+    assert ratio == pytest.approx(2, rel=0.01)
+    assert 0.5 < left <= 6
+
+
+@pytest.mark.parametrize("stated", [0.0, 0.2])
+def test_plants_fall_otherwise_than_stated_where_the_path_rests(stated):
+    falling = {v.load_exponent for v in variations(Sensor.OUTPUT_TENSION, load_exponent=stated)} - {None}
+    assert falling == ({0.2} if stated == 0 else {0.5 * stated, 1.5 * stated})
+    assert not {v.load_exponent for v in variations(Sensor.OUTPUT_TENSION, moving=True)} - {None}
+
+
+def test_crosstalk_is_a_plant_where_a_force_cell_is_read():
+    shown = {sensor: [v for v in variations(sensor) if v.crosstalk] for sensor in Sensor}
+    assert [v.crosstalk for v in shown[Sensor.OUTPUT_TENSION]] == [0.01]
+    assert not shown[Sensor.ACTUATOR_POSITION]
+
+
 def plant(name, plain, tuned):
     """A plant with these errors."""
     traces = {scheme: SimpleNamespace(settled_percent=tuned, frozen_after_s=None) for scheme in Scheme}
@@ -109,6 +141,9 @@ def test_every_plant_on_which_self_tuning_is_worse_is_named_with_both_figures():
     assert "5.7 % where other parameters are off too (friction +20 %, load +20 %; without: 4.4 %)" in _headline(
         cases, known, None, "range"
     )
+    cases[3] = replace(cases[3], worst_second=(2.44, 4.31))
+    _, seconds = _warnings(cases, known, None)
+    assert seconds.endswith(f"plain feedforward where friction +20 %, load {minus}20 % (2.4 times, 4.3 % of range)")
     raised = "range of the reference raised to 3 N"
     assert "0.39 % of range of the reference raised to 3 N" in _headline(cases, known, None, raised)
 

@@ -62,11 +62,13 @@ def folder(finger, tmp_path_factory):
     return target / "out"
 
 
+@pytest.mark.compiler
 def test_every_design_meets_every_plant(result):
     cells = [(e.compensator, e.design_level, e.plant_level) for e in result.entries]
     assert cells == [(c.name, level, plant) for c in FEEDFORWARDS for level in Level for plant in PLANTS]
 
 
+@pytest.mark.compiler
 def test_each_inverse_is_best_on_its_own_level(result):
     for plant in Level:
         errors = {design: result.entry("inverse", design, plant).rmse_percent_of_range for design in Level}
@@ -75,6 +77,7 @@ def test_each_inverse_is_best_on_its_own_level(result):
         assert errors[plant] < 0.2
 
 
+@pytest.mark.compiler
 def test_the_static_inverse_is_exact_on_the_static_law_and_nowhere_else(result):
     own = result.entry("capstan", Level.ELASTIC, CAPSTAN_PLANT)
     assert own.rmse_percent_of_range < 1e-9
@@ -82,6 +85,7 @@ def test_the_static_inverse_is_exact_on_the_static_law_and_nowhere_else(result):
     assert result.entry("capstan", Level.ELASTIC, Level.PRESLIDING).rmse_percent_of_range > 5
 
 
+@pytest.mark.compiler
 def test_the_spread_covers_what_a_finer_step_changes(finger, result):
     """A third of the step is none of those that the spread was made of."""
     for name, design in (("inverse", Level.ELASTIC), ("capstan", Level.ELASTIC)):
@@ -224,6 +228,7 @@ def test_the_simplest_level_that_loses_nothing_is_recommended(errors, sentence):
     assert level in said or level is Level.ELASTIC
 
 
+@pytest.mark.compiler
 def test_the_files_say_the_same_as_the_result(result, folder):
     assert {"matrix.csv", "summary.json", "report.html", "matrix.svg", "levels.svg"} <= {
         path.name for path in folder.iterdir()
@@ -265,6 +270,7 @@ def test_where_limits_bind_it_is_said_that_the_optimal_profile_is_not_compared(e
     assert ("the optimal profile, which is made for them, is not compared here; add --optimal" in said) == is_said
 
 
+@pytest.mark.compiler
 def test_a_force_of_the_users_own_is_compared_as_a_compensator(examples, tmp_path):
     """The reference as the user's force is what "none" commands; a force that ends early is refused."""
     scenario = load_scenario(examples / "finger_fast.toml")

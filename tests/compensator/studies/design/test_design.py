@@ -61,6 +61,7 @@ def summary_of(made):
     return json.loads((made.folder / "summary.json").read_text(encoding="utf-8"))
 
 
+@pytest.mark.compiler
 @pytest.mark.each_value
 @pytest.mark.parametrize("name", WITHOUT_STRIBECK)
 @pytest.mark.parametrize("compensator", ["inverse", "optimal"])

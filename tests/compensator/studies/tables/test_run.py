@@ -106,9 +106,7 @@ def test_the_csv_has_the_agreed_columns_no_empty_cell_and_reads_back(tables):
 
 @pytest.mark.compiler
 def test_angles_and_rates_become_further_columns(finger):
-    tables = make_tables(
-        finger, level=Level.VISCOELASTIC, bound_N=0.5, angles_rad=(1.0, 3.0), rates_N_per_s=(5.0, 50.0)
-    )
+    tables = make_tables(finger, level=Level.VISCOELASTIC, bound=0.5, angles_rad=(1.0, 3.0), rates=(5.0, 50.0))
     rows = rows_of(tables)
     assert {(row["total_angle_rad"], row["rate_N_per_s"]) for row in rows} == {
         (a, r) for a in ("1.0", "3.0") for r in ("5.0", "50.0")
@@ -125,7 +123,7 @@ def test_every_branch_has_five_references_and_two_tables_have_names_of_their_own
     other = replace(finger, transmission=replace(finger.transmission, load=stiffer))
     guards = []
     for k, scenario in enumerate((finger, other)):
-        tables = make_tables(scenario, level=Level.ELASTIC, bound_N=2.0)
+        tables = make_tables(scenario, level=Level.ELASTIC, bound=2.0)
         assert tables.tables[0].built.table.reference_N.size >= 5
         tables.write(tmp_path / str(k), prefix=f"rig{k}")
         text = (tmp_path / str(k) / "table.h").read_text()
