@@ -248,7 +248,7 @@ def respond_with_slopes(
 
 
 def _moving(mechanism: Mechanism) -> tuple[object, ...]:
-    """Parts that decide how joint and tendons move with the drum."""
+    """Parameters that decide how joint and tendons move with the drum."""
     drive = mechanism.drive
     return mechanism.joint, mechanism.tendons, drive.drum_radius_m, drive.gear_ratio, drive.pretension_N
 

@@ -232,7 +232,7 @@ def _numbers(name: str, load: LoadLaw) -> dict[str, float]:
             return {"gravity_N_m": load.amplitude_N_m, "gravity_zero_rad": load.zero_rad}
         case Stops():
             return {"stop_low_rad": load.low, "stop_high_rad": load.high, "stop_stiffness_N_m_per_rad": load.stiffness}
-        case DryFriction():
+        case DryFriction() if not load.lost_share:
             return {"coulomb_N_m": load.coulomb, "bristle_N_m_per_rad": load.bristle_stiffness}
         case _:
             raise ParameterError(

@@ -293,7 +293,7 @@ def _end_mass(kind: End) -> tuple[dict[str, ca.SX], ca.SX, dict[str, ca.SX]]:
     """Arguments by name, balance of an end mass [N] and own states; `pull`: +1 where tension pulls to the positive."""
     v, f, v_base, q_base, step, pull, f_c, x_c = inputs = symbols("v f v_base q_base H pull f_c x_c")
     end, base = symbolic(kind, "end_"), _based(kind.states)
-    own = end.implicit(v, base, step)
+    own = end.implicit(v, base, step, f)
     residual = end.mass_kg / step * (v - v_base) - end_force(v, q_base + step * v, f, pull, f_c, x_c, end, own)
     known = {s.name(): s for s in (*inputs, *base, *fields_of(end).values())}
     return known, residual, dict(zip(kind.states, own, strict=True))
@@ -326,6 +326,8 @@ def end_mass_tangent(kind: End = PLAIN_END) -> Law:
     kept = {name: s for name, s in known.items() if name not in ("H", "pull")}
     outputs = {f"by_{name}": ca.jacobian(residual, s) for name, s in kept.items() if name != "v"}
     over = {name: s for name, s in kept.items() if name == "v" or name.startswith("end_") or name[:-5] in kind.states}
+    if any(ca.depends_on(value, known["f"]) for value in own.values()):
+        over["f"] = known["f"]
     for state, value in own.items():
         outputs |= {f"{state}_by_{name}": ca.jacobian(value, s) for name, s in over.items()}
     return Law(

@@ -223,7 +223,8 @@ class StepCode:
             return literal(value, precision)
 
         def of_masses(name: str) -> str:
-            return f"c->of_masses[({self.of_masses.index(name)} * n) + i]"
+            row = self.of_masses.index(name)
+            return f"c->of_masses[({row} * n) + i]" if row else "c->of_masses[i]"
 
         def at(name: str) -> str:
             return _text(*states.offset(name), "n")

@@ -292,29 +292,26 @@ def gains(law: MechanismLaw, solution: Solution, tried: Sequence[JointNumber] = 
     extras = [n for n in tried if n not in own]
     start = {n: law.fixed.get(n, n.of(law.mechanism)) for n in extras}
     found = law.evaluate({**values, **start}, [*own, *extras])
-    before = _left(found, list(range(len(own))))
+    before, _ = stepped(found, list(range(len(own))))
     promised = {}
     for k, number in enumerate(extras):
         columns = [*range(len(own)), len(own) + k]
-        left, step = _stepped(found, columns)
+        left, steps = stepped(found, columns)
+        step = float(steps[-1])
         low = number.spec.low if not number.spec.logarithmic else 0.0
         feasible = low <= start[number] + step <= number.spec.high
         promised[number] = float(np.log(before / left)) if feasible else 0.0
     return promised
 
 
-def _left(found: Residuals, columns: list[int]) -> float:
-    return _stepped(found, columns)[0]
-
-
-def _stepped(found: Residuals, columns: list[int]) -> tuple[float, float]:
-    """Weighted squares after a Gauss-Newton step over some columns, and the last column's step."""
+def stepped(found: Residuals, columns: list[int]) -> tuple[float, Array]:
+    """Weighted squares after a Gauss-Newton step over some columns, and their steps."""
     weight = 1 / (1 + found.values**2) ** 0.25
     slopes = found.slopes[:, columns] * weight[:, None]
     scale = np.maximum(np.sqrt((slopes**2).sum(axis=0)), 1e-300)
     step = np.linalg.lstsq(slopes / scale, -found.values * weight, rcond=None)[0]
     left = found.values * weight + (slopes / scale) @ step
-    return float(left @ left), float(step[-1] / scale[-1])
+    return float(left @ left), np.asarray(step / scale)
 
 
 def covariance_of(law: MechanismLaw, solution: Solution) -> Array:

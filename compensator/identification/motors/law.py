@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tendonff.compensator.identification.joint.mechanism_law import widened
+from tendonff.compensator.identification.joint.mechanism_law import stepped, widened
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.motors.log import MotorsLog
 from tendonff.compensator.identification.motors.numbers import START, Number, put_into
@@ -31,6 +31,9 @@ BLOCK_S = 0.5
 
 TURNING_SHARE, SLIDES = 0.02, 0.7
 
+EFFECT_SHARE = 0.1
+"""An effect that the law lacks is tried with this share of each tendon's stiffness, or of the tension at the start."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Predicted:
@@ -39,6 +42,24 @@ class Predicted:
     torque_N_m: Array  # shape (rows, motors)
     angle_rad: Array  # shape (rows, joints)
     run: MechanismRun
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lacking:
+    """An effect of all tendons that a law lacks.
+
+    Attributes
+    ----------
+    name : str
+    gain : float
+        Gain of log-likelihood that it promises; 0 where it would have to be negative.
+    shift : ndarray, shape (k,)
+        By which the values would change.
+    """
+
+    name: str
+    gain: float
+    shift: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -197,6 +218,27 @@ class MotorsLaw:
             return solve(self.evaluate, unknowns, values=self._weighted, most=most, tolerance=1e-4)
         except ParameterError as error:
             raise SolveError(str(error)) from None
+
+    def lacking(self, solution: Solution) -> tuple[Lacking, ...]:
+        """Effects that would explain the logs, by a Gauss-Newton step from a solution."""
+        residuals, found = solution.residuals, []
+        size = [v for key, v in solution.values.items() if key.startswith(f"{START}.") or key.endswith(".pretension_N")]
+        tension = EFFECT_SHARE * float(np.mean(size)) if size else 1.0
+        finger, own = put_into(self.finger, solution.values), len(solution.values)
+        relaxing, sticking = dict[str, float](), dict[str, float]()
+        for each in finger.tendons:
+            place, stiffness = f"tendons.{each.name}", EFFECT_SHARE * each.tendon.stiffness_N_per_m
+            relaxing[f"{place}.tendon.relaxing_stiffness_N_per_m"] = each.tendon.relaxing_stiffness_N_per_m + stiffness
+            sticking[f"{place}.friction.adhesion_N"] = each.friction.adhesion_N + tension
+        for name, extra in (("stress relaxation", relaxing), ("load-independent friction", sticking)):
+            column = self._weighted({**solution.values, **extra}) - residuals.values
+            wider = replace(residuals, slopes=np.column_stack([residuals.slopes, column]))
+            before, _ = stepped(wider, list(range(own)))
+            left, steps = stepped(wider, list(range(own + 1)))
+            blocks = len(np.unique(residuals.blocks))
+            gain = blocks / 2 * float(np.log(before / left)) if steps[-1] > 0 else 0.0
+            found.append(Lacking(name=name, gain=gain, shift=steps[:-1]))
+        return tuple(found)
 
     def covariance(self, solution: Solution) -> Array:
         """Covariance of the values, with the floor of the method; infinite where the data do not identify one.

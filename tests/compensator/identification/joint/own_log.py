@@ -7,7 +7,7 @@ import numpy as np
 
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.identification.joint.routine import suggest_routine
-from tendonff.compensator.joint.scenario.scenario import JointScenario
+from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.ocp.fits.mechanism import Loop, MotorRun, respond
 from tests.hidden_loop import COUNT_RAD, hidden, scenario

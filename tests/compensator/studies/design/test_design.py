@@ -69,6 +69,7 @@ def test_a_design_leaves_at_most_0_3_percent_on_its_own_level(percent, name, com
     assert percent(name, compensator) <= 0.3
 
 
+@pytest.mark.compiler
 @pytest.mark.parametrize("name", WITHOUT_STRIBECK)
 @pytest.mark.parametrize("compensator", ["inverse", "optimal"])
 def test_a_design_leaves_at_most_0_3_percent_on_a_chain_of_40_masses_at_a_tenth_of_the_step(percent, name, compensator):
