@@ -12,10 +12,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tendonff.compensator.compensators.motors.joint import JointTask
+from tendonff.compensator.feedback.joint import JointFeedbackTask
 from tendonff.compensator.feedback.run import tune_feedback
-from tendonff.compensator.joint.compensators import JointTask
-from tendonff.compensator.joint.feedback import JointFeedbackTask
-from tendonff.compensator.joint.scenario.scenario import JointScenario, parse_joint_scenario
+from tendonff.compensator.scenario.driven.joint import JointScenario, parse_joint_scenario
 from tendonff.models.joint.parameters import DriveKind, Mechanism
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.ocp.feedback.law import FeedbackController, FeedbackLaw

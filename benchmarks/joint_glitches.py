@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import tendonff as tf
+from tendonff.compensator.compensators.motors.joint import linear_motor_rad
 from tendonff.compensator.export.host import HostCode, compile_on_host
-from tendonff.compensator.joint.compensators import linear_motor_rad
-from tendonff.compensator.joint.export.text import joint_sources
-from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
+from tendonff.compensator.export.joint.text import joint_sources
+from tendonff.compensator.scenario.driven.joint import JointScenario, sample_joint
 from tendonff.ocp.codegen.precision import Precision
 
 Array = NDArray[np.float64]

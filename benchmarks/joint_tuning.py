@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import tendonff as tf
-from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
+from tendonff.compensator.scenario.driven.joint import JointScenario, sample_joint
 from tendonff.models.parameters.numbers import with_numbers
 from tests.joint_plant import Plant
 

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 import tendonff as tf
-from tendonff.compensator.finger.scenario import FingerScenario
-from tendonff.compensator.joint.compensators import JointTask
-from tendonff.compensator.joint.scenario.scenario import JointScenario
+from tendonff.compensator.compensators.motors.joint import JointTask
+from tendonff.compensator.scenario.driven.finger import FingerScenario
+from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.ocp.joint.simulate import simulate_joint
 from tendonff.ocp.tendon.simulate import simulate
 

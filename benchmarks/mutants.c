@@ -33,7 +33,7 @@
 #else
 #define ANGLES
 #endif
-#define ROWS 5000
+#define ROWS 40000
 static unsigned long seed = 1u;
 static double uniform(void) { seed = (seed * 1103515245u + 12345u) & 0x7fffffffu; return (double)seed / 2147483648.0; }
 
@@ -68,8 +68,8 @@ static void draw(int mixed)
         if (uniform() < 0.002) { at->angle[0] = (tff_real)((uniform() < 0.5) ? NAN : 0.5); }
         at->measured = 1.02 * (double)fmin(fmax(r, low), high) + 0.01 * uniform();
         if (uniform() < 0.003) { at->measured = (uniform() < 0.5) ? NAN : 1e6 * (uniform() - 0.5); }
-        if ((k > 2000) && (k < 2300)) { at->measured = rows[2000].measured; } /* stuck */
-        if ((k > 3000) && (k < 3200)) { at->measured *= 3.0; } /* what nothing explains */
+        if (((k % 5000) > 2000) && ((k % 5000) < 2300)) { at->measured = rows[k - 1].measured; } /* stuck */
+        if (((k % 5000) > 3000) && ((k % 5000) < 3200)) { at->measured *= 3.0; } /* what nothing explains */
         at->position = (uniform() < 0.5) ? NAN : 1e-3 * uniform();
         at->factor = 0.8 + 0.4 * uniform();
     }
@@ -99,14 +99,33 @@ static tff_parameters with(double factor)
             switch (at->call) { \
             case 0: f = tff_##kind##_step(&self, (tff_real)at->reference more); break; \
             case 1: f = tff_##kind##_step_dt(&self, (tff_real)at->dt, (tff_real)at->reference more); break; \
-            case 2: tff_##kind##_missed(&self, 20); break; \
+            case 2: tff_##kind##_missed(&self, 20); tff_##kind##_missed(&self, (at->factor > 1) ? 9 : -9); break; \
             case 3: tff_##kind##_init_at(&self, (tff_real)START, (tff_real)(at->factor * START) start_more); break; \
             default: printf("%d ", (int)tff_##kind##_use(&self, &own)); break; \
             } \
             forces[k] = f; \
-            printf("%.9g %u %u\n", (double)f, (unsigned)self.output.status, (unsigned)self.output.seen); \
+            printf("%.17g %u %u\n", (double)f, (unsigned)self.output.status, (unsigned)self.output.seen); \
         } \
     }
+
+static void edges(void)
+{
+    static const double share[5] = { 0.995, 0.99999, 1.0, 1.00001, 1.005 };
+    const double value[9] = { 0.0, 0.005, (double)TFF_FORCE_MIN_N, (double)TFF_FORCE_MAX_N, (double)(TFF_CHANGE_MAX_N / TFF_STEP_S), (double)TFF_REFERENCE_MIN_N, (double)TFF_REFERENCE_MAX_N, 2.0, 1000.0 };
+    tff_parameters own;
+    int k, j;
+    for (k = 0; k < 45; k++) {
+        const tff_real to = (tff_real)(value[k / 5] * share[k % 5]);
+        for (j = 0; j < 8; j++) {
+            tff_parameters_init(&own);
+            tff_real *const fields[8] = { &own.mu_pull, &own.mu_release, &own.adhesion, &own.force_min, &own.force_max, &own.force_rate_max, &own.reference_min, &own.reference_max };
+            *fields[j] = to;
+            printf("%d ", (int)tff_parameters_are_good(&own));
+            *fields[j] = -to;
+            printf("%d\n", (int)tff_parameters_are_good(&own));
+        }
+    }
+}
 
 static void course(int mixed)
 {
@@ -134,7 +153,7 @@ static void course(int mixed)
         for (k = 0; k < ROWS; k++) {
             const tff_real *const angle = rows[k].angle;
             (void)angle;
-            printf("%.9g ", (double)tff_plant_step(&self, forces[k] ANGLES));
+            printf("%.17g ", (double)tff_plant_step(&self, (uniform() < 0.01) ? (tff_real)(HIGH * 2.0 * uniform()) : forces[k] ANGLES));
             printf("%u %u\n", (unsigned)self.status, (unsigned)self.seen);
         }
     }
@@ -144,7 +163,7 @@ static void course(int mixed)
         int k;
         tff_profile_init(&self);
         for (k = 0; k < ROWS; k++) {
-            printf("%.9g ", (double)tff_profile_step(&self));
+            printf("%.17g ", (double)tff_profile_step(&self));
             printf("%u\n", (unsigned)self.output.seen);
         }
     }
@@ -157,7 +176,7 @@ static void course(int mixed)
         for (k = 0; k < ROWS; k++) {
             const row *const at = &rows[k];
             const tff_real *const angle = at->angle;
-            const tff_real input = (isnan(at->measured)) ? (tff_real)NAN : forces[k];
+            const tff_real input = (isnan(at->measured)) ? (tff_real)NAN : (uniform() < 0.005) ? (tff_real)(HIGH * 2.0 * uniform()) : forces[k];
             (void)angle;
             if (at->call == 0) {
                 (void)tff_observer_step(&self, input, (tff_real)at->position ANGLES);
@@ -168,7 +187,7 @@ static void course(int mixed)
             } else {
                 tff_observer_init_at(&self, (tff_real)START, (tff_real)(at->factor * START));
             }
-            printf("%.9g %.9g %.9g ", (double)self.output.tension, (double)self.output.low, (double)self.output.high);
+            printf("%.17g %.17g %.17g ", (double)self.output.tension, (double)self.output.low, (double)self.output.high);
             printf("%u %u\n", (unsigned)self.output.status, (unsigned)self.output.seen);
         }
     }
@@ -180,13 +199,14 @@ static void course(int mixed)
         tff_bounds_init(&self, (tff_real)START);
         for (k = 0; k < ROWS; k++) {
             tff_bounds_step(&self, (isnan(rows[k].measured)) ? (tff_real)NAN : forces[k]);
-            printf("%.9g %.9g %u\n", (double)self.low, (double)self.high, (unsigned)self.status);
+            printf("%.17g %.17g %u\n", (double)self.low, (double)self.high, (unsigned)self.status);
         }
     }
 #endif
 }
 int main(void)
 {
+    edges();
     course(0);
     course(1);
     return 0;

@@ -18,17 +18,25 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
+
+import numpy as np
 
 import tendonff as tf
 from benchmarks.safety_mutants import LIVE, RESTS, SWAPS
-from tendonff.compensator.joint.export.text import accepted_rad
-from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
+from tendonff.compensator.compensators.motors.finger import FingerTask
+from tendonff.compensator.export.joint.text import accepted_rad
+from tendonff.compensator.scenario.driven.finger import FingerScenario
+from tendonff.compensator.scenario.driven.joint import JointScenario, sample_joint
 
 FLAGS = ("-std=c99", "-O1", "-w", "-ffp-contract=off", "-fno-math-errno")
-DRIVER, JOINT_DRIVER = (Path(__file__).with_name(name) for name in ("mutants.c", "mutants_joint.c"))
+DRIVER, JOINT_DRIVER, FINGER_DRIVER = (
+    Path(__file__).with_name(name) for name in ("mutants.c", "mutants_joint.c", "mutants_finger.c")
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,7 +116,7 @@ def random_mutants(files: dict[str, str], count: int, seed: int, first: int = 0)
     chosen = random.Random(seed)  # noqa: S311 - nothing secret
     places = []
     for name, text in files.items():
-        if not (name.startswith("tff_") and name.endswith(".c")) or name == "tff_profile.c":
+        if not re.fullmatch(r"tff_(?!profile).*\.c|tff_core\.h", name):
             continue
         bare = re.sub(r"/\*.*?\*/|#include[^\n]*", lambda m: " " * len(m[0]), text, flags=re.DOTALL)
         for operator in OPERATORS:
@@ -158,29 +166,74 @@ def passes(program: Path) -> bool:
         return False
 
 
-def answers(program: Path) -> list[list[float]]:
-    """Output of the driver."""
+def answers(program: Path) -> str:
+    """Output of the driver; nothing where it does not end."""
     try:
-        said = subprocess.run([str(program)], capture_output=True, text=True, timeout=20, check=False).stdout
+        return subprocess.run([str(program)], capture_output=True, text=True, timeout=120, check=False).stdout
     except subprocess.TimeoutExpired:
-        return []
-    return [[float(word) for word in line.split()] for line in said.splitlines()]
+        return ""
 
 
-def difference(one: list[list[float]], two: list[list[float]]) -> float:
-    """Largest difference of two sequences of outputs, relative to 1 and each; infinite where one ends or is NaN."""
-    if len(one) != len(two) or any(len(x) != len(y) for x, y in zip(one, two, strict=True)):
-        return math.inf
-    pairs = ((a, b) for x, y in zip(one, two, strict=True) for a, b in zip(x, y, strict=True))
-    apart = [0.0 if a == b else abs(a - b) / (1 + abs(a)) for a, b in pairs]
-    return math.inf if any(map(math.isnan, apart)) else max(apart, default=0.0)
+def difference(one: str, two: str) -> float:
+    """Largest difference of two outputs, relative to 1 and each; infinite where one ends or is NaN, 0 if bit-equal."""
+    apart = 0.0
+    for x, y in zip(one.splitlines(), two.splitlines(), strict=False):
+        if x != y:
+            pairs = [(float(a), float(b)) for a, b in zip(x.split(), y.split(), strict=False)]
+            differ = [
+                0.0 if a == b or (math.isnan(a) and math.isnan(b)) else abs(a - b) / (1 + abs(a)) for a, b in pairs
+            ]
+            apart = max(apart, *(math.inf if math.isnan(each) else each for each in differ))
+    return math.inf if len(one.split()) != len(two.split()) else apart
+
+
+class Fate(StrEnum):
+    """Fate of a mutant."""
+
+    DEAD = "dead"  # the self test fails
+    ALIVE = "alive"
+    ROUNDED = "differ by rounding"  # by at most the bound
+    EQUAL = "give the same bits"
+    UNBUILT = "do not compile"
+
+
+@dataclass(kw_only=True)
+class Bench:
+    """Exported files in a folder, in which one is replaced at a time."""
+
+    folder: Path
+    files: dict[str, str]
+    defines: tuple[str, ...]
+    expected: str  # output of the driver
+    relative: float
+    apart: float = 0.0  # largest difference of the last mutant that lived
+
+    def judge(self, mutant: Mutant) -> Fate:
+        """Build, test and, if it lives, drive a mutant."""
+        (self.folder / mutant.file).write_text(mutant.text)
+        try:
+            tested = build(self.folder, "self_test.c", "self_test")
+            if tested is None:
+                return Fate.UNBUILT
+            if not passes(tested):
+                return Fate.DEAD
+            program = build(self.folder, "driver.c", "driver", self.defines)
+            self.apart = math.inf if program is None else difference(self.expected, answers(program))
+            if self.apart > self.relative:
+                return Fate.ALIVE
+            return Fate.ROUNDED if self.apart > 0 else Fate.EQUAL
+        finally:
+            (self.folder / mutant.file).write_text(self.files[mutant.file])
 
 
 def subject(
-    scenario: tf.Scenario | JointScenario, options: argparse.Namespace
+    scenario: tf.Scenario | JointScenario | FingerScenario, options: argparse.Namespace
 ) -> tuple[Path, dict[str, str], tuple[str, ...]]:
     """Driver, exported files and what the driver has to know."""
     precision = tf.Precision(options.precision)
+    if isinstance(scenario, FingerScenario):
+        fingers = tf.export_c(scenario, precision=precision, force_export=True)
+        return FINGER_DRIVER, dict(fingers.files), _of_finger(FingerTask.of(scenario))
     if isinstance(scenario, JointScenario):
         joints = tf.export_c(scenario, precision=precision, force_export=True)
         angle = sample_joint(scenario).angle_rad
@@ -198,6 +251,17 @@ def subject(
     return DRIVER, dict(exported.files), defines
 
 
+def _of_finger(task: FingerTask) -> tuple[str, ...]:
+    """Definitions of a finger for its driver."""
+    angle, wanted = task.wanted_rad, task.scenario.wanted
+    problem = task.problem(task.finger)
+    beyond = 0.05 * np.ptp(angle, axis=0)
+    load = problem.tension_N.max() * problem.scale_m()[:wanted]
+    rows = {"LEAST": angle.min(axis=0) - beyond, "MOST": angle.max(axis=0) + beyond, "START": angle[0], "LOAD": load}
+    texts = {name: ", ".join(repr(float(value)) for value in row) for name, row in rows.items()}
+    return f"-DCOUNT={wanted}", *(f"-D{name}={{{text}}}" for name, text in texts.items())
+
+
 def main() -> int:
     """Report the survivors; exit status 1 where a safety mutant lives."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -206,7 +270,7 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=90)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--random-only", action="store_true", help="leave out the safety mutants")
-    parser.add_argument("--only", default="", help="safety mutants whose name holds this")
+    parser.add_argument("--only", default="", help="mutants whose name holds this")
     parser.add_argument("--first", type=int, default=0, help="random mutants to pass over, of the same seed")
     options = parser.parse_args()
     scenario = tf.load_scenario(options.scenario)
@@ -224,36 +288,23 @@ def main() -> int:
             raise SystemExit("the original does not pass its own self test")
         expected = answers(build(folder, "driver.c", "driver", defines))
 
-        def survives(mutant: Mutant) -> bool:
-            (folder / mutant.file).write_text(mutant.text)
-            program = build(folder, "self_test.c", "self_test")
-            return program is not None and passes(program)
-
+        bench = Bench(folder=folder, files=files, defines=defines, expected=expected, relative=relative)
         alive = []
-        listed = [] if "tff_path.c" in files or driver is JOINT_DRIVER else list(safety(files, options.precision))
+        listed = [] if "tff_path.c" in files or driver is not DRIVER else list(safety(files, options.precision))
         listed = [m for m in listed if options.only in m.what and not options.random_only]
-        if not getattr(scenario.adaptation, "integral_gain_per_s", 0.0):
+        if not getattr(getattr(scenario, "adaptation", None), "integral_gain_per_s", 0.0):
             listed = [m for m in listed if "integra" not in m.what]  # the same without integral action
-        for mutant in listed:
-            if survives(mutant):
-                alive.append(mutant.what)
-            (folder / mutant.file).write_text(files[mutant.file])
+        alive = [mutant.what for mutant in listed if bench.judge(mutant) is not Fate.DEAD]
         print(f"safety mutants: {len(listed) - len(alive)} of {len(listed)} die; alive: {alive or 'none'}")
-        killed, equal, seen = 0, 0, []
+        fates = dict[str, Counter[Fate]]()
         for mutant in random_mutants(files, options.count, options.seed, options.first):
-            if survives(mutant):
-                program = build(folder, "driver.c", "driver", defines)
-                apart = 0.0 if program is None else difference(expected, answers(program))
-                if apart > relative:
-                    seen.append(f"{mutant.what} ({apart:.2g})")
-                else:
-                    equal += 1
-            else:
-                killed += 1
-            (folder / mutant.file).write_text(files[mutant.file])
-        print(f"random mutants: {killed} die, {len(seen)} observable ones live, {equal} behave as the original")
-        for what in seen:
-            print(f"  alive: {what}")
+            if options.only in mutant.what:
+                fate = bench.judge(mutant)
+                fates.setdefault(mutant.file, Counter())[fate] += 1
+                if fate is not Fate.DEAD:
+                    print(f"  {fate}: {mutant.what} ({bench.apart:.2g})", flush=True)
+        for name, of_file in (*sorted(fates.items()), ("random mutants", sum(fates.values(), Counter()))):
+            print(f"{name}: {', '.join(f'{of_file[fate]} {fate}' for fate in Fate)}")
     return 1 if alive else 0
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 import tendonff as tf
-from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
+from tendonff.compensator.scenario.driven.joint import JointScenario, sample_joint
 
 JOINTS, CYCLES = 17, 1000
 EXAMPLES = Path(__file__).parents[1] / "examples"

@@ -22,42 +22,44 @@ from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.integrate.method import Method
-from tendonff.ocp.opti.tendon import Collocation
+from tendonff.ocp.opti.choices import Collocation
 
 if TYPE_CHECKING:
     from tendonff.compensator.compensators.base import Compensator
     from tendonff.compensator.compensators.method_check import MethodCheck
+    from tendonff.compensator.compensators.motors.registry import MotorCompensator
     from tendonff.compensator.export.c_project import Exported
+    from tendonff.compensator.export.finger.project import ExportedFingers
+    from tendonff.compensator.export.joint.project import ExportedJoints
+    from tendonff.compensator.export.several import ExportedTensions
     from tendonff.compensator.export.unit import Fmu
     from tendonff.compensator.files.reading import FloatArray
-    from tendonff.compensator.finger.export.project import ExportedFingers
-    from tendonff.compensator.finger.result import FingerDesign
-    from tendonff.compensator.finger.scenario import FingerScenario
     from tendonff.compensator.identification.answer.result import Identification
     from tendonff.compensator.identification.joint.result import JointIdentification
     from tendonff.compensator.identification.joint.routine import MotorRoutine
     from tendonff.compensator.identification.motors.result import MotorsIdentification
     from tendonff.compensator.identification.motors.routine import MotorsRoutine
     from tendonff.compensator.identification.suggest import Excitation
-    from tendonff.compensator.joint.design.result import JointDesign
-    from tendonff.compensator.joint.export.project import ExportedJoints
-    from tendonff.compensator.joint.scenario.scenario import JointScenario
+    from tendonff.compensator.scenario.driven.finger import FingerScenario
+    from tendonff.compensator.scenario.driven.joint import JointScenario
     from tendonff.compensator.scenario.measurement import Measurement
     from tendonff.compensator.scenario.scenario import Scenario
     from tendonff.compensator.studies.adapt.joint import JointAdaptationStudy
     from tendonff.compensator.studies.adapt.result import AdaptationStudy
     from tendonff.compensator.studies.compare.joint import JointComparison
     from tendonff.compensator.studies.compare.result import Comparison
+    from tendonff.compensator.studies.design.motors.result import MotorDesign
     from tendonff.compensator.studies.design.result import Design
     from tendonff.compensator.studies.explore.subject import Subject
     from tendonff.compensator.studies.simulate.result import SimulatedFile
     from tendonff.compensator.studies.tables.joint import JointTable
     from tendonff.compensator.studies.tables.result import Tables
     from tendonff.ocp.opti.joint import JointFormulation
-    from tendonff.ocp.opti.tendon import Formulation
+    from tendonff.ocp.opti.tendon import TensionFormulation
     from tendonff.ocp.tracking.options import TrackOptions
 
-    AnyScenario = Scenario | JointScenario | FingerScenario
+    MotorScenario = JointScenario | FingerScenario
+    AnyScenario = Scenario | MotorScenario
     Files = Sequence[str | os.PathLike[str]]
 
 
@@ -88,36 +90,42 @@ def _not(kinds: Sequence[Kind], why: str) -> Mapping[Kind, str]:
 
 
 _FINGER_ALONE = "tf.Runtime and export-c give their motor angles step by step"
-_APART = "a project holds single joints or fingers, each kind in a folder of its own; give one kind at a time"
+_APART = "a project holds tensions, single joints or fingers; give one kind at a time"
 _LIVE = "the filter of a live reference is that of a tension; the exported inverse of a joint leads to its reference"
 _PROBES = "the optimal profile is that of a tension; joints have the exact inverse"
-_ONE_MOTOR = "is for the tensions of one tendon; a joint is known by its motor, leave it out"
+_NO_CELLS = (
+    "--tension-column, --actuator-force-column and --explain are for cells at the ends of one tendon; a joint is known "
+    "by its motors, leave them out"
+)
+_IN_THE_DRIVE = (
+    "--gear-ratio and --drum-radius turn readings of a motor into tensions; those of a joint are fitted as they are, "
+    "by gear_ratio and drum_radius_m in [drive]"
+)
 
 WORKS: Mapping[str, Work] = MappingProxyType(
     {
         "look": Work(
             by={
                 Kind.TENSION: "scenario.sampled.first_look:first_look",
-                Kind.JOINT: "joint.scenario.doubts:look_at_joint",
-                Kind.FINGER: "finger.doubts:look_at_finger",
+                Kind.JOINT: "scenario.driven.joint_doubts:look_at_joint",
+                Kind.FINGER: "scenario.driven.finger_doubts:look_at_finger",
             }
         ),
         "design": Work(
             by={
                 Kind.TENSION: "studies.design.run:design",
-                Kind.JOINT: "joint.design.run:design_joint",
-                Kind.FINGER: "finger.design:design_finger",
+                Kind.JOINT: "studies.design.motors.run:design_motors",
+                Kind.FINGER: "studies.design.motors.run:design_motors",
             },
             options={
-                "compensators": _not(_MOTORS, "compensators are chosen for a tension; joints are designed by all"),
                 "options": _not(_MOTORS, _PROBES),
             },
         ),
         "show": Work(
             by={
                 Kind.TENSION: "studies.design.output:show",
-                Kind.JOINT: "joint.design.output:show",
-                Kind.FINGER: "finger.output:show",
+                Kind.JOINT: "studies.design.motors.output:show",
+                Kind.FINGER: "studies.design.motors.output:show",
             }
         ),
         "online": Work(
@@ -137,15 +145,14 @@ WORKS: Mapping[str, Work] = MappingProxyType(
                 Kind.FINGER: "studies.compare.joint:compare_joint",
             },
             options={
-                "compensators": _not(_MOTORS, f"--optimal: {_PROBES}"),
                 "options": _not(_MOTORS, _PROBES),
             },
         ),
         "explore": Work(
             by={
                 Kind.TENSION: "studies.explore.run:Explorer",
-                Kind.JOINT: "studies.explore.joint:JointExplorer",
-                Kind.FINGER: "studies.explore.finger:FingerExplorer",
+                Kind.JOINT: "studies.explore.motors:MotorExplorer",
+                Kind.FINGER: "studies.explore.motors:MotorExplorer",
             },
         ),
         "simulate": Work(
@@ -169,17 +176,10 @@ WORKS: Mapping[str, Work] = MappingProxyType(
                 Kind.FINGER: "identification.driven:identify_several",
             },
             options={
-                name: _not(_MOTORS, f"{flag} {_ONE_MOTOR}")
-                for name, flag in (
-                    ("tension_columns", "--tension-column"),
-                    ("actuator_force_column", "--actuator-force-column"),
-                    ("explain", "--explain"),
-                    ("static_only", "--static"),
-                    ("conditions", "--condition"),
-                    ("tare_s", "--tare"),
-                    ("gear_ratio", "--gear-ratio"),
-                    ("drum_radius_m", "--drum-radius"),
-                )
+                **dict.fromkeys(("tension_columns", "actuator_force_column", "explain"), _not(_MOTORS, _NO_CELLS)),
+                **dict.fromkeys(("gear_ratio", "drum_radius_m"), _not(_MOTORS, _IN_THE_DRIVE)),
+                "static_only": _not(_MOTORS, "--static: one law fits a mechanism behind motors; leave it out"),
+                "conditions": _not(_MOTORS, "--condition: fit the files of each condition by themselves"),
             },
         ),
         "suggest": Work(
@@ -233,23 +233,19 @@ WORKS: Mapping[str, Work] = MappingProxyType(
         ),
         "export_c": Work(
             by={
-                Kind.TENSION: "export.c_project:export_project",
-                Kind.JOINT: "joint.export.project:export_joints",
-                Kind.FINGER: "finger.export.project:export_fingers",
+                Kind.TENSION: "export.several:export_tensions",
+                Kind.JOINT: "export.joint.project:export_joints",
+                Kind.FINGER: "export.finger.project:export_fingers",
             },
             options={
-                "further": _not(
-                    (Kind.TENSION,),
-                    "one project has one tension, or several driven joints; give one scenario at a time",
-                ),
                 "profile_N": _not(_MOTORS, "profile_N is a force over time; the inverse of a joint runs live"),
             },
         ),
         "export_fmu": Work(
             by={
                 Kind.TENSION: "export.fmu:build_fmu",
-                Kind.JOINT: "joint.export.fmu:build_joint_fmu",
-                Kind.FINGER: "finger.export.fmu:build_finger_fmu",
+                Kind.JOINT: "export.joint.fmu:build_joint_fmu",
+                Kind.FINGER: "export.finger.fmu:build_finger_fmu",
             },
             options={"kind": _not(_MOTORS, "driven joints have the kind inverse only; leave --kind out")},
         ),
@@ -299,36 +295,37 @@ def look_at(
 def design(
     scenario: "Scenario",
     *,
-    compensators: "Sequence[Compensator] | None" = None,
+    compensators: "Sequence[Compensator | str] | None" = None,
     options: "TrackOptions | None" = None,
     strict: bool = False,
     progress: Progress = silent,
 ) -> "Design": ...
 @overload
-def design(scenario: "JointScenario", *, strict: bool = False, progress: Progress = silent) -> "JointDesign": ...
-@overload
-def design(scenario: "FingerScenario", *, strict: bool = False, progress: Progress = silent) -> "FingerDesign": ...
-@overload
 def design(
-    scenario: "AnyScenario", *, strict: bool = False, progress: Progress = silent
-) -> "Design | JointDesign | FingerDesign": ...
+    scenario: "MotorScenario",
+    *,
+    compensators: "Sequence[MotorCompensator | str] | None" = None,
+    strict: bool = False,
+    progress: Progress = silent,
+) -> "MotorDesign": ...
 @in_turn
 def design(
     scenario: "AnyScenario",
     *,
-    compensators: "Sequence[Compensator] | None" = None,
+    compensators: "Sequence[Compensator | MotorCompensator | str] | None" = None,
     options: "TrackOptions | None" = None,
     strict: bool = False,
     progress: Progress = silent,
-) -> "Design | JointDesign | FingerDesign":
+) -> "Design | MotorDesign":
     """Design the command of a drive by every compensator, and verify each on a finer model.
 
     Parameters
     ----------
     scenario : Scenario, JointScenario or FingerScenario
         The command is a force (of a position drive a position), or the angle of each motor.
-    compensators : sequence of Compensator, optional
-        Of a tension. Default: all; the one named "none" is what the others are compared with.
+    compensators : sequence of Compensator, MotorCompensator or str, optional
+        By themselves or by name. Default: all. Of a tension the one named "none" is what the others are compared with;
+        of joints "linear" and "inverse" must be among them.
     options : TrackOptions, optional
         Of a tension: what the optimal profile is optimised for; default: what the scenario asks for.
     strict : bool, optional
@@ -353,18 +350,18 @@ def design(
     >>> print(result.recommended.label)
     exact inverse
     """
-    found: Design | JointDesign | FingerDesign = function_of(
-        "design", scenario, {"compensators": compensators, "options": options}
-    )(scenario, strict=strict, progress=progress)
+    found: Design | MotorDesign = function_of("design", scenario, {"compensators": compensators, "options": options})(
+        scenario, strict=strict, progress=progress
+    )
     return found
 
 
-def show(result: "Design | JointDesign | FingerDesign", folder: Path) -> None:
+def show(result: "Design | MotorDesign", folder: Path) -> None:
     """Print the scores of a design, what to expect on a rig, and where its files are."""
     function_of("show", result.scenario)(result, folder)
 
 
-def check(result: "Design | JointDesign | FingerDesign", method: Method) -> "MethodCheck":
+def check(result: "Design | MotorDesign", method: Method) -> "MethodCheck":
     """Simulate the recommended command of a design by another method too; SolveError if that fails."""
     found: MethodCheck = function_of("check", result.scenario)(result, method)
     return found
@@ -374,25 +371,22 @@ def check(result: "Design | JointDesign | FingerDesign", method: Method) -> "Met
 def compare(
     scenario: "Scenario",
     *,
-    compensators: "Sequence[Compensator] | None" = None,
+    compensators: "Sequence[Compensator | str] | None" = None,
     options: "TrackOptions | None" = None,
     progress: Progress = silent,
 ) -> "Comparison": ...
 @overload
-def compare(scenario: "JointScenario | FingerScenario", *, progress: Progress = silent) -> "JointComparison": ...
-@overload
 def compare(
-    scenario: "AnyScenario",
+    scenario: "MotorScenario",
     *,
-    compensators: "Sequence[Compensator] | None" = None,
-    options: "TrackOptions | None" = None,
+    compensators: "Sequence[MotorCompensator | str] | None" = None,
     progress: Progress = silent,
-) -> "Comparison | JointComparison": ...
+) -> "JointComparison": ...
 @in_turn
 def compare(
     scenario: "AnyScenario",
     *,
-    compensators: "Sequence[Compensator] | None" = None,
+    compensators: "Sequence[Compensator | MotorCompensator | str] | None" = None,
     options: "TrackOptions | None" = None,
     progress: Progress = silent,
 ) -> "Comparison | JointComparison":
@@ -401,8 +395,9 @@ def compare(
     Parameters
     ----------
     scenario : Scenario, JointScenario or FingerScenario
-    compensators : sequence of Compensator, optional
-        Of a tension; the one named "none" must be among them. Default: the feedforwards.
+    compensators : sequence of Compensator, MotorCompensator or str, optional
+        By themselves or by name. Default: the feedforwards. Of a tension "none" and "capstan" must be among them, of
+        joints "linear" and "inverse".
     options : TrackOptions, optional
         Of a tension: what the optimal profile is optimised for; default: what the scenario asks for.
     progress : callable, optional
@@ -610,8 +605,6 @@ def identify(
 def suggest(scenario: "Scenario") -> "Excitation": ...
 @overload
 def suggest(scenario: "JointScenario | FingerScenario") -> "MotorRoutine | MotorsRoutine": ...
-@overload
-def suggest(scenario: "AnyScenario") -> "Excitation | MotorRoutine | MotorsRoutine": ...
 @in_turn
 def suggest(scenario: "AnyScenario") -> "Excitation | MotorRoutine | MotorsRoutine":
     """Suggest what to command for an identification: a force over time, or angles of motors.
@@ -682,7 +675,7 @@ def export_c(
     level: Level | None = None,
     profile_N: "FloatArray | None" = None,
     force_export: bool = False,
-) -> "Exported | ExportedJoints | ExportedFingers":
+) -> "Exported | ExportedTensions | ExportedJoints | ExportedFingers":
     """Print a folder of C99 for the controller, with its self test.
 
     Every module is simulated on the scenario's reference first; one that is worse than no compensation is left out.
@@ -690,8 +683,8 @@ def export_c(
     Parameters
     ----------
     scenario : Scenario, JointScenario or FingerScenario
-    further : sequence of JointScenario or FingerScenario, optional
-        Of joints: others of the same project, which share one copy of the code.
+    further : sequence of scenarios of the same kind, optional
+        Others of the same project: joints and fingers share one copy of the code, tensions have a folder each.
     precision : Precision, optional
         Real type of all arithmetic.
     prefix : str, optional
@@ -722,7 +715,7 @@ def export_c(
     for each in further:
         if each.kind is not scenario.kind:
             raise InputError(f"{each.source.name}: {_APART}")
-    found: Exported | ExportedJoints | ExportedFingers = export(
+    found: Exported | ExportedTensions | ExportedJoints | ExportedFingers = export(
         scenario, precision=precision, prefix=prefix, level=level, force_export=force_export
     )
     return found
@@ -737,7 +730,7 @@ def opti(
     degree: int = 1,
     smoothing: float = 3e-4,
     payload: bool = False,
-) -> "Formulation": ...
+) -> "TensionFormulation": ...
 @overload
 def opti(
     scenario: "JointScenario | FingerScenario",
@@ -757,7 +750,7 @@ def opti(
     degree: int = 1,
     smoothing: float = 3e-4,
     payload: bool = False,
-) -> "Formulation | JointFormulation":
+) -> "TensionFormulation | JointFormulation":
     """Pose the optimal-control problem of a scenario by direct collocation, to be extended and solved by IPOPT.
 
     Parameters
@@ -796,7 +789,8 @@ def opti(
     (21,)
     """
     how = Collocation(interval_s=interval_s, degree=degree, smoothing=smoothing)
-    found: Formulation | JointFormulation = function_of("opti", scenario)(scenario, how, level=level, payload=payload)
+    work = function_of("opti", scenario)
+    found: TensionFormulation | JointFormulation = work(scenario, how, level=level, payload=payload)
     return found
 
 

@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tendonff.compensator.files.reading import read_text
-from tendonff.compensator.joint.scenario.base import with_base
+from tendonff.compensator.scenario.driven.base import with_base
 from tendonff.compensator.scenario.scenario import Scenario, parse_scenario
 from tendonff.compensator.scenario.toml import toml_of
 
 if TYPE_CHECKING:  # each takes a fifth of a second to import, for its own files alone
-    from tendonff.compensator.finger.scenario import FingerScenario
-    from tendonff.compensator.joint.scenario.scenario import JointScenario
+    from tendonff.compensator.scenario.driven.finger import FingerScenario
+    from tendonff.compensator.scenario.driven.joint import JointScenario
 
 
 def load_scenario(path: str | os.PathLike[str]) -> "Scenario | JointScenario | FingerScenario":
@@ -47,10 +47,10 @@ def parse_any(text: str, source: str | os.PathLike[str]) -> "Scenario | JointSce
     if driven == 0:
         return parse_scenario(text, source)
     if driven == 1:
-        from tendonff.compensator.joint.scenario.scenario import parse_joint_scenario
+        from tendonff.compensator.scenario.driven.joint import parse_joint_scenario
 
         return parse_joint_scenario(text, source)
-    from tendonff.compensator.finger.scenario import parse_finger_scenario
+    from tendonff.compensator.scenario.driven.finger import parse_finger_scenario
 
     return parse_finger_scenario(text, source)
 

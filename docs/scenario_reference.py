@@ -8,9 +8,9 @@ from enum import StrEnum
 
 import griffe
 
-from tendonff.compensator.joint.observer_table import ObserverTable
-from tendonff.compensator.joint.scenario.reference import JointCsv, JointSine, JointWaypoints
-from tendonff.compensator.joint.scenario.settings import JointAdaptation
+from tendonff.compensator.scenario.driven.observer_table import ObserverTable
+from tendonff.compensator.scenario.driven.reference import JointCsv, JointSine, JointWaypoints
+from tendonff.compensator.scenario.driven.settings import JointAdaptation
 from tendonff.compensator.scenario.experiment import Experiment
 from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, SineJoint, WaypointJoint
 from tendonff.compensator.scenario.measurement import Measurement

@@ -41,6 +41,7 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.compensator.studies.adapt.result import AdaptationStudy
     from tendonff.compensator.studies.compare.result import Comparison
     from tendonff.compensator.studies.design.result import Design
+    from tendonff.compensator.studies.design.sweep.plan import draw
     from tendonff.compensator.studies.experiment.result import ExperimentResult
     from tendonff.compensator.studies.experiment.run import experiment
     from tendonff.compensator.studies.tables.result import Tables
@@ -59,7 +60,6 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.ocp.errors import CodeError, SolveError
     from tendonff.ocp.integrate.integrate import Integration, integrate
     from tendonff.ocp.integrate.method import Method
-    from tendonff.ocp.opti.joint import JointFormulation
     from tendonff.ocp.opti.tendon import Formulation, OptiSolution
     from tendonff.ocp.systems import invert, simulate, system_of
     from tendonff.ocp.tendon.batch import SimulationJob, simulate_batch
@@ -88,7 +88,6 @@ __all__ = [
     "Identification",
     "InputError",
     "Integration",
-    "JointFormulation",
     "Level",
     "Load",
     "Mechanism",
@@ -125,6 +124,7 @@ __all__ = [
     "as_iosystem",
     "compare",
     "design",
+    "draw",
     "experiment",
     "export_c",
     "export_fmu",
@@ -166,6 +166,7 @@ _HOMES = {
     "compensator.compensators.profile": ("Profile",),
     "compensator.compensators.registry": ("COMPENSATORS",),
     "compensator.studies.design.result": ("Design",),
+    "compensator.studies.design.sweep.plan": ("draw",),
     "compensator.studies.experiment.result": ("ExperimentResult",),
     "compensator.studies.experiment.run": ("experiment",),
     "compensator.export.kinds": ("FmiVersion", "FmuKind:Kind"),
@@ -197,7 +198,6 @@ _HOMES = {
     "ocp.errors": ("CodeError", "SolveError"),
     "ocp.integrate.integrate": ("Integration", "integrate"),
     "ocp.integrate.method": ("Method",),
-    "ocp.opti.joint": ("JointFormulation",),
     "ocp.opti.tendon": ("Formulation", "OptiSolution"),
     "ocp.tracking.limits": ("ForceLimits",),
     "ocp.tracking.options": ("TrackOptions",),

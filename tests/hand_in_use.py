@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.identification.joint.parameters import JointNumber, Values, put_into
 from tendonff.models.joint.parameters import Mechanism
-from tendonff.ocp.fits.mechanism import MotorRun, respond
+from tendonff.ocp.fits.mechanism import Loop, MotorRun, respond
 from tests.hidden_loop import COUNT_RAD, CURRENT_NOISE_A, TORQUE_CONSTANT
 
 Array = NDArray[np.float64]
@@ -58,9 +58,12 @@ class HandInUse:
         draw = np.random.default_rng(seed)
         factors = {n: n.of(self.mechanism) * factor for n, factor in (changed or {}).items()}
         true = put_into(self.mechanism, {**factors, JointNumber.GRAVITY: draw.uniform(0.005, 0.04)})
-        motor = self.moves(draw, seconds)
+        return self.measured(true, self.moves(draw, seconds), draw)
+
+    def measured(self, true: Mechanism, motor: Array, draw: np.random.Generator) -> dict[str, FloatArray]:
+        """Columns of a log of motor angles every `ROW_S`."""
         run = MotorRun(motor_rad=motor, step_s=ROW_S, start_rad=0.0)
-        answer = respond(true, run, segments=16, refinement=2, slip_rad=self.slip_rad)
+        answer = respond(Loop(mechanism=true, slip_rad=self.slip_rad), run, segments=16, refinement=2)
         noise = CURRENT_NOISE_A * draw.standard_normal(len(motor))
         return {
             "time_s": ROW_S * np.arange(len(motor)),

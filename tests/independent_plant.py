@@ -35,7 +35,8 @@ def respond(
     phi, sigma = rig.path.total_angle_rad / n, f.soft_bristle_stiffness_N_per_m / n
     mu_pull, mu_back = (max(np.tanh(0.5 * mu * phi), 1e-9) for mu in (f.mu_dynamic, f.release_dynamic))
     assert f.mu_static == f.mu_dynamic  # no Stribeck effect here
-    rubs = bool(a.coulomb_N)  # a Dahl bristle of its own, with a constant friction of slip
+    lost = 0.0 if a.gear_efficiency is None else 1 - a.gear_efficiency  # of what the tendon takes
+    rubs = bool(a.coulomb_N) or lost > 0  # a Dahl bristle of its own
     servo = a.servo_stiffness_N_per_m if position else 0.0
     stretch = tension_N / k1
     q_load = tension_N / load.stiffness_N_per_m
@@ -66,7 +67,8 @@ def respond(
         dv[1:-1] = (f_link[:-1] - f_link[1:] - bristle - f.viscous_N_s_per_m / n * w) / (t.mass_kg / n)
         dv[-1] = (f_link[-1] - load.stiffness_N_per_m * q[-1] - load.damping_N_s_per_m * v[-1]) / load.mass_kg
         found[6::4] = sigma * (w - bristle * np.abs(w) / limit)
-        found[2] = n * sigma * (v[0] - dry * abs(v[0]) / a.coulomb_N) if rubs else 0.0
+        most = (a.coulomb_N or 0.0) + lost * f_link[0]
+        found[2] = n * sigma * (v[0] - dry * abs(v[0]) / max(most, 1e-6)) if rubs else 0.0
         return found
 
     assert time_s[0] == 0.0

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from tendonff.compensator.joint.scenario import reference as joint_reference
 from tendonff.compensator.scenario import joints, scenario
+from tendonff.compensator.scenario.driven import reference as joint_reference
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = runpy.run_path(str(ROOT / "docs" / "scenario_reference.py"))

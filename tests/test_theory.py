@@ -418,6 +418,7 @@ ELSEWHERE = {
     "12.1": "models/mechanism/test_equations.py",
     "12.2": "models/mechanism/test_equations.py",
     "12.3": "models/mechanism/test_equations.py",
+    "12.4": "ocp/mechanism/test_slopes.py",
 }
 
 

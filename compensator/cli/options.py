@@ -14,8 +14,8 @@ from tendonff.models.fidelity import Level
 from tendonff.ocp.integrate.method import Method
 
 if TYPE_CHECKING:
-    from tendonff.compensator.finger.scenario import FingerScenario
-    from tendonff.compensator.joint.scenario.scenario import JointScenario
+    from tendonff.compensator.scenario.driven.finger import FingerScenario
+    from tendonff.compensator.scenario.driven.joint import JointScenario
     from tendonff.compensator.scenario.scenario import Scenario
 
 

@@ -56,7 +56,8 @@ class Capstan(Compensator):
         reference = problem.reference
         law = CapstanLaw.of(problem.transmission)
         start = reference.initial_tension_N
-        wanted = problem.in_cycle(lambda rows: law.input_history_N(rows, start), reference.tension_N)
+        drive = problem.transmission.actuator.law
+        wanted = problem.in_cycle(lambda rows: law.force_history_N(rows, drive, start), reference.tension_N)
         return Profile(force_N=problem.limited(wanted))
 
 

@@ -45,7 +45,7 @@ class Smoothed(Compensator):
     def profile(self, problem: Problem, *, progress: Progress = silent) -> Profile:
         """Answer by the best of all smoothing times; see `Compensator.profile`."""
         reference, start = problem.reference, problem.reference.initial_tension_N
-        law = CapstanLaw.of(problem.transmission)
+        law, drive = CapstanLaw.of(problem.transmission), problem.transmission.actuator.law
         plant = Plant.by_force(problem.transmission, problem.level, problem.chain.motion)
         most = max(2.0, 0.25 * len(reference.tension_N))
         candidates = [(smoother, steps) for smoother in (lagged, centred) for steps in np.geomspace(1, most, _TIMES)]
@@ -55,7 +55,7 @@ class Smoothed(Compensator):
 
             def smoothed(rows: FloatArray, smoother: Smoother = smoother, steps: float = float(steps)) -> FloatArray:
                 lifted = rows + law.adhesion_N
-                exponent = np.log((law.input_history_N(rows, start) + law.adhesion_N) / lifted)
+                exponent = np.log((law.force_history_N(rows, drive, start) + law.adhesion_N) / lifted)
                 force: FloatArray = lifted * np.exp(smoother(exponent, steps)) - law.adhesion_N
                 return force
 

@@ -19,8 +19,9 @@ from tendonff.compensator.compensators.stream import StreamChoice, choose_stream
 from tendonff.compensator.compensators.table import BuiltTable, table_of
 from tendonff.compensator.compensators.tuning import certified, check_tuning, learnt, tuning_of
 from tendonff.compensator.export.adaptive import NUDGES, AdaptiveGolden, adaptive_golden, adaptive_test
+from tendonff.compensator.export.drive import drive_on_host, host_text, test_text
 from tendonff.compensator.export.golden import Golden, golden_vectors
-from tendonff.compensator.export.host import run_on_host
+from tendonff.compensator.export.host import compile_on_host, run_on_host
 from tendonff.compensator.export.judgement import Judged, chosen, judge, judge_stream, profiles_of, score_lines
 from tendonff.compensator.export.modules import ADAPTIVE, BOUNDS, OBSERVER, c_modules, check_prefix
 from tendonff.compensator.export.observer import ObserverDesign, ObserverGolden, observer_golden
@@ -28,6 +29,7 @@ from tendonff.compensator.export.repeat import FLOAT_SHARE, InFloat, compared
 from tendonff.compensator.export.self_test import FloatLoss, float_losses, loss_warnings, self_test_context
 from tendonff.compensator.export.text.c_text import (
     c_sources,
+    drive_text,
     folder_files,
     measured,
     table_bytes,
@@ -99,33 +101,7 @@ def export_project(
     profile_N: FloatArray | None = None,
     force_export: bool = False,
 ) -> Exported:
-    """Print the whole folder.
-
-    Every module is simulated on the scenario's reference and level first; one whose error is above that of no
-    compensation is left out. InputError if the prefix is no C identifier or the reference cannot be delivered,
-    SolveError if there is no profile that may be exported, or nothing is better than no compensation.
-
-    Parameters
-    ----------
-    precision : Precision, optional
-        Real type of all arithmetic.
-    prefix : str, optional
-        Prefix of every C name and file.
-    level : Level, optional
-        Fidelity level of inverse, table and plant; default: the scenario's own.
-    profile_N : ndarray, optional
-        Profile to play [N] or, of a position drive, [m]; default: the optimal one. It is judged where it has a sample
-        for each of the reference.
-    force_export : bool, optional
-        Export modules all the same that are worse than no compensation.
-
-    Examples
-    --------
-    >>> import tendonff as tf
-    >>> scenario = tf.load_scenario("examples/finger.toml")
-    >>> exported = tf.export_c(scenario)  # doctest: +SKIP
-    >>> exported.write("c")  # doctest: +SKIP
-    """
+    """Print the whole folder; arguments and errors as of `tendonff.export_c`."""
     check_prefix(prefix)
     check_tuning(scenario)
     problem = Problem.of(scenario, level=level)
@@ -187,9 +163,7 @@ def export_project(
         answers = [answer for run in found for answer in run.tuner]
         if ADAPTIVE in modules:  # not where the inverse that it tunes is left out
             further["adaptive"] = adaptive_test(problem, settings, golden.course, precision, tuned, answers)
-    texts = c_sources(scenario, problem, modules, precision, prefix, further) | folder_files(
-        scenario, problem, modules, precision, prefix, further
-    )
+    texts = _texts(scenario, problem, modules, precision, prefix, further)
     texts["design.json"] = _design_json(
         scenario,
         problem,
@@ -213,6 +187,22 @@ def export_project(
         headline=live_headline(expectation, scenario),
         notes=notes,
     )
+
+
+def _texts(
+    scenario: Scenario,
+    problem: Problem,
+    modules: Sequence[CModule],
+    precision: Precision,
+    prefix: str,
+    further: Mapping[str, object],
+) -> dict[str, str]:
+    """Every file but design.json, by name; without a C compiler the self test does not call modules at random."""
+    sources = c_sources(scenario, problem, modules, precision, prefix, further)
+    drive = drive_text(scenario, problem, modules, precision, prefix, further)
+    code = compile_on_host(sources, host_text(drive, prefix, [module.name for module in modules]), precision)
+    tested = test_text(drive, prefix, None if code is None else drive_on_host(code, precision))
+    return sources | folder_files(scenario, problem, modules, precision, prefix, {**further, "drive": tested})
 
 
 def _late(problem: Problem) -> tuple[str, ...]:

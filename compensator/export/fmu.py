@@ -33,30 +33,7 @@ def build_fmu(
     everywhere: bool = False,
     force_export: bool = False,
 ) -> Fmu:
-    """Wrap the exported C of a scenario.
-
-    What follows a reference is simulated on the scenario's first; one whose error is above that of no compensation is
-    refused by SolveError. InputError if the scenario has no unit of this kind, CodeError if a compiler refuses the
-    sources, or is missing.
-
-    Parameters
-    ----------
-    prefix : str, optional
-        Prefix of the C names.
-    level : Level, optional
-        Fidelity level; default: the scenario's own.
-    everywhere : bool, optional
-        Binaries for Windows and macOS too, built here by ziglang; what is run here are those of this machine alone.
-    force_export : bool, optional
-        Make a unit all the same that is worse than no compensation.
-
-    Examples
-    --------
-    >>> import tendonff as tf
-    >>> scenario = tf.load_scenario("examples/finger.toml")
-    >>> unit = tf.export_fmu(scenario, tf.FmuKind.INVERSE)  # doctest: +SKIP
-    >>> unit.write("fmu")  # doctest: +SKIP
-    """
+    """Wrap the exported C of a scenario; arguments and errors as of `tendonff.export_fmu`."""
     check_prefix(prefix)
     if kind is Kind.ADAPTIVE and scenario.adaptation is None:
         raise InputError(f"{scenario.source.name}: table [adaptation] is missing; --kind adaptive needs its sensor")

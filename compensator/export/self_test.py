@@ -263,7 +263,7 @@ def _start_force_N(problem: Problem, start_N: float) -> tuple[float, float] | No
     """Tension, and a force half way to full slip at it [N]; None where a start in motion does not know the friction."""
     chain, actuator = problem.chain, problem.transmission.actuator
     slack = chain.rest_state(0.0).vector()[: chain.layout.part("q_a").start]
-    if chain.coulomb_N or chain.layout.friction_states != ("f_s",) or np.any(slack):
+    if not chain.drive.is_ideal or chain.layout.friction_states != ("f_s",) or np.any(slack):
         return None
     law = CapstanLaw.of(problem.transmission)
     force = start_N + 0.5 * (start_N + law.adhesion_N) * math.expm1(law.pull_exponent)

@@ -4,6 +4,7 @@ Sources: *rigs* are the simulated ones of `benchmarks/identify.py` and `benchmar
 measured friction loops that the tests read; *method* follows from the numerical method, *rule* is a convention.
 """
 
+import math
 from dataclasses import dataclass
 
 
@@ -179,3 +180,17 @@ class Tuned:
 
 
 TUNED = Tuned()
+
+TORQUE_CONSTANT_SHARE = 0.1
+"""Half of the 95 % interval of a motor's torque constant, a share (rule: of data sheets; warm magnets are weaker)."""
+
+_TWO_SIDED = 1.96  # 95 % of a normal distribution, in standard deviations
+
+
+def with_torque_constant(value: float, error: float, reach: float) -> tuple[float, float]:
+    """Standard error and half of the 95 % interval of a force by a motor, its torque constant counted.
+
+    `error` is that of the fit, `reach` the half of its interval in standard errors.
+    """
+    constant = TORQUE_CONSTANT_SHARE * value
+    return math.hypot(error, constant / _TWO_SIDED), math.hypot(reach * error, constant)

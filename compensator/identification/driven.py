@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TypeAlias
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.finger.scenario import FingerScenario
 from tendonff.compensator.identification.joint.output import write_routine
 from tendonff.compensator.identification.joint.result import JointIdentification
 from tendonff.compensator.identification.joint.routine import MotorRoutine, suggest_routine
@@ -16,7 +15,8 @@ from tendonff.compensator.identification.motors.output import write_routine as w
 from tendonff.compensator.identification.motors.result import MotorsIdentification
 from tendonff.compensator.identification.motors.routine import MotorsRoutine
 from tendonff.compensator.identification.motors.run import identify_motors, suggest_motor_routine
-from tendonff.compensator.joint.scenario.scenario import JointScenario
+from tendonff.compensator.scenario.driven.finger import FingerScenario
+from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.models.joint.parameters import DriveKind
 
@@ -48,14 +48,14 @@ def identify_several(
     say: Callable[[str], None] = lambda _: None,
     confirm: Callable[[str], bool] | None = None,  # noqa: ARG001  no fit of motors takes hours
 ) -> MotorsIdentification:
-    """Fit a mechanism to what its motors felt; InputError where something else than a skip is said of the files."""
+    """Fit a mechanism to what its motors felt; InputError where more than skip and tare is said of files."""
     given = how or scenario.measurement
-    if replace(given, skip_s=None) != replace(scenario.measurement, skip_s=None):
+    if replace(given, skip_s=None, tare_s=None) != replace(scenario.measurement, skip_s=None, tare_s=None):
         raise InputError(
             f"{scenario.source.name}: of several motors every column has its name (motor_NAME_rad, "
-            "motor_torque_NAME_N_m, joint_NAME_rad) and SI units; of all options on the files --skip alone is taken"
+            "motor_torque_NAME_N_m, joint_NAME_rad) and SI units; of options on the files --skip and --tare are taken"
         )
-    return identify_motors(scenario, data, validate, skip_s=given.skip_s, say=say)
+    return identify_motors(scenario, data, validate, skip_s=given.skip_s, tare_s=given.tare_s, say=say)
 
 
 def suggest_one(scenario: JointScenario) -> MotorRoutine | MotorsRoutine:

@@ -7,7 +7,13 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from tendonff.compensator.identification.answer.result import CandidateLaw, FileResult, PieceComparison, is_known
+from tendonff.compensator.identification.answer.result import (
+    CandidateLaw,
+    Estimate,
+    FileResult,
+    PieceComparison,
+    is_known,
+)
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.delay import earlier
 from tendonff.compensator.identification.fitting.dynamic import ChainLaw, DynamicFit
@@ -33,6 +39,7 @@ from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import NO_JOINTS, CapstanLaw, exponent_lines
 from tendonff.models.capstan.spread_bounds import middle_exponent
 from tendonff.models.fidelity import Level
+from tendonff.models.parameters.numbers import with_numbers
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fits.static import NEUTRAL, StaticParameter, in_gross_sliding
 
@@ -261,10 +268,10 @@ def static_law_of(fitted: Fitted, fit: StaticFit, joint_rad: Mapping[str, float]
     return replace(fit, values=values, middle_m=fit.middle_m if how.guide_zero_m is None else how.guide_zero_m)
 
 
-def with_coulomb(scenario: Scenario, coulomb_N: float) -> Scenario:
-    """The scenario with another dry friction of the drive [N]."""
-    t = scenario.transmission
-    return replace(scenario, transmission=replace(t, actuator=replace(t.actuator, coulomb_N=coulomb_N)))
+def with_drive(scenario: Scenario, estimates: Sequence[Estimate]) -> Scenario:
+    """The scenario with another dry friction of the drive and its gear."""
+    found = {f"actuator.{each.name}": each.value for each in estimates}
+    return replace(scenario, transmission=with_numbers(scenario.transmission, found))
 
 
 def _fitted(

@@ -20,7 +20,7 @@ from tendonff.compensator.identification.estimates import estimates_of, of_gains
 from tendonff.compensator.identification.fitting import tendon
 from tendonff.compensator.identification.fitting.channels import check_channels
 from tendonff.compensator.identification.fitting.delay import align, earlier
-from tendonff.compensator.identification.fitting.drive import drive_estimate
+from tendonff.compensator.identification.fitting.drive import drive_estimates
 from tendonff.compensator.identification.fitting.dynamic import DynamicFit, fit_coarse, fit_dynamic
 from tendonff.compensator.identification.fitting.model_selection import StaticSelection, choose_explain, select_static
 from tendonff.compensator.identification.fitting.sliding import friction_by_section, sliding_ratios
@@ -37,7 +37,7 @@ from tendonff.compensator.identification.measured.plan import (
     unit_warning,
 )
 from tendonff.compensator.identification.measured.reading import read_measurement
-from tendonff.compensator.identification.outcome import Fitted, Outcome, carried_on, compared, outcome_of, with_coulomb
+from tendonff.compensator.identification.outcome import Fitted, Outcome, carried_on, compared, outcome_of, with_drive
 from tendonff.compensator.identification.pace import Pace
 from tendonff.compensator.identification.parameters import Parameter
 from tendonff.compensator.identification.spread import with_spread
@@ -280,10 +280,10 @@ def _answer(study: Study) -> Identification:
         study = study.noted(
             *messages.about_fitted(fitted, records, outcome.fit_percent), uneven, "" if chain is None else chain.caution
         )
-    of_drive = drive_estimate(scenario, study.raw)
-    if of_drive is not None:
-        estimates = (*estimates, of_drive)
-        fitted = replace(fitted, scenario=with_coulomb(fitted.scenario, of_drive.value))
+    of_drive = drive_estimates(scenario, study.raw)
+    if of_drive:
+        estimates = (*estimates, *of_drive)
+        fitted = replace(fitted, scenario=with_drive(fitted.scenario, of_drive))
     return Identification(
         scenario=fitted.scenario,
         asked=scenario.measurement,

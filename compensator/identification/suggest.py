@@ -195,7 +195,8 @@ def _lowest_N(scenario: Scenario, reference_N: Array | None) -> float:
     usual = max(t.actuator.force_min_N, LOW_SHARE * FORCE_SHARE * t.actuator.force_max_N)
     if reference_N is None:
         return usual
-    deepest = float(CapstanLaw.of(t).input_for_N(float(reference_N.min()), Branch.RELEASE))
+    released = CapstanLaw.of(t).input_for_N(float(reference_N.min()), Branch.RELEASE)
+    deepest = float(t.actuator.law.force_N(released, -1.0))
     return min(usual, max(t.actuator.force_min_N, deepest, LEAST_FORCE_N))
 
 

@@ -1,6 +1,6 @@
 """Lengths and bends of a model's tendons where its joints stand, from MuJoCo's own points on every site and geom."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,7 +28,7 @@ class Measured:
     whole_m : ndarray, shape (rows,)
         MuJoCo's length of the tendon.
     arm_m : ndarray, shape (rows, joints)
-        MuJoCo's moment arms, -d(length)/dq.
+        MuJoCo's moment arms, -d(length)/dq; zeros where they were not asked for.
     """
 
     length_m: FloatArray
@@ -55,30 +55,43 @@ def tendon_jacobian(model: Any, data: Any, tendon: int) -> FloatArray:
     return dense
 
 
-def measure(hand: Hand, poses: FloatArray, routes: Sequence[Route] | None = None) -> list[Measured]:
+def measure(
+    hand: Hand, poses: FloatArray, routes: Sequence[Route] | None = None, *, arms: bool = True
+) -> list[Measured]:
     """Measure tendons at poses, shape (rows, joints) [rad]; all of the hand by default."""
     mujoco, model, routes = mujoco_package(), hand.model, hand.routes if routes is None else routes
     data = mujoco.MjData(model)
     address, dofs = [j.address for j in hand.joints], [j.dof for j in hand.joints]
     rows = len(poses)
-    sites, centres = np.empty((rows, model.nsite, 3)), np.empty((rows, model.ngeom, 3))
-    frames = np.empty((rows, model.ngeom, 9))
-    lengths, arms = np.empty((rows, len(routes))), np.empty((rows, len(routes), len(dofs)))
+    intervals = [interval for route in routes for interval in route.intervals]
+    used = np.unique([site for each in intervals for site in (each.first, each.last)]).astype(int)
+    bent = np.unique([each.geom for each in intervals if each.geom >= 0]).astype(int)
+    sites, centres = np.empty((rows, len(used), 3)), np.empty((rows, len(bent), 3))
+    frames = np.empty((rows, len(bent), 9))
+    lengths, arm_m = np.empty((rows, len(routes))), np.zeros((rows, len(routes), len(dofs)))
     touching = [np.full((rows, len(route.intervals), 2, 3), np.nan) for route in routes]
+    data.qpos[:] = model.qpos0
+    place, site, centre, frame = data.qpos, data.site_xpos, data.geom_xpos, data.geom_xmat  # views, once for all poses
+    length, begins, points, objects = data.ten_length, data.ten_wrapadr, data.wrap_xpos, data.wrap_obj
+    points, objects = points.reshape(-1, 3), objects.reshape(-1)
     for row, pose in enumerate(poses):
-        data.qpos[:] = model.qpos0
-        data.qpos[address] = pose
+        place[address] = pose
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_tendon(model, data)
-        sites[row], centres[row], frames[row] = data.site_xpos, data.geom_xpos, data.geom_xmat
-        points, objects = data.wrap_xpos.reshape(-1, 3), np.ravel(data.wrap_obj)
+        site.take(used, axis=0, out=sites[row])
+        centre.take(bent, axis=0, out=centres[row])
+        frame.take(bent, axis=0, out=frames[row])
         for k, route in enumerate(routes):
-            lengths[row, k] = data.ten_length[route.index]
-            arms[row, k] = -tendon_jacobian(model, data, route.index)[dofs]
-            _touch(route, int(data.ten_wrapadr[route.index]), points, objects, touching[k][row])
+            lengths[row, k] = length[route.index]
+            if arms:
+                arm_m[row, k] = -tendon_jacobian(model, data, route.index)[dofs]
+            _touch(route, int(begins[route.index]), points, objects, touching[k][row])
+    at = {each: sites[:, k] for k, each in enumerate(used.tolist())}
+    centre_of = {each: centres[:, k] for k, each in enumerate(bent.tolist())}
+    frame_of = {each: frames[:, k] for k, each in enumerate(bent.tolist())}
     return [
-        _measured(model, route, sites, centres, frames, touching[k], lengths[:, k], arms[:, k])
+        _measured(model, route, at, centre_of, frame_of, touching[k], lengths[:, k], arm_m[:, k])
         for k, route in enumerate(routes)
     ]
 
@@ -97,26 +110,26 @@ def _touch(route: Route, begin: int, points: FloatArray, objects: NDArray[np.int
 def _measured(
     model: Any,
     route: Route,
-    sites: FloatArray,
-    centres: FloatArray,
-    frames: FloatArray,
+    sites: Mapping[int, FloatArray],
+    centres: Mapping[int, FloatArray],
+    frames: Mapping[int, FloatArray],
     touching: FloatArray,
     whole: FloatArray,
     arms: FloatArray,
 ) -> Measured:
-    rows, count = len(sites), len(route.intervals)
+    rows, count = len(whole), len(route.intervals)
     length, turn = np.zeros((rows, count)), np.zeros((rows, count))
     leaving, arriving = np.empty((rows, count, 3)), np.empty((rows, count, 3))
     for k, interval in enumerate(route.intervals):
-        a, b = sites[:, interval.first], sites[:, interval.last]
+        a, b = sites[interval.first], sites[interval.last]
         on = ~np.isnan(touching[:, k, 0, 0])
         p1, p2 = (np.where(on[:, None], touching[:, k, end], other) for end, other in ((0, b), (1, a)))
         leaving[:, k], arriving[:, k] = _unit(p1 - a), _unit(b - p2)
         length[:, k] = np.linalg.norm(b - a, axis=1)
         if interval.geom >= 0:
-            axis = frames[:, interval.geom].reshape(-1, 3, 3)[:, :, 2]
+            axis = frames[interval.geom].reshape(-1, 3, 3)[:, :, 2]
             cylinder = int(model.geom_type[interval.geom]) == int(mujoco_package().mjtGeom.mjGEOM_CYLINDER)
-            local = [each - centres[:, interval.geom] for each in (a, b, p1, p2)]
+            local = [each - centres[interval.geom] for each in (a, b, p1, p2)]
             radius = float(model.geom_size[interval.geom, 0])
             length[:, k], turn[:, k] = _past(local, axis if cylinder else None, radius, on, length[:, k])
     bend = _angle(arriving[:, :-1], leaving[:, 1:])

@@ -10,14 +10,14 @@ from scipy.interpolate import CubicSpline
 
 from tendonff.compensator.files.reading import FloatArray, InputError, read_text
 from tendonff.compensator.files.writing import write_csv, write_text
-from tendonff.compensator.finger.paths import write_paths
-from tendonff.compensator.finger.scenario import FingerScenario, parse_finger_scenario, sample_finger
 from tendonff.compensator.mjcf.dynamics import Dynamics
 from tendonff.compensator.mjcf.model import Hand, read_hand, sweep_poses
 from tendonff.compensator.mjcf.survey import Survey, holdable, survey, survey_figure
 from tendonff.compensator.mjcf.tabulate import Part, tabulate
 from tendonff.compensator.mjcf.text import LEAST_TENSION_N, scenario_text, torque_file
 from tendonff.compensator.reporting.plots import save_figure
+from tendonff.compensator.scenario.driven.finger import FingerScenario, parse_finger_scenario, sample_finger
+from tendonff.compensator.scenario.driven.paths import write_paths
 from tendonff.models.joint.parameters.finger import Finger
 from tendonff.models.mechanism.static import local_arms_m
 from tendonff.models.turns import in_turn

@@ -15,6 +15,7 @@ from tendonff.compensator.reporting.plots import new_figure
 from tendonff.models.mechanism.geometry import Geometry
 
 POSES = 300
+LENGTH_M, WRAP_RAD, ARM_M = 1e-5, 2e-3, 1e-4  # bounds of a table's error
 ASSUMED_MU = 0.15
 
 
@@ -46,6 +47,20 @@ class TendonSurvey:
     arm_error_m: float
     wrap_rms_rad: float
 
+    @property
+    def fits(self) -> bool:
+        """Whether its tables are within all bounds."""
+        return self.length_error_m < LENGTH_M and self.wrap_rms_rad < WRAP_RAD and self.arm_error_m < ARM_M
+
+    def miss(self) -> str:
+        """Warning of tables that miss the model, with their differences."""
+        return (
+            f'the tables of tendon "{self.name}" miss the model by {1e3 * self.length_error_m:.2g} mm of length, '
+            f"{1e3 * self.wrap_rms_rad:.2g} mrad of wrap angle (RMS), {1e3 * self.arm_error_m:.2g} mm of moment arm "
+            f"(bounds {1e3 * LENGTH_M:g}, {1e3 * WRAP_RAD:g}, {1e3 * ARM_M:g}), where a wrap begins; limit a joint by "
+            "--joint NAME=LOW:HIGH"
+        )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Survey:
@@ -75,7 +90,10 @@ class Survey:
         return "\n".join(lines)
 
     def messages(self) -> tuple[str, ...]:
-        """Warnings: poses that tendons cannot hold."""
+        """Warnings: tables that miss the model, poses that tendons cannot hold."""
+        return (*(t.miss() for t in self.tendons if not t.fits), *self._reach())
+
+    def _reach(self) -> tuple[str, ...]:
         if not self.unreachable_rad:
             return ()
         pose = ", ".join(f"{name} {q:.3g} rad" for name, q in self.unreachable_rad.items())

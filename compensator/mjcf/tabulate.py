@@ -6,19 +6,21 @@ first site and the geom changes is length of the span before the geom, all else 
 acts with the tension next to it, and the tendon does not creep along a wrap that grows.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray, InputError
-from tendonff.compensator.finger.paths import Measures
 from tendonff.compensator.mjcf.measure import Measured, measure
 from tendonff.compensator.mjcf.model import Hand, Joint, Route, sweep_poses
+from tendonff.compensator.scenario.driven.paths import Measures
 from tendonff.models.path_table import MOST_AXES, PathTable
 
-_NODES = {1: (33, 65, 129, 257), 2: (17, 33, 65), 3: (9, 17, 33)}
-_FITS_M, _FITS_RAD = 1e-6, 5e-4  # aims of a table at poses between its nodes
+_FIRST_NODES = {1: 33, 2: 17, 3: 9}  # on each axis; those that err most are halved
+_MOST_NODES = {1: 1100, 2: 40_000, 3: 80_000}  # of a table
+_FITS_M, _FITS_RAD, _RMS_RAD = 1e-6, 1e-3, 2e-4  # aims of a table at poses between its nodes
 _SLOPE_M = 3e-5  # and of the moment arms of a length
 _NUDGE = 1e-5
 _AT_SITE, _AT_GEOM, _BESIDE_GEOM = 0.2, 0.4, 0.1  # shares of an interval's least length that parts of it have
@@ -26,6 +28,7 @@ _NO_BEND_RAD = 1e-3  # a bend that is never larger rubs no section
 _STILL = 1e-9
 _JUMP_M = 1e-4  # change of a moment arm that is none of a smooth path
 _PROBES = 64
+_TESTS = 1024  # so many that some lie where a wrap begins
 _BASES, _ALONG = 4, 65
 
 _Where = tuple[str, int, float, float | PathTable]
@@ -151,41 +154,65 @@ class _Fit:
         return self._refined(where, axes)
 
     def _refined(self, where: _Where, axes: Sequence[Joint]) -> PathTable:
+        """The table on a grid whose axes are halved, those that err most first, until it fits."""
         names = tuple(axis.name for axis in axes)
         places = [self.hand.names.index(name) for name in names]
-        tests = np.tile(self._middle, (_PROBES, 1))
-        tests[:, places] = sweep_poses(self.hand, _PROBES, seed=2)[:, places]
+        tests = np.tile(self._middle, (_TESTS, 1))
+        tests[:, places] = sweep_poses(self.hand, _TESTS, seed=2)[:, places]
         wanted = self._values(where, self._measured((names, "tests"), tests))
-        nudged = [
-            self._values(
-                where, self._measured((names, place), tests + _NUDGE * (np.arange(len(self._middle)) == place))
-            )
-            for place in places
-        ]
+        slopes = []
+        for place in places:
+            nudged = self._measured((names, place), tests + _NUDGE * (np.arange(len(self._middle)) == place))
+            slopes.append((self._values(where, nudged) - wanted) / _NUDGE)
         at = dict(zip(self.hand.names, tests.T, strict=True))
-        found: list[PathTable] = []
-        for nodes in _NODES[len(axes)]:
-            grids = [np.linspace(axis.low_rad, axis.high_rad, nodes) for axis in axes]
-            poses = np.tile(self._middle, (nodes ** len(axes), 1))
-            poses[:, places] = np.column_stack([each.ravel() for each in np.meshgrid(*grids, indexing="ij")])
-            values = self._values(where, self._measured((names, "grid", nodes), poses))
-            table = PathTable.through(names, grids, values.reshape((nodes,) * len(axes)))
-            found.append(table)
+        touching = slice(None) if where[0] != "turn_rad" else wanted > 0
+        nodes = [_FIRST_NODES[len(axes)]] * len(axes)
+        while True:
+            table = self._table(where, axes, nodes)
+            found = table.slopes_at(at)
+            steep = [
+                float(np.abs(found[name] - slope)[touching].max(initial=0.0))
+                for name, slope in zip(names, slopes, strict=True)
+            ]
             if where[0] == "length_m":
-                slopes = table.slopes_at(at)
-                steep = [
-                    np.abs(slopes[name] - (more - wanted) / _NUDGE).max()
-                    for name, more in zip(names, nudged, strict=True)
-                ]
-                if np.abs(table.at(at) - wanted).max() < _FITS_M and max(steep) < _SLOPE_M:
-                    break
-            elif np.abs(np.maximum(table.at(at), 0.0) - np.maximum(wanted, 0.0)).max() < _FITS_RAD:
-                break
-        return found[-1]
+                fits = np.abs(table.at(at) - wanted).max() < _FITS_M and max(steep) < _SLOPE_M
+            else:
+                off = np.abs(np.maximum(table.at(at), 0.0) - np.maximum(wanted, 0.0))
+                fits = off.max() < _FITS_RAD and np.sqrt(np.mean(off**2)) < _RMS_RAD
+            costs = np.array(steep) * table.step_rad
+            finer = [2 * n - 1 if cost >= 0.5 * costs.max() else n for n, cost in zip(nodes, costs, strict=True)]
+            if fits:
+                return table
+            if math.prod(finer) > _MOST_NODES[len(axes)]:
+                if where[0] == "length_m" and max(steep) > 10 * _JUMP_M:
+                    worst = int(np.argmax(steep))
+                    off = np.abs(found[names[worst]] - slopes[worst])
+                    raise self._jump(axes[worst], float(off.max()), tests[int(off.argmax())])
+                return table
+            nodes = finer
+
+    def _jump(self, axis: Joint, off_m: float, pose: FloatArray) -> InputError:
+        """Error of a path that jumps where several joints meet, so that no table fits it."""
+        at = float(pose[self.hand.names.index(axis.name)])
+        return InputError(
+            f'{self.hand.path.name}: a wrap of tendon "{self.route.name}" flips its side near "{axis.name}" = {at:.3g} '
+            f"rad, in some poses of the other joints: no smooth table is nearer to its moment arm than "
+            f"{1e3 * off_m:.2g} mm; give the geom a sidesite in the model (in front of the middle of the wrap), or "
+            f"keep out of there: --joint {axis.name}={_beside(axis, at)}"
+        )
+
+    def _table(self, where: _Where, axes: Sequence[Joint], nodes: Sequence[int]) -> PathTable:
+        names = tuple(axis.name for axis in axes)
+        grids = [np.linspace(axis.low_rad, axis.high_rad, n) for axis, n in zip(axes, nodes, strict=True)]
+        poses = np.tile(self._middle, (math.prod(nodes), 1))
+        places = [self.hand.names.index(name) for name in names]
+        poses[:, places] = np.column_stack([each.ravel() for each in np.meshgrid(*grids, indexing="ij")])
+        values = self._values(where, self._measured((names, "grid", *nodes), poses))
+        return PathTable.through(names, grids, values.reshape(tuple(nodes)))
 
     def _measured(self, key: object, poses: FloatArray) -> tuple[FloatArray, Measured]:
         if (key,) not in self._known:
-            self._known[key,] = poses, measure(self.hand, poses, [self.route])[0]
+            self._known[key,] = poses, measure(self.hand, poses, [self.route], arms=False)[0]
         return self._known[key,]
 
     def _values(self, where: _Where, known: tuple[FloatArray, Measured]) -> FloatArray:
@@ -232,5 +259,14 @@ def _check_flips(hand: Hand, route: Route) -> None:
                     raise InputError(
                         f'{hand.path.name}: a wrap of tendon "{route.name}" flips its side where "{name}" is at '
                         f"{low[place]:.3g} rad: its moment arm jumps by {1e3 * step.max():.3g} mm; give the geom a "
-                        f"sidesite in the model (in front of the way it wraps), or limit the range of the joint there"
+                        "sidesite in the model (in front of the middle of the wrap), or keep out of there: "
+                        f"--joint {name}={_beside(joint, float(low[place]))}"
                     )
+
+
+def _beside(joint: Joint, jump_rad: float) -> str:
+    """The larger part of a joint's range on one side of a jump, a hundredth of the range away from it."""
+    apart = 0.01 * (joint.high_rad - joint.low_rad)
+    below = jump_rad - joint.low_rad > joint.high_rad - jump_rad
+    low, high = (joint.low_rad, jump_rad - apart) if below else (jump_rad + apart, joint.high_rad)
+    return f"{low:.4g}:{high:.4g}"

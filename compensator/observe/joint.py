@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tendonff.compensator.joint.observer_table import ObserverTable
 from tendonff.compensator.observe.estimate import Estimate, Observation, ObserverStatus
+from tendonff.compensator.scenario.driven.observer_table import ObserverTable
 from tendonff.models.joint.quasi_static import Slid
 from tendonff.ocp.step.protocol import Array
 

@@ -12,10 +12,10 @@ from dataclasses import replace
 import numpy as np
 
 from tendonff.compensator.export.host import compile_on_host
+from tendonff.compensator.export.joint.text import joint_sources, problem_of
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.joint.export.text import joint_sources, problem_of
-from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
 from tendonff.compensator.observe.estimate import Estimate, Observation, ObserverStatus, statuses
+from tendonff.compensator.scenario.driven.joint import JointScenario, sample_joint
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.ocp.codegen.compiler import why_no_compiler
 from tendonff.ocp.codegen.precision import Precision

@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.finger.scenario import FingerScenario
-from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.observe.estimate import Observation, ObserverStatus
 from tendonff.compensator.observe.joint import LoopObserver
 from tendonff.compensator.observe.mechanism import MechanismObserver
 from tendonff.compensator.observe.tendon import TendonObserver
+from tendonff.compensator.scenario.driven.finger import FingerScenario
+from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenario.kind import Kind
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenarios import load_scenario

@@ -3,20 +3,20 @@
 from dataclasses import dataclass, replace
 
 from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.motors.joint import JointTask
 from tendonff.compensator.compensators.stream import choose_stream, followed_range
 from tendonff.compensator.compensators.table import accepted_range
 from tendonff.compensator.compensators.tuning import check_tuning
 from tendonff.compensator.export.feedback import feedback_files
+from tendonff.compensator.export.joint.text import accepted_rad, joint_sources, problem_of
 from tendonff.compensator.export.modules import ADAPTIVE, STREAM, c_modules
 from tendonff.compensator.export.text.c_text import c_sources
 from tendonff.compensator.feedback.code import feedback_module
+from tendonff.compensator.feedback.joint import JointFeedbackTask
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.joint.compensators import JointTask
-from tendonff.compensator.joint.export.text import accepted_rad, joint_sources, problem_of
-from tendonff.compensator.joint.feedback import JointFeedbackTask
-from tendonff.compensator.joint.scenario.reference import JointQuantity
-from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
 from tendonff.compensator.runtime.kinds import RuntimeKind
+from tendonff.compensator.scenario.driven.joint import JointScenario, sample_joint
+from tendonff.compensator.scenario.driven.reference import JointQuantity
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.codegen.precision import Precision

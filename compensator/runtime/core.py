@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from tendonff.compensator.export.host import compile_on_host
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.finger.runtime import FingerRuntime
-from tendonff.compensator.finger.scenario import FingerScenario
-from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.runtime.code import RuntimeCode, joint_runtime, tendon_runtime
+from tendonff.compensator.runtime.finger import FingerRuntime
 from tendonff.compensator.runtime.kinds import RuntimeKind, RuntimeStatus, statuses
+from tendonff.compensator.scenario.driven.finger import FingerScenario
+from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.errors import ParameterError
 from tendonff.ocp.codegen.compiler import why_no_compiler

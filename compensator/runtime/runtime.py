@@ -14,12 +14,12 @@ from tendonff._version import __version__
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.expectation import Expectation
 from tendonff.compensator.compensators.live import expect_live
+from tendonff.compensator.compensators.motors.registry import task_of
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.finger.scenario import FingerScenario
-from tendonff.compensator.finger.task import task_of
-from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.runtime.core import RuntimeCore, of_joint, of_several_joints, of_tension
 from tendonff.compensator.runtime.kinds import RuntimeKind, RuntimeStatus
+from tendonff.compensator.scenario.driven.finger import FingerScenario
+from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenario.kind import Kind
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenarios import load_scenario

@@ -144,15 +144,14 @@ def reach_notes(transmission: Transmission, time_s: FloatArray, tension_N: Float
 
 def needed_force(transmission: Transmission, peak_N: float) -> float:
     """Force of the actuator for an output tension reached by slow pulling [N]."""
-    return float(CapstanLaw.of(transmission).input_for_N(peak_N, Branch.PULL)) + (
-        transmission.actuator.coulomb_N or 0.0
-    )
+    pulled = CapstanLaw.of(transmission).input_for_N(peak_N, Branch.PULL)
+    return float(transmission.actuator.law.force_N(pulled, 1.0))
 
 
 def largest_tension(transmission: Transmission) -> float:
     """Largest output tension that the actuator reaches by slow pulling [N]."""
     actuator = transmission.actuator
-    return CapstanLaw.of(transmission).largest_output_N(actuator.largest_force_N - (actuator.coulomb_N or 0.0))
+    return CapstanLaw.of(transmission).largest_output_N(actuator.law.pulled_N(actuator.largest_force_N))
 
 
 def force_doubts(transmission: Transmission, force_N: FloatArray, run: Run, *, file: str) -> tuple[UnitDoubt, ...]:

@@ -19,6 +19,7 @@ from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 from pydantic import TypeAdapter, ValidationError
 
 from tendonff.compensator.files.reading import InputError, suggestion
+from tendonff.models.parameters import Actuator
 from tendonff.models.parameters.drive import Motor, Rope
 
 T = TypeVar("T")
@@ -193,6 +194,10 @@ def expand(table: str, raw: Mapping[str, object], *, file: str) -> dict[str, obj
         case "actuator":
             motor = keys.get("motor")
             if isinstance(motor, Mapping):
+                own, outer = ({each.name for each in dataclasses.fields(kind)} for kind in (Motor, Actuator))
+                for key in motor:
+                    if key in outer - own:
+                        raise InputError(f"{file} [actuator.motor]: {key} belongs to [actuator], one table above")
                 drive = read_table(Motor, motor, file=file, table="actuator.motor")
                 for key, value in drive.at_the_drum.items():
                     _follow(keys, key, value, "[actuator.motor]", where=f"{file} [{table}]")

@@ -14,8 +14,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonff.compensator.finger.compensators import FingerTask
-from tendonff.compensator.finger.scenario import FingerScenario
+from tendonff.compensator.compensators.motors.finger import FingerTask
+from tendonff.compensator.scenario.driven.finger import FingerScenario
 from tendonff.ocp.mechanism.compiled import CompiledMechanism
 from tendonff.ocp.mechanism.problem import rest
 
@@ -50,19 +50,26 @@ class ImportedTendons:
         task = FingerTask.of(scenario)
         self._problem = problem = task.problem(task.finger, masses=masses)
         joints = [model.joint(name) for name in problem.names[: problem.known]]
-        self._address = [int(joint.qposadr[0]) for joint in joints]
+        self.address = [int(joint.qposadr[0]) for joint in joints]
         self._dofs = [int(joint.dofadr[0]) for joint in joints]
         self._step, self.motor_rad = float(model.opt.timestep), motor_rad
         self._engine = CompiledMechanism(problem, self._step)
-        self._memory = rest(problem)
-        self._led, self._row = np.ones(problem.bodies), 0
-        data.qpos[self._address] = problem.start[: problem.known]
-        data.qvel[:] = 0.0
-        self._before = problem.start.copy()
+        self._led = np.ones(problem.bodies)
         places = dict(zip(problem.names, problem.start, strict=True))
-        arms = task.finger.moment_arm_m(np.array([[places[name] for name in task.finger.names]]))[0]
-        self.torque_N_m: Array = arms.T @ problem.tension_N
+        self._arms = task.finger.moment_arm_m(np.array([[places[name] for name in task.finger.names]]))[0]
+        stiffness = [tendon.tendon.stiffness_N_per_m for tendon in task.finger.tendons]
+        self.stored_J = float(np.sum(problem.tension_N**2 / np.array(stiffness)) / 2)
+        """In the tendons at the start."""
+        self.restart(data)
+
+    def restart(self, data: Any) -> None:
+        """Put joints and tendons at rest where the reference starts."""
+        problem = self._problem
+        self._memory, self._row, self._before = rest(problem), 0, problem.start.copy()
+        data.time, data.qvel[:], data.qpos[self.address] = 0.0, 0.0, problem.start[: problem.known]
+        self.torque_N_m: Array = self._arms.T @ problem.tension_N
         self.tension_N: Array = problem.tension_N.copy()
+        self.motor_N_m: Array = self._of_motors(problem.tension_N)
 
     def follow(self, data: Any) -> None:
         """Step the tendons to the time of the data, where the joints then stand."""
@@ -70,12 +77,19 @@ class ImportedTendons:
         if row <= self._row:
             return
         self._row, known = row, self._problem.known
-        now = np.concatenate([data.qpos[self._address], self.motor_rad(data.time)])
+        now = np.concatenate([data.qpos[self.address], self.motor_rad(data.time)])
         rows = np.vstack([self._before, now])
         run = self._engine.run(self._memory, rows, np.zeros_like(rows), self._led)
         if not len(run.torque):
             raise RuntimeError(f"the tendons have no state at t = {data.time:g} s; use a smaller timestep")
         self.torque_N_m, self.tension_N, self._before = run.torque[-1, :known], run.tension_N[-1], now
+        self.motor_N_m = self._of_motors(run.drum_N[-1])
+
+    def _of_motors(self, drum_N: Array) -> Array:
+        """Torques by which the motors pull, shape (motors,) [N m]."""
+        found = np.zeros(self._problem.motors)
+        np.add.at(found, list(self._problem.motor_of), drum_N * np.asarray(self._problem.winding_m))
+        return found
 
     def __call__(self, model: Any, data: Any) -> None:  # noqa: ARG002 - MuJoCo's signature
         """MuJoCo's callback: add to the passive forces."""

@@ -29,7 +29,7 @@ def follow(hand: Any, joint: str, runtime: tf.Runtime, angles_rad: Iterable[floa
 if __name__ == "__main__":
     from orca_core import OrcaHand
 
-    from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
+    from tendonff.compensator.scenario.driven.joint import JointScenario, sample_joint
 
     scenario = cast("JointScenario", tf.load_scenario(sys.argv[1]))
     hand = OrcaHand()

@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike
 
 from tendonff.models.capstan.spread_bounds import SpreadPlays
 from tendonff.models.errors import ParameterError, require
+from tendonff.models.gear import DriveLaw
 from tendonff.models.layout import Array
 from tendonff.models.parameters.transmission import Transmission
 from tendonff.models.tendon.load_dependence import lifted_N, lowered_N, mean_tension_in_slip_N
@@ -64,6 +65,12 @@ def held_within(start: float | Array, low: Array, high: Array) -> Array:
         span *= 2
     held: Array = np.clip(start, low, high)
     return held
+
+
+def behind_drive_N(drive: DriveLaw, force_N: ArrayLike, start_N: float) -> Array:
+    """Tension at the tendon's end for any history of the drive's force, shape (n,): the play of its friction."""
+    force = np.asarray(force_N, dtype=np.float64)
+    return force if drive.is_ideal else held_within(start_N, drive.pulled_N(force), drive.released_N(force))
 
 
 def _angles(transmission: Transmission, joint_rad: Mapping[str, float]) -> list[float]:
@@ -276,11 +283,29 @@ class CapstanLaw:
         answer = np.where(change > 0, self.input_for_N(wanted, Branch.PULL), self.input_for_N(wanted, Branch.RELEASE))
         return np.where(last_move >= 0, answer[np.maximum(last_move, 0)], start)
 
-    def largest_output_N(self, force_max_N: float) -> float:
+    def force_history_N(self, output_N: ArrayLike, drive: DriveLaw, initial_input_N: float | None = None) -> Array:
+        """The same of the force of a drive that rubs: against the last change of the reference, none before the first.
+
+        Parameters
+        ----------
+        output_N : array_like, shape (n,)
+            T_out at successive instants [N].
+        drive : DriveLaw
+        initial_input_N : float, optional
+            Input before the first change [N]; default: the first output (uniform tension).
+        """
+        tension = self.input_history_N(output_N, initial_input_N)
+        if drive.is_ideal:
+            return tension
+        change = np.sign(np.diff(np.asarray(output_N, dtype=np.float64), prepend=np.asarray(output_N).flat[0]))
+        last = np.maximum.accumulate(np.where(change != 0, np.arange(len(change)), 0))
+        return drive.force_N(tension, change[last])
+
+    def largest_output_N(self, force_max_N: ArrayLike) -> float:
         """Largest output tension that a force pulls through the friction, (F + p) e^{-mu_pull theta} - p, >= 0 [N]."""
         return max(float(self.output_bounds_N(force_max_N)[0]), 0.0)
 
-    def smallest_output_N(self, force_min_N: float) -> float:
+    def smallest_output_N(self, force_min_N: ArrayLike) -> float:
         """Smallest output tension that releasing down to a force leaves, (F + p) e^{mu_release theta} - p [N]."""
         return float(self.output_bounds_N(force_min_N)[1])
 

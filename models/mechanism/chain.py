@@ -12,7 +12,7 @@ from tendonff.models.mechanism.mechanism import CutMechanism, CutTendon
 from tendonff.models.mechanism.parts import Arm, Attachment, Body, Drive, Force, Lead, Servo, Unit
 from tendonff.models.tendon.assembly import End
 from tendonff.models.tendon.chain import Chain
-from tendonff.models.tendon.friction import RubbingEnd
+from tendonff.models.tendon.friction import GearedEnd, RubbingEnd
 from tendonff.models.turns import in_turn
 
 
@@ -90,6 +90,9 @@ def _body(name: str, end: End, level: Level) -> Body:
     loads: tuple[Damper | DryFriction, ...] = (Damper(damping=end.damping_N_s_per_m),)
     if isinstance(end, RubbingEnd):
         bristle = end.bristle_stiffness_N_per_m
-        dry = DryFriction(coulomb=end.coulomb_N, bristle_stiffness=bristle, soft_bristle_stiffness=bristle)
+        lost = end.lost_share if isinstance(end, GearedEnd) else 0.0
+        dry = DryFriction(
+            coulomb=end.coulomb_N, bristle_stiffness=bristle, soft_bristle_stiffness=bristle, lost_share=lost
+        )
         loads = (*loads, dry.at(level))
     return Body(name=name, unit=Unit.METRE, inertia=end.mass_kg, loads=loads)

@@ -131,7 +131,9 @@ def equations_of(mechanism: CutMechanism, poses: Mapping[str, Pose] | None = Non
     for drive, u in commands:
         on_body[drive.body] = on_body[drive.body] + drive.effort(q[drive.body], w[drive.body], u)
 
-    parts = [*(_body(body, q[body.name], w[body.name], on_body[body.name]) for body in free), *tendons]
+    of_tendons = _by_name(mechanism.bodies, effort)
+    bodies = [_body(b, q[b.name], w[b.name], on_body[b.name], of_tendons[b.name]) for b in free]
+    parts = [*bodies, *tendons]
     units = {body.name: body.unit for body in mechanism.bodies}
     return MechanismEquations(
         state=ca.vertcat(*(column for part in parts for column in part.state)),
@@ -166,14 +168,14 @@ class _TendonPart(_Part):
     force: ca.SX
 
 
-def _body(body: Body, q: ca.SX, w: ca.SX, effort: ca.SX) -> _Part:
-    """A body that moves by its balance, under all that acts on it but its loads."""
+def _body(body: Body, q: ca.SX, w: ca.SX, effort: ca.SX, of_tendons: ca.SX) -> _Part:
+    """A body that moves by its balance, under all that acts on it but its loads; part of that is the tendons'."""
     own = [tuple(ca.SX.sym(name) for name in load.states) for load in body.loads]
     loads = list(zip(body.loads, own, strict=True))
     held = sum((load.force(q, w, states) for load, states in loads), ca.SX(0))
     return _Part(
         state=[q, w, *(state for states in own for state in states)],
-        rate=[w, (effort - held) / body.inertia, *(rate for load, x in loads for rate in load.rate(w, x))],
+        rate=[w, (effort - held) / body.inertia, *(rate for load, x in loads for rate in load.rate(w, x, of_tendons))],
         names=[
             f"{body.name}_{body.unit}",
             f"{body.name}_{body.unit}_per_s",

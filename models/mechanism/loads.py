@@ -4,15 +4,17 @@ A load is a record whose `force` opposes the body's motion: inertia dw/dt = effo
 Newtons and metres, or newton metres and radians. Its states are its own, as those of a friction law.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Protocol, Self
 
 import casadi as ca
 
 from tendonff.models.errors import ParameterError, require
 from tendonff.models.fidelity import Level
+from tendonff.models.gear import slip_friction
+from tendonff.models.tendon.assembly import NORMAL_FORCE_FLOOR_N
 from tendonff.models.tendon.bounds import at_least
-from tendonff.models.tendon.friction import bristle_rate, implicit_dry_friction
+from tendonff.models.tendon.friction import bristle_rate
 
 States = tuple[ca.SX, ...]
 
@@ -54,11 +56,8 @@ class LoadLaw(Protocol):
     def force(self, q: ca.SX, w: ca.SX, states: States) -> ca.SX:
         """Force or torque against the motion [N or N m]."""
 
-    def rate(self, w: ca.SX, states: States) -> States:
-        """Time derivatives of its states."""
-
-    def implicit(self, w: ca.SX, base: States, step_s: ca.SX) -> States:
-        """Its states at the end of a step of weight H."""
+    def rate(self, w: ca.SX, states: States, effort: ca.SX) -> States:
+        """Time derivatives of its states, under the effort of the tendons on the body [N or N m]."""
 
 
 class _Stateless:
@@ -72,11 +71,7 @@ class _Stateless:
         """Itself."""
         return self
 
-    def rate(self, w: ca.SX, states: States) -> States:  # noqa: ARG002
-        """None."""
-        return ()
-
-    def implicit(self, w: ca.SX, base: States, step_s: ca.SX) -> States:  # noqa: ARG002
+    def rate(self, w: ca.SX, states: States, effort: ca.SX) -> States:  # noqa: ARG002
         """None."""
         return ()
 
@@ -147,14 +142,16 @@ class Stops(_Stateless):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DryFriction:
-    """Dry friction of the body itself, eq. (5a) with a constant slip value.
+    """Dry friction of the body itself and of a gear on it, eq. (5a) with the friction of slip in the place of f_n mu.
 
     Parameters
     ----------
     coulomb : float
-        Friction of steady slip [N or N m], > 0.
+        Friction of steady slip without load [N or N m], > 0, or 0 where a share is lost.
     bristle_stiffness, soft_bristle_stiffness : float
         Before it slips [N/m or N m/rad], > 0: of the stiff levels, and of `presliding`.
+    lost_share : float, optional
+        Share of what the tendons take that a gear loses [-], 1 - efficiency, 0 to 1; default: none.
     """
 
     states: ClassVar[tuple[str, ...]] = ("dry",)
@@ -162,9 +159,11 @@ class DryFriction:
     coulomb: ca.SX
     bristle_stiffness: ca.SX
     soft_bristle_stiffness: ca.SX
+    lost_share: float = 0.0
 
     def __post_init__(self) -> None:
-        require_number("coulomb", self.coulomb, above=0, hint="leave dry friction out for none")
+        bound = {"least": 0.0} if self.lost_share else {"above": 0.0}
+        require_number("coulomb", self.coulomb, **bound, hint="leave dry friction out for none")
         for name in ("bristle_stiffness", "soft_bristle_stiffness"):
             require_number(name, getattr(self, name), above=0, hint="1e3 to 1e7 N/m are usual")
 
@@ -173,16 +172,15 @@ class DryFriction:
         if not level.soft_bristle:
             return self
         soft = self.soft_bristle_stiffness
-        return DryFriction(coulomb=self.coulomb, bristle_stiffness=soft, soft_bristle_stiffness=soft)
+        return replace(self, bristle_stiffness=soft, soft_bristle_stiffness=soft)
 
     def force(self, q: ca.SX, w: ca.SX, states: States) -> ca.SX:  # noqa: ARG002
         """The bristle's force [N or N m]."""
         return states[0]
 
-    def rate(self, w: ca.SX, states: States) -> States:
+    def rate(self, w: ca.SX, states: States, effort: ca.SX) -> States:
         """Rate of the bristle's force."""
-        return (bristle_rate(self.bristle_stiffness, w, states[0], self.coulomb),)
-
-    def implicit(self, w: ca.SX, base: States, step_s: ca.SX) -> States:
-        """The bristle's force at the end of a step of weight H."""
-        return (implicit_dry_friction(self.bristle_stiffness, self.coulomb, w, base[0], step_s),)
+        most = self.coulomb
+        if self.lost_share:
+            most = at_least(slip_friction(self.coulomb, self.lost_share, ca.fabs(effort)), NORMAL_FORCE_FLOOR_N)
+        return (bristle_rate(self.bristle_stiffness, w, states[0], most),)

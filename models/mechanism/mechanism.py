@@ -114,10 +114,11 @@ class Mechanism:
         """
         actuator, load, friction = transmission.actuator, transmission.load, transmission.friction
         dry: tuple[DryFriction, ...] = ()
-        if actuator.coulomb_N:
+        if not actuator.law.is_ideal:
             dry = (
                 DryFriction(
-                    coulomb=actuator.coulomb_N,
+                    coulomb=actuator.law.coulomb_N,
+                    lost_share=actuator.law.lost_share,
                     bristle_stiffness=friction.bristle_stiffness_N_per_m,
                     soft_bristle_stiffness=friction.soft_bristle_stiffness_N_per_m,
                 ),

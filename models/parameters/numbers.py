@@ -29,11 +29,15 @@ _STATIC_OF = {"mu_dynamic": "mu_static", "mu_dynamic_release": "mu_static_releas
 
 def keys_of(system: object) -> list[str]:
     """Every key of a system; a number that is not set, such as the drive's dry friction, has a key too."""
+    return _keys(_places(system))
+
+
+def _keys(places: Mapping[str, Any]) -> list[str]:
     return [
         *FACTORS,
         *(
             f"{place}.{name}"
-            for place, record in _places(system).items()
+            for place, record in places.items()
             for name in _numbers(record.__class__)
             if not (name == "total_angle_rad" and getattr(record, "sections", False))  # that add up to it
         ),
@@ -73,7 +77,8 @@ def with_numbers(system: S, values: Mapping[str, float]) -> S:
         If a number is out of its bounds.
     """
     changes: dict[str, dict[str, float]] = {}
-    changed, places, known = system, _places(system), frozenset(keys_of(system))
+    changed, places = system, _places(system)
+    known = frozenset(_keys(places))
     for key, value in values.items():
         if key not in known:
             raise KeyError(key)

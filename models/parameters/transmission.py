@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, replace
 
 from tendonff.models.errors import LARGEST, ParameterError, require, require_given, require_whole
+from tendonff.models.gear import DriveLaw, require_efficiency
 from tendonff.models.parameters.drive import Drive, Motor
 from tendonff.models.path import JointMotion, Section, above_static
 from tendonff.models.servo import CommandHold, DriveClass, Servo, assumed_s
@@ -236,6 +237,9 @@ class Actuator:
         Stiffness k_c1 of a position drive between its command x_c1 and its end [N/m], > 0.
     coulomb_N : float, optional
         Dry friction of motor and gear, as a force at its end [N], >= 0; default: none.
+    gear_efficiency : float, optional
+        Share of the force that the gear passes on [-], > 0 and <= 1; the rest is dry friction that grows with the
+        tension; default: all of it.
     motor : Motor, optional
         Motor, gear and drum behind it, which give mass_kg, force_max_N and speed_max_m_per_s.
     servo_time_s : float, optional
@@ -266,6 +270,7 @@ class Actuator:
     drive: Drive = Drive.FORCE
     servo_stiffness_N_per_m: float | None = None
     coulomb_N: float | None = None
+    gear_efficiency: float | None = None
     motor: Motor | None = None
     servo_time_s: float | None = None
     delay_s: float | None = None
@@ -284,6 +289,8 @@ class Actuator:
             raise ParameterError(f"force_max_N must be > force_min_N = {self.force_min_N:g}, got {self.force_max_N}")
         require("force_rate_max_N_per_s", self.force_rate_max_N_per_s, above=0, hint="use 1e9 for none")
         require_given("coulomb_N", self.coulomb_N, least=0, hint="use 0 for none")
+        if self.gear_efficiency is not None:
+            require_efficiency(self.gear_efficiency)
         require_given("speed_max_m_per_s", self.speed_max_m_per_s, above=0, hint="leave it out for none")
         for name, side in (("travel_min_m", -1), ("travel_max_m", 1)):
             value = getattr(self, name)
@@ -315,6 +322,14 @@ class Actuator:
                 raise ParameterError(
                     f"{name} must be {gives:g}, as the actuator's motor gives, got {value}; change the motor instead"
                 )
+
+    @property
+    def law(self) -> DriveLaw:
+        """Static law of its own dry friction."""
+        return DriveLaw(
+            coulomb_N=self.coulomb_N or 0.0,
+            lost_share=0.0 if self.gear_efficiency is None else 1 - self.gear_efficiency,
+        )
 
     @property
     def servo(self) -> Servo:

@@ -55,11 +55,17 @@ class End:
     damping_N_s_per_m: float
     stiffness_N_per_m: float
 
-    def rate(self, v: ca.SX, states: tuple[ca.SX, ...]) -> tuple[ca.SX, ...]:  # noqa: ARG002
-        """Time derivatives of its own states; none here."""
+    def rate(self, v: ca.SX, states: tuple[ca.SX, ...], tension: ca.SX) -> tuple[ca.SX, ...]:  # noqa: ARG002
+        """Time derivatives of its own states, under the tension of its link; none here."""
         return ()
 
-    def implicit(self, v: ca.SX, base: tuple[ca.SX, ...], step_s: ca.SX) -> tuple[ca.SX, ...]:  # noqa: ARG002
+    def implicit(
+        self,
+        v: ca.SX,  # noqa: ARG002
+        base: tuple[ca.SX, ...],  # noqa: ARG002
+        step_s: ca.SX,  # noqa: ARG002
+        tension: ca.SX,  # noqa: ARG002
+    ) -> tuple[ca.SX, ...]:
         """Its own states at the end of a step of weight H; none here."""
         return ()
 

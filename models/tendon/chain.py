@@ -21,12 +21,13 @@ import numpy as np
 
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
+from tendonff.models.gear import DriveLaw
 from tendonff.models.layout import Array, ChainState, StateLayout, fields_of
 from tendonff.models.parameters import Transmission
 from tendonff.models.path import CutPath, JointMotion, PathRows
 from tendonff.models.tendon.assembly import End
 from tendonff.models.tendon.elements import Elements, bristle_stiffness_N_per_m, whole_of
-from tendonff.models.tendon.friction import FrictionLaw, LuGreBristle, RubbingEnd
+from tendonff.models.tendon.friction import FrictionLaw, GearedEnd, LuGreBristle, RubbingEnd
 from tendonff.models.tendon.link import LinkLaw
 
 _CELL_MASS_KG = 1e-6
@@ -128,9 +129,12 @@ class Chain:
         return self.motion is not None or not self.elements.uniform or self.far_joint is not None
 
     @property
-    def coulomb_N(self) -> float:
-        """Dry friction of the actuator [N]."""
-        return self.near.coulomb_N if isinstance(self.near, RubbingEnd) else 0.0
+    def drive(self) -> DriveLaw:
+        """Static law of the actuator's own dry friction."""
+        if not isinstance(self.near, RubbingEnd):
+            return DriveLaw()
+        lost = self.near.lost_share if isinstance(self.near, GearedEnd) else 0.0
+        return DriveLaw(coulomb_N=self.near.coulomb_N, lost_share=lost)
 
     @property
     def link(self) -> LinkLaw:
@@ -216,10 +220,14 @@ def _actuator_end(transmission: Transmission, level: Level) -> End:
     """The actuator as an end that acts; its dry friction has the bristle of the level."""
     actuator = transmission.actuator
     end = {"mass_kg": actuator.mass_kg, "damping_N_s_per_m": actuator.damping_N_s_per_m, "stiffness_N_per_m": 0.0}
-    if not actuator.coulomb_N:
+    law = actuator.law
+    if law.is_ideal:
         return End(**end)
-    bristle = bristle_stiffness_N_per_m(transmission.friction, level)
-    return RubbingEnd(**end, coulomb_N=actuator.coulomb_N, bristle_stiffness_N_per_m=bristle)
+    rubbing = end | {
+        "coulomb_N": law.coulomb_N,
+        "bristle_stiffness_N_per_m": bristle_stiffness_N_per_m(transmission.friction, level),
+    }
+    return GearedEnd(**rubbing, lost_share=law.lost_share) if law.lost_share else RubbingEnd(**rubbing)
 
 
 def laws_at(chain: Chain, place: ca.SX) -> tuple[FrictionLaw, LinkLaw]:

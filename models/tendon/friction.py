@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from tendonff.models.gear import slip_friction
 from tendonff.models.layout import fields_of
 from tendonff.models.path import Section, SectionKind
 from tendonff.models.tendon.assembly import NORMAL_FORCE_FLOOR_N, End
@@ -165,20 +166,36 @@ def implicit_dry_friction(stiffness: ca.SX, most: ca.SX, v: ca.SX, base: ca.SX, 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RubbingEnd(End):
-    """An end with dry friction of its own: an element without wrap, whose normal force does not change."""
+    """An end with dry friction of its own: an element without wrap."""
 
     states: ClassVar[tuple[str, ...]] = ("f_d",)
 
     coulomb_N: float  # friction of steady slip [N], > 0
     bristle_stiffness_N_per_m: float  # sigma0 [N/m]
 
-    def rate(self, v: ca.SX, states: States) -> States:
-        """df_d/dt [N/s], eq. (5a) with a constant slip friction."""
-        return (bristle_rate(self.bristle_stiffness_N_per_m, v, states[0], self.coulomb_N),)
+    def slip_friction_N(self, tension: ca.SX) -> ca.SX:  # noqa: ARG002
+        """Friction of steady slip under the tension of its link [N]: constant."""
+        return self.coulomb_N
 
-    def implicit(self, v: ca.SX, base: States, step_s: ca.SX) -> States:
+    def rate(self, v: ca.SX, states: States, tension: ca.SX) -> States:
+        """df_d/dt [N/s], eq. (5a) with the friction of slip in the place of f_n mu."""
+        return (bristle_rate(self.bristle_stiffness_N_per_m, v, states[0], self.slip_friction_N(tension)),)
+
+    def implicit(self, v: ca.SX, base: States, step_s: ca.SX, tension: ca.SX) -> States:
         """f_d [N] at the end of a step of weight H."""
-        return (implicit_dry_friction(self.bristle_stiffness_N_per_m, self.coulomb_N, v, base[0], step_s),)
+        most = self.slip_friction_N(tension)
+        return (implicit_dry_friction(self.bristle_stiffness_N_per_m, most, v, base[0], step_s),)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GearedEnd(RubbingEnd):
+    """An end behind a gear, which loses a share of the tension as well: `coulomb_N` may be 0."""
+
+    lost_share: float  # 1 - efficiency [-], 0 to 1
+
+    def slip_friction_N(self, tension: ca.SX) -> ca.SX:
+        """Friction of steady slip under the tension of its link [N]; at least the floor, for a slack tendon."""
+        return at_least(slip_friction(self.coulomb_N, self.lost_share, tension), NORMAL_FORCE_FLOOR_N)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,7 +7,7 @@ without double arithmetic, so they are printed here as `static` functions of pla
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 
@@ -28,6 +28,10 @@ class Law:
     def function(self) -> ca.Function:
         """The law as a CasADi function."""
         return ca.Function(self.name, [*self.inputs], [*self.outputs.values()])
+
+    def without_zeros(self) -> "Law":
+        """The law without outputs that are zero whatever its inputs."""
+        return replace(self, outputs={name: value for name, value in self.outputs.items() if not value.is_zero()})
 
 
 @dataclass(frozen=True, slots=True)

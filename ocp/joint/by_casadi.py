@@ -27,8 +27,8 @@ _SOLVED = 1e-6
 _WIDTHS = np.geomspace(1e-2, 1e-8, 25)
 """Of rounded switches [m/s], [N], where Newton's method fails on the sharp ones."""
 
-_SPEED, _STRETCH, _FORCE, _ANGLE, _TURN = 1e-2, 1e-3, 1.0, 1e-2, 1.0
-"""Sizes by which unknowns are scaled [m/s], [m], [N], [rad], [rad/s]."""
+_SPEED, _ANGLE, _TURN = 1e-2, 1e-2, 1.0
+"""Sizes by which unknowns are scaled [m/s], [rad], [rad/s]."""
 
 
 class _Root:
@@ -62,7 +62,12 @@ class _Root:
 
 
 class CasadiJoint:
-    """Invert and advance one mechanism; see `protocol.JointEngine`."""
+    """Invert and advance one mechanism; see `protocol.JointEngine`.
+
+    Every state but the speeds follows from those in closed form: elongations from rates, states of links and friction
+    from equations that are affine in them. Newton's method looks for the masses' speeds alone, beside the joint's or
+    the motors: on friction's own equation it would go to and fro.
+    """
 
     def __init__(self, problem: JointProblem, step_s: float) -> None:
         self._problem, self._step_s = problem, step_s
@@ -73,46 +78,60 @@ class CasadiJoint:
         base_place, least = ca.SX.sym("base_place", page.place.numel()), ca.SX.sym("least")
         x, place, rates = page.state, page.place, (page.place - base_place) / weight
         rate, tension, effort = ca.substitute([page.rate, page.tension_N, page.effort[0]], [page.place_rate], [rates])
-        self._states, self._place = x, place
         self._given = ca.vertcat(x[:2], place, weight, base, base_place, page.inputs, least)
-        self._scale = self._sizes()
-        self._defect = (x - base - weight * rate)[2:] / self._scale
+        self._place, (self._speeds, *followed) = place, self._groups()
+        self._count = len(self._speeds)
         inertia = problem.mechanism.joint.inertia_kg_m2
-        self._balance = inertia * ((x[1] - base[1]) / weight - rate[1]) / problem.scale_m
+        balance = inertia * ((x[1] - base[1]) / weight - rate[1]) / problem.scale_m
         links = np.cumsum([chain.count + 1 for chain in problem.chains])
         far, near = tension[(links - 1).tolist()], tension[[0, *links[:-1].tolist()]]
-        self._shared = ca.SX(0, 1) if self._motors == 1 else ca.mmin(far) - least
+        shared = ca.SX(0, 1) if self._motors == 1 else ca.mmin(far) - least
         self._outputs = ca.Function("outputs", [x, place, weight, base_place], [far, near, ca.mmin(tension), effort])
+        defect = x - base - weight * rate
+        off = defect[self._speeds] / _SPEED
+        states, defect, off, balance, shared = _without(x, followed, [x, defect, off, balance, shared])
+        self._defect, self._balance, self._shared, self._whole = off, balance, shared, states
 
-    def _sizes(self) -> Array:
-        """Of the states behind angle and speed of the joint."""
-        own = self._page.state.numel() - 2
-        found = [_FORCE] * (own - sum(chain.layout.size - 4 for chain in self._problem.chains))
+    def _groups(self) -> list[list[int]]:
+        """Rows of the states: speeds of the masses, then those that follow from what stands before."""
+        first = self._page.state.numel() - sum(chain.layout.size - 4 for chain in self._problem.chains)
+        groups: list[list[int]] = [[], list(range(2, first))]
         for chain in self._problem.chains:
-            n, links = chain.count, len(chain.link.states) + 1
-            found += [_SPEED] * n + [_STRETCH] * (links * (n + 1)) + [_FORCE] * (n * len(chain.friction.states))
-        return np.array(found)
+            sizes = [chain.count, chain.count + 1]
+            sizes += [chain.count + 1] * len(chain.link.states) + [chain.count] * len(chain.friction.states)
+            groups += [[] for _ in range(len(sizes) + 1 - len(groups))]
+            for k, size in enumerate(sizes):
+                groups[k if k == 0 else k + 1] += range(first, first + size)
+                first += size
+        return [groups[0], *(group for group in groups[1:] if group)]
 
     @cached_property
     def _inverse(self) -> _Root:
-        """States and motors of a step, of the joint's motion."""
-        motor = self._place[: self._motors]
-        unknown = ca.vertcat(self._states[2:], motor)
-        sizes = np.append(self._scale, np.full(self._motors, _ANGLE))
+        """Speeds of the masses and motors of a step, of the joint's motion."""
+        unknown = ca.vertcat(self._page.state[self._speeds], self._place[: self._motors])
+        sizes = np.append(np.full(self._count, _SPEED), np.full(self._motors, _ANGLE))
         return self._root(unknown, ca.vertcat(self._defect, self._balance, self._shared), sizes)
 
     @cached_property
     def _free(self) -> _Root:
-        """States of a step and the joint's speed, of the motors."""
-        x, weight = self._states, self._given[2 + self._place.numel()]
+        """Speeds of the joint and the masses of a step, of the motors."""
+        x, weight = self._page.state, self._given[2 + self._place.numel()]
         base = self._given[3 + self._place.numel()]
-        residual = ca.substitute(ca.vertcat(self._balance, self._defect), x[0], base + weight * x[1])
-        return self._root(x[1:], residual, np.append(_TURN, self._scale))
+        turned = ca.substitute(ca.vertcat(self._balance, self._defect, self._whole), x[0], base + weight * x[1])
+        unknown = ca.vertcat(x[1], x[self._speeds])
+        return self._root(unknown, turned[: self._count + 1], np.append(_TURN, np.full(self._count, _SPEED)))
 
     @cached_property
     def _led(self) -> _Root:
-        """States of a step, of the motors and of the joint's motion."""
-        return self._root(self._states[2:], self._defect, self._scale)
+        """Speeds of the masses of a step, of the motors and of the joint's motion."""
+        return self._root(self._page.state[self._speeds], self._defect, np.full(self._count, _SPEED))
+
+    @cached_property
+    def _state_of(self) -> ca.Function:
+        """All states of a step, of the speeds of the masses and of what is given with its unknowns put in."""
+        given = ca.SX.sym("given", self._given.numel())
+        (states,) = ca.substitute([self._whole], [self._given], [given])
+        return ca.Function("states", [self._page.state[self._speeds], given], [states])
 
     def _root(self, unknown: ca.SX, residual: ca.SX, sizes: Array) -> _Root:
         """The zero of a residual; what is unknown has no effect where it is among the given numbers."""
@@ -184,16 +203,19 @@ class CasadiJoint:
                 place[first] = base_place[first]
             contact = 0.0 if angle_rad is not None and not inverse else -contact_N_m[k + 1]
             given = np.concatenate([x[:2], place, [weight], base, base_place, [contact, least_N]])
-            guess = x[1:] if root is self._free else np.append(x[2:], place[first] if inverse else np.empty(0))
-            unknown = root.solve(guess, given)
+            speeds = x[self._speeds]
+            led = place[first] if inverse else np.empty(0)
+            unknown = root.solve(np.append(x[1], speeds) if root is self._free else np.append(speeds, led), given)
             if unknown is None:
                 break
             if root is self._free:
-                x[1:] = unknown
+                x[1], speeds = unknown[0], unknown[1:]
                 x[0] = base[0] + weight * x[1]
             else:
-                x[2:] = unknown[: len(x) - 2]
-                place[first] = unknown[len(x) - 2 :] if inverse else place[first]
+                speeds = unknown[: self._count]
+                place[first] = unknown[self._count :] if inverse else place[first]
+            given[: 2 + len(place)] = np.concatenate([x[:2], place])
+            x = np.asarray(self._state_of(speeds, given)).ravel()
             *tensions, turning = self._outputs(x, place, weight, base_place)
             out[k], torque[k] = np.concatenate([np.asarray(each).ravel() for each in tensions]), float(turning)
             found.append(x)
@@ -233,6 +255,16 @@ class CasadiJoint:
                 each = memory.closure_rad * abs(self._problem.windings_m[k]) / links
                 x[own.start : own.stop + links * len(chain.link.states)] -= each
         return x
+
+
+def _without(x: ca.SX, groups: list[list[int]], expressions: list[ca.SX]) -> list[ca.SX]:
+    """Expressions with states put in, a group after the other; the second is the defect, affine in each group's own."""
+    for group in groups:
+        own, defect = x[group], expressions[1][group]
+        slope = ca.vertcat(*(ca.jacobian(defect[k], own[k]) for k in range(len(group))))
+        found = -ca.substitute(defect, own, ca.SX.zeros(len(group))) / slope
+        expressions = ca.substitute(expressions, [own], [found])
+    return expressions
 
 
 def _newton(residual: ca.Function) -> ca.Function:

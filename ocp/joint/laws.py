@@ -34,6 +34,19 @@ def joint_torque() -> Law:
     )
 
 
+def joint_torque_tangent() -> Law:
+    """Slopes of torque and dry friction of `joint_torque` over states and numbers (`torque_by_X`, `dry_by_X`)."""
+    law = joint_torque()
+    slopes = {
+        f"{name}_by_{s.name()}": ca.jacobian(law.outputs[name], s)
+        for name in ("torque", "dry")
+        for s in law.inputs
+        if s.name() != "H"
+    }
+    comment = "Slopes of the tendons' torque on a joint and of its dry friction."
+    return replace(law, name="joint_torque_tangent", comment=comment, outputs=slopes)
+
+
 def link_back(laws: ElementLaws) -> Law:
     """Rate of elongation of a taut link that carries a force, and its slope over the force."""
     law = laws.link_rate()

@@ -1,7 +1,7 @@
 """Bodies and tendons in compiled C."""
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -141,11 +141,13 @@ class CompiledMechanism:
         If no C compiler works here.
     """
 
+    _make_source: Callable[[Chain], str] = staticmethod(_source)
+
     def __init__(self, problem: MechanismProblem, step_s: float) -> None:
         self._problem, self._step_s = problem, step_s
         chains = problem.chains()
         self._counts = [chain.count for chain in chains]
-        self._library = library_of(representative(chains), _source)
+        self._library = library_of(representative(chains), self._make_source)
         self._library.tff_bodies_invert.restype = ctypes.c_long
         self._library.tff_bodies_run.restype = ctypes.c_long
         self._chains = [chain_struct(chain) for chain in chains]
@@ -298,19 +300,12 @@ class CompiledMechanism:
             part = slice(block.start, block.stop + 1)
             return self._run(memory, position[part], effort[part], led)
 
-        found = in_blocks(len(position) - 1, advance, lambda each: len(each.lowest_N), lambda each: each.iterations)
-        rows: dict[str, Any] = {
-            name: np.concatenate([getattr(each, name) for each in found])
-            for name in ("position", "torque", "tension_N", "drum_N", "lowest_N")
-        }
-        return RunRows(
-            **rows,
-            iterations=sum(each.iterations for each in found),
-            splits=sum(each.splits for each in found),
-            residual_N=found[-1].residual_N,
+        return joined(
+            in_blocks(len(position) - 1, advance, lambda each: len(each.lowest_N), lambda each: each.iterations)
         )
 
-    def _run(self, memory: MechanismMemory, position: Array, effort: Array, led: Array | None) -> RunRows:
+    def _run(self, memory: MechanismMemory, position: Array, effort: Array, led: Array | None, *more: Any) -> RunRows:
+        """A block of rows; `more`: further arguments of the function in C."""
         problem = self._problem
         rows, count, bodies = len(position) - 1, len(self._counts), problem.bodies
         given, efforts = (np.ascontiguousarray(each, dtype=np.float64) for each in (position, effort))
@@ -325,6 +320,7 @@ class CompiledMechanism:
                 *(ctypes.c_double(self._step_s), ctypes.c_long(rows), ctypes.c_int(memory.fresh)),
                 *map(pointer, (given, efforts, self._scale, memory.z, memory.z_old, out, tension, drum, lowest)),
                 ctypes.byref(report),
+                *more,
             )
         self._moved(memory, done, tension)
         return RunRows(
@@ -342,6 +338,20 @@ class CompiledMechanism:
         if done:
             memory.fresh = False
             memory.tension_N = tension[done - 1].copy()
+
+
+def joined(blocks: Sequence[RunRows]) -> RunRows:
+    """Rows of successive blocks."""
+    rows: dict[str, Any] = {
+        name: np.concatenate([getattr(each, name) for each in blocks])
+        for name in ("position", "torque", "tension_N", "drum_N", "lowest_N")
+    }
+    return RunRows(
+        **rows,
+        iterations=sum(each.iterations for each in blocks),
+        splits=sum(each.splits for each in blocks),
+        residual_N=blocks[-1].residual_N,
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

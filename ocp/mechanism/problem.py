@@ -110,6 +110,10 @@ class MechanismProblem:
 
     def chains(self) -> tuple[Chain, ...]:
         """A chain for each tendon, with all bodies where they stand at the start and both ends led."""
+        return self._chains
+
+    @cached_property
+    def _chains(self) -> tuple[Chain, ...]:
         names = self.names[: self.known]
         motion = JointMotion(names=names, time_s=np.zeros(1), angle_rad=self.start[None, : self.known])
         cut = self.mechanism.cut(self.level, self.segments)
@@ -157,7 +161,7 @@ class MechanismMemory:
     z_old: Array
     start_m: Array
     tension_N: Array
-    worth: Array
+    worth: Array = field(default_factory=lambda: np.zeros(MOST_EQUATIONS))
     fresh: bool = True
 
     def copy(self) -> "MechanismMemory":
@@ -197,7 +201,6 @@ def rest(problem: MechanismProblem) -> MechanismMemory:
         z_old=z.copy(),
         start_m=np.array([state.near_position_m for state in states]),
         tension_N=np.array(problem.tension_N, dtype=np.float64),
-        worth=np.zeros(MOST_EQUATIONS),
     )
 
 
@@ -229,7 +232,7 @@ def _numbers(name: str, load: LoadLaw) -> dict[str, float]:
             return {"gravity_N_m": load.amplitude_N_m, "gravity_zero_rad": load.zero_rad}
         case Stops():
             return {"stop_low_rad": load.low, "stop_high_rad": load.high, "stop_stiffness_N_m_per_rad": load.stiffness}
-        case DryFriction():
+        case DryFriction() if not load.lost_share:
             return {"coulomb_N_m": load.coulomb, "bristle_N_m_per_rad": load.bristle_stiffness}
         case _:
             raise ParameterError(

@@ -10,7 +10,7 @@ from tendonff.models.turns import in_turn
 from tendonff.ocp.integrate.integrator import gave_up
 from tendonff.ocp.integrate.mechanism import IntegratedMechanism
 from tendonff.ocp.integrate.method import Accuracy, Method
-from tendonff.ocp.mechanism.compiled import CompiledMechanism
+from tendonff.ocp.mechanism.compiled import CompiledMechanism, RunRows
 from tendonff.ocp.mechanism.problem import Array, MechanismMemory, MechanismProblem, rest
 
 
@@ -197,6 +197,19 @@ def simulate_mechanism(
         else IntegratedMechanism(problem, step_s, Method(method), Accuracy(rtol=rtol, atol=atol))
     )
     rows = engine.run(memory, np.hstack([at, given]), efforts, leads)
+    return response_of(problem, first, rows, memory, count, step_s, Method(method))
+
+
+def response_of(
+    problem: MechanismProblem,
+    first: MechanismMemory,
+    rows: RunRows,
+    final: MechanismMemory,
+    count: int,
+    step_s: float,
+    method: Method = Method.BDF2,
+) -> MechanismRun:
+    """Response, from the state that it begins with, what an engine found of `count` rows, and the state behind."""
     good = len(rows.lowest_N) + 1
     position = np.vstack([first.z[:, 1], rows.position])
     drum = np.vstack([first.tension_N, rows.drum_N])
@@ -214,7 +227,7 @@ def simulate_mechanism(
         slack_m=np.zeros_like(drum),
         lowest_N=lowest,
         work=rows.iterations,
-        final=memory,
+        final=final,
     )
 
 

@@ -22,25 +22,22 @@ from tendonff.ocp.integrate.mechanism import page_state as mechanism_state
 from tendonff.ocp.joint.protocol import JointProblem
 from tendonff.ocp.joint.start import start_memory
 from tendonff.ocp.mechanism.problem import MechanismProblem, rest
-from tendonff.ocp.opti.collocation import History, Trajectory, collocate
-from tendonff.ocp.opti.tendon import Collocation, OptiSolution, ipopt_options, solve_opti
+from tendonff.ocp.opti.choices import Collocation
+from tendonff.ocp.opti.collocation import History, collocate
+from tendonff.ocp.opti.tendon import Formulation, ipopt_options
 
 _STEADY = 1e-4
 """Cost of the squared steps of the motors beside the squared error: not all of them follow from the joints."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class JointFormulation:
-    """A problem of optimal control of driven joints over a horizon; extend it through `opti`, then `solve`.
+class JointFormulation(Formulation):
+    """Motor angles whose joint angles are wanted.
 
     Attributes
     ----------
-    opti : ca.Opti
-        With objective, constraints, first guess and solver; `subject_to`, `minimize` and `solver` add and replace.
     equations : MechanismEquations
         Of joints and tendons.
-    time_s : ndarray, shape (n,)
-        Ends of the intervals.
     wanted_rad : ndarray, shape (n, wanted)
         Reference of the joints that have one, which come first.
     motor_rad : ca.MX, shape (motors, n)
@@ -49,36 +46,14 @@ class JointFormulation:
         Of the joints.
     contact_N_m : ca.MX, shape (n, joints)
         Torques that the joints give to what they touch: the reference's or, with `payload`, variables.
-    tension_N : ca.MX, shape (links, n)
-        Of every link, from motor to joint, tendon by tendon.
-    states : ca.MX, shape (states, n)
-        In the order of `equations.state_names`.
-    cost : ca.MX
-        What is minimised [rad^2].
-    trajectory : Trajectory
-        The states with what drives them.
     """
 
-    opti: ca.Opti
     equations: MechanismEquations
-    time_s: Array
     wanted_rad: Array
     motor_rad: ca.MX
     angle_rad: ca.MX
     speed_rad_per_s: ca.MX
     contact_N_m: ca.MX
-    tension_N: ca.MX
-    states: ca.MX
-    cost: ca.MX
-    trajectory: Trajectory
-
-    def along(self, expression: ca.SX) -> ca.MX:
-        """An expression of `equations` at all instants, shape (rows, n)."""
-        return self.trajectory.along(expression)
-
-    def solve(self) -> OptiSolution:
-        """Solve it; SolveError with the solver's word where that fails."""
-        return solve_opti(self.opti)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -264,5 +239,5 @@ def _formulate(
         tension_N=trajectory.along(page.tension_N),
         states=states,
         cost=cost,
-        trajectory=trajectory,
+        plants=(trajectory,),
     )

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.opti.tendon import Collocation, formulate, ipopt_options
+from tendonff.ocp.opti.choices import Collocation
+from tendonff.ocp.opti.tendon import formulate, ipopt_options
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tendon.batch import Progress
 from tendonff.ocp.tracking.cost import evaluate

@@ -11,36 +11,12 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from tendonff.models.errors import require, require_whole
 from tendonff.models.layout import INPUT_NAMES, Array
 from tendonff.models.mechanism.chain import ChainEquations, chain_equations
 from tendonff.ocp.errors import SolveError
+from tendonff.ocp.opti.choices import Collocation
 from tendonff.ocp.opti.collocation import History, Trajectory, collocate
 from tendonff.ocp.tracking.problem import MotionBound, PlantModel, TrackingProblem
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Collocation:
-    """Choices by which equations become constraints.
-
-    Parameters
-    ----------
-    interval_s : float, optional
-        Length of an interval, over which inputs are linear [s], > 0. Default 0.005.
-    degree : int, optional
-        Of the polynomials on it, 1 to 9; 1 is implicit Euler. Default 1.
-    smoothing : float, optional
-        Width of friction's rounded switch over the largest sliding speed of the first guess [-], > 0. Default 3e-4.
-    """
-
-    interval_s: float = 0.005
-    degree: int = 1
-    smoothing: float = 3e-4
-
-    def __post_init__(self) -> None:
-        require("interval_s", self.interval_s, above=0, hint="0.005 suits most rigs")
-        require_whole("degree", self.degree, least=1, most=9, hint="1 is implicit Euler")
-        require("smoothing", self.smoothing, above=0, hint="3e-4 is a good start; larger values solve more easily")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,46 +56,54 @@ class Formulation:
         With objective, constraints, first guess and solver; `subject_to`, `minimize` and `solver` add and replace.
     time_s : ndarray, shape (n,)
         Ends of the intervals.
-    wanted_N : ndarray, shape (n,)
-        Reference of the output.
-    force_N : ca.MX, shape (n, 1)
-        Of the actuator.
-    output_N : ca.MX, shape (n, 1)
-        Tension at the far end.
-    contact_N : ca.MX, shape (n, 1)
-        Force that the load gives to what it touches: none or, with `payload`, a variable.
-    load_m, load_m_per_s : ca.MX, shape (n, 1)
-        Place and speed of the load, positive towards the actuator.
-    tension_N : ca.MX, shape (N + 1, n)
-        Of every link, from the actuator to the load.
+    tension_N : ca.MX, shape (links, n)
+        Of every link from the drive on, tendon by tendon.
     states : ca.MX, shape (states, n)
-        In the order of `StateLayout`, of the nominal plant.
+        Of a tendon in the order of `StateLayout`, of the nominal plant; of joints in that of `equations.state_names`.
     cost : ca.MX
-        What is minimised [N^2]: errors of all plants, effort and travel of the force.
+        What is minimised [N^2 or rad^2].
     plants : tuple of Trajectory
-        All of them, the nominal one first.
+        States with what drives them, of every plant that counts; the nominal one first.
     """
 
     opti: ca.Opti
     time_s: Array
-    wanted_N: Array
-    force_N: ca.MX
-    output_N: ca.MX
-    contact_N: ca.MX
-    load_m: ca.MX
-    load_m_per_s: ca.MX
     tension_N: ca.MX
     states: ca.MX
     cost: ca.MX
     plants: tuple[Trajectory, ...]
 
     def along(self, expression: ca.SX) -> ca.MX:
-        """An expression of `chain_equations` of the nominal plant at all instants, shape (rows, n)."""
+        """An expression of the nominal plant's equations at all instants, shape (rows, n)."""
         return self.plants[0].along(expression)
 
     def solve(self) -> OptiSolution:
         """Solve it; SolveError with the solver's word where that fails."""
         return solve_opti(self.opti)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TensionFormulation(Formulation):
+    """Force of the actuator whose tension is wanted: errors of all plants, effort and travel of the force.
+
+    Attributes
+    ----------
+    wanted_N : ndarray, shape (n,)
+        Reference of the output.
+    force_N, output_N : ca.MX, shape (n, 1)
+        Of the actuator, and tension at the far end.
+    contact_N : ca.MX, shape (n, 1)
+        Force that the load gives to what it touches: none or, with `payload`, a variable.
+    load_m, load_m_per_s : ca.MX, shape (n, 1)
+        Place and speed of the load, positive towards the actuator.
+    """
+
+    wanted_N: Array
+    force_N: ca.MX
+    output_N: ca.MX
+    contact_N: ca.MX
+    load_m: ca.MX
+    load_m_per_s: ca.MX
 
 
 def solve_opti(opti: ca.Opti) -> OptiSolution:
@@ -145,7 +129,7 @@ def solve_opti(opti: ca.Opti) -> OptiSolution:
 
 def formulate(
     problem: TrackingProblem, guess_N: Array, collocation: Collocation, *, payload: bool = False
-) -> Formulation:
+) -> TensionFormulation:
     """Pose a tracking problem.
 
     Parameters
@@ -206,7 +190,7 @@ def formulate(
     if payload:
         opti.subject_to(contact[0] == 0.0)
 
-    found = Formulation(
+    found = TensionFormulation(
         opti=opti,
         time_s=time_s,
         wanted_N=wanted[0],

@@ -60,7 +60,6 @@ def step_expressions(chain: Chain) -> StepExpressions:
     )
     v_base, *own, q_a, q_l = ca.vertsplit(base, layout.cuts)
     rubbing, (e_base, *own) = tuple(own[: len(near.states)]), own[len(near.states) :]
-    rubbing = near.implicit(v[0], rubbing, H)
     links, masses = own[: len(layout.link_states)], own[len(layout.link_states) :]
     f_c1, x_c1, f_c2, x_c2 = ca.vertsplit(u)
     move = ca.SX.sym("move", 4 * n + 5)
@@ -72,6 +71,7 @@ def step_expressions(chain: Chain) -> StepExpressions:
     links = link.implicit(e, tuple(links), H)
     unclipped = link.unclipped_force(e, rate, links)
     force = tendon_force(unclipped)
+    rubbing = near.implicit(v[0], rubbing, H, force[0])
     f_n = normal_force(force[:-1], force[1:], piece.adhesion_N)
     masses = friction.implicit(on_path, tuple(masses), H, f_n)
     f_f = friction.state_force(masses) + friction.viscous_force(on_path)

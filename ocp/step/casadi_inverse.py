@@ -80,7 +80,7 @@ class CasadiInverse:
                 least = ca.fmin(least, f)
         q_a = q_a + H * v
         balance = near.mass_kg / H * (v - v_base[0])
-        dry = near.implicit(v, dry, H)
+        dry = near.implicit(v, dry, H, f)
         force = root(balance - end_force(v, q_a, f, -1, unknown, 0, near, dry))
         elements = (*zip(*link_ends, strict=True), *zip(*mass_ends, strict=True))
         blocks = [speeds, *((state,) for state in dry), stretches, *elements]

@@ -154,11 +154,12 @@ class ElementLaws:
             outputs={"e": e, **dict(zip(self.link.states, states, strict=True))},
         )
 
-    def link_tangent(self) -> Law:
-        """Slopes of a link's unclipped force (`u_by_X`) and own states (`STATE_by_X`)."""
+    def link_tangent(self, *, of_length: bool = False) -> Law:
+        """Slopes of a link's unclipped force (`u_by_X`) and states (`STATE_by_X`); `of_length`: over its ratio too."""
         known = self._link_known()
         force, _, states = self._link(known)
-        over = [s for s in (*known, *self.link_symbols) if s.name() not in ("H", "ratio")]
+        fixed = ("H",) if of_length else ("H", "ratio")
+        over = [s for s in (*known, *self.link_symbols) if s.name() not in fixed]
         outputs = {f"u_by_{s.name()}": ca.jacobian(force, s) for s in over}
         for name, state in zip(self.link.states, states, strict=True):
             outputs |= {f"{name}_by_{s.name()}": ca.jacobian(state, s) for s in over}
@@ -258,6 +259,16 @@ class ElementLaws:
             outputs=outputs,
         )
 
+    def contact_tangent(self, twins: Mapping[str, str]) -> Law:
+        """Slopes of the parameters on a piece (`PARAMETER_by_X`) over its wrap angle and those of the whole."""
+        law = self.contact(twins)
+        return replace(
+            law,
+            name="contact_tangent",
+            comment="Slopes of parameters of friction on a piece over its wrap angle and those of the whole.",
+            outputs={f"{n}_by_{s.name()}": ca.jacobian(e, s) for n, e in law.outputs.items() for s in law.inputs},
+        )
+
     def simulation(self) -> tuple[Law, ...]:
         """The laws that a time step needs."""
         path = (self.path_mass(), self.path_balance())
@@ -282,7 +293,7 @@ def _end_mass(kind: End) -> tuple[dict[str, ca.SX], ca.SX, dict[str, ca.SX]]:
     """Arguments by name, balance of an end mass [N] and own states; `pull`: +1 where tension pulls to the positive."""
     v, f, v_base, q_base, step, pull, f_c, x_c = inputs = symbols("v f v_base q_base H pull f_c x_c")
     end, base = symbolic(kind, "end_"), _based(kind.states)
-    own = end.implicit(v, base, step)
+    own = end.implicit(v, base, step, f)
     residual = end.mass_kg / step * (v - v_base) - end_force(v, q_base + step * v, f, pull, f_c, x_c, end, own)
     known = {s.name(): s for s in (*inputs, *base, *fields_of(end).values())}
     return known, residual, dict(zip(kind.states, own, strict=True))
@@ -315,6 +326,8 @@ def end_mass_tangent(kind: End = PLAIN_END) -> Law:
     kept = {name: s for name, s in known.items() if name not in ("H", "pull")}
     outputs = {f"by_{name}": ca.jacobian(residual, s) for name, s in kept.items() if name != "v"}
     over = {name: s for name, s in kept.items() if name == "v" or name.startswith("end_") or name[:-5] in kind.states}
+    if any(ca.depends_on(value, known["f"]) for value in own.values()):
+        over["f"] = known["f"]
     for state, value in own.items():
         outputs |= {f"{state}_by_{name}": ca.jacobian(value, s) for name, s in over.items()}
     return Law(

@@ -223,7 +223,8 @@ class StepCode:
             return literal(value, precision)
 
         def of_masses(name: str) -> str:
-            return f"c->of_masses[({self.of_masses.index(name)} * n) + i]"
+            row = self.of_masses.index(name)
+            return f"c->of_masses[({row} * n) + i]" if row else "c->of_masses[i]"
 
         def at(name: str) -> str:
             return _text(*states.offset(name), "n")
@@ -282,6 +283,9 @@ class StepCode:
             bases=lambda names, array, i: {f"{s}_base": f"{array}[{at(s)} + {_inner(i)}]" for s in names},
             ends=lambda names, prefix, at: {s: f"&{prefix}{s}[{at}]" for s in names},
             elements=lambda names, i: {s: f"&x[{at(s)} + {i}]" for s in names},
+            based_seeds=lambda names: {f"{s}_base": f"{s}_base[k]" for s in names},
+            own_seeds=lambda names: {s: f"own_{s}[k]" for s in names},
+            slopes="joint_torque_tangent" in self.laws,
             based=lambda names: {f"{s}_base": f"{s}_base" for s in names},
             same=lambda names: {s: s for s in names},
             number=lambda name: self.numbers[name],

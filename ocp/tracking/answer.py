@@ -59,7 +59,7 @@ def answer(
     causes: tuple[str, ...] = ()
     if status is not TrackStatus.EXACT:
         bounds = options.minimum_tension_N, options.maximum_tension_N
-        causes = reasons(law_of(nominal), reference, inversion.force_N, h, limits, *bounds)
+        causes = reasons(law_of(nominal), reference, inversion.force_N, h, limits, *bounds, nominal.drive)
     left = f"RMS error {rms:.3g} N ({100 * rms / span:.2g} % of range)"
     if problem.chains > 1:
         worst_rms = float(np.sqrt(squares[: problem.chains].max()))

@@ -11,11 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.models.capstan import Branch, CapstanLaw
+from tendonff.models.gear import DriveLaw
 from tendonff.models.tendon.chain import Chain
 from tendonff.models.tendon.friction import equivalent_exponent
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tracking.limits import ForceLimits
 
+_IDEAL = DriveLaw()
 _DEPARTED = 0.01  # of the reference's range
 _MERGE_S = 0.02  # departures closer than this share of the horizon are one
 
@@ -89,7 +91,7 @@ def _exponent(coefficient: float | Array, count: int) -> float:
 
 def missed_N(chain: Chain, reference_N: Array, limits: ForceLimits) -> Array:
     """Samples that the largest force cannot hold against full slip, whatever the bristles add, shape (n,)."""
-    most = law_of(chain).largest_output_N(limits.maximum_N - chain.coulomb_N)
+    most = law_of(chain).largest_output_N(chain.drive.pulled_N(limits.maximum_N))
     missed: Array = np.maximum(reference_N - most, 0.0)
     return missed
 
@@ -125,13 +127,14 @@ def reasons(
     limits: ForceLimits,
     minimum_tension_N: float,
     maximum_tension_N: float,
+    drive: DriveLaw = _IDEAL,
 ) -> tuple[str, ...]:
     """Infeasible parts of the reference and the reasons, the hardest first within each kind.
 
     Reference and exact inverse have the shape (n,) [N]; the two tensions are bounds along the tendon [N].
     """
     found = [
-        *_range_reasons(law, reference_N, step_s, limits),
+        *_range_reasons(law, reference_N, step_s, limits, drive),
         *_rate_reasons(law, reference_N, step_s, limits),
         *_tension_reasons(law, reference_N, step_s, minimum_tension_N, maximum_tension_N),
     ]
@@ -145,19 +148,21 @@ def reasons(
     return tuple(found)
 
 
-def _range_reasons(law: CapstanLaw, reference: Array, step_s: float, limits: ForceLimits) -> list[str]:
+def _range_reasons(law: CapstanLaw, reference: Array, step_s: float, limits: ForceLimits, drive: DriveLaw) -> list[str]:
     found = []
-    most, least = law.largest_output_N(limits.maximum_N), law.smallest_output_N(limits.minimum_N)
+    most = law.largest_output_N(drive.pulled_N(limits.maximum_N))
+    least = law.smallest_output_N(drive.released_N(limits.minimum_N))
+    rubs = "" if drive.is_ideal else " and the drive's own friction"
     high, low = int(np.argmax(reference)), int(np.argmin(reference))
     if reference[high] > most:
-        needed = float(law.input_for_N(reference[high], Branch.PULL))
+        needed = float(drive.force_N(law.input_for_N(reference[high], Branch.PULL), 1.0))
         found.append(
             f"the reference asks for {reference[high]:.4g} N at t = {high * step_s:.4g} s; through e^(mu theta) = "
-            f"{math.exp(law.pull_exponent):.3g} that needs {needed:.4g} N at the actuator, "
+            f"{math.exp(law.pull_exponent):.3g}{rubs} that needs {needed:.4g} N at the actuator, "
             f"{limits.maximum_name} is {limits.maximum_N:.4g}: at most {most:.4g} N arrive"
         )
     if reference[low] < least:
-        needed = float(law.input_for_N(reference[low], Branch.RELEASE))
+        needed = float(drive.force_N(law.input_for_N(reference[low], Branch.RELEASE), -1.0))
         found.append(
             f"the reference falls to {reference[low]:.4g} N at t = {low * step_s:.4g} s; friction holds it, so the "
             f"actuator must go down to {needed:.4g} N, force_min_N is {limits.minimum_N:.4g}: "

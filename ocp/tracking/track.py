@@ -148,7 +148,7 @@ def track_robust(
 def first_guess(problem: TrackingProblem, inversion: Inversion) -> Array:
     """The best of what the exact inverse of the nominal plant suggests, within the limits, shape (n,) [N]."""
     nominal, inverse = problem.plants[0], inversion.force_N
-    law = law_of(nominal.chain).input_history_N(problem.reference_N, float(inverse[0]))
+    law = law_of(nominal.chain).force_history_N(problem.reference_N, nominal.chain.drive, float(inverse[0]))
     found = best_start(problem, starts(problem, inverse, law))[1]
     return problem.clipped(
         limit_motion(nominal.chain, found, problem.step_s, problem.limits, problem.rest_N, nominal.state)
@@ -189,7 +189,7 @@ def _solve(problem: TrackingProblem, inversion: Inversion, options: TrackOptions
         small = at_clipped.squares[0] <= (_EXACT * span) ** 2
         status = TrackStatus.EXACT if small else TrackStatus.UNSTABLE
         return Found(status=status, force_N=clipped, evaluation=at_clipped, at_clipped=at_clipped)
-    law = law_of(nominal.chain).input_history_N(reference, float(inverse[0]))
+    law = law_of(nominal.chain).force_history_N(reference, nominal.chain.drive, float(inverse[0]))
     static = limited(law)
     candidates = [(at_clipped, clipped), (evaluate(problem, static), static)]
     results: tuple[SqpResult, ...] = ()

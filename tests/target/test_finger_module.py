@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from tendonff.compensator.finger.compensators import FingerTask
-from tendonff.compensator.finger.export.text import finger_module
-from tendonff.compensator.finger.scenario import load_finger_scenario
+from tendonff.compensator.compensators.motors.finger import FingerTask
+from tendonff.compensator.export.finger.text import finger_module
+from tendonff.compensator.scenario.driven.finger import load_finger_scenario
 from tendonff.ocp.codegen.precision import Precision
 
 pytestmark = pytest.mark.compiler

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tendonff.compensator.joint.export.text import joint_sources
-from tendonff.compensator.joint.scenario.scenario import sample_joint
+from tendonff.compensator.export.joint.text import joint_sources
+from tendonff.compensator.scenario.driven.joint import sample_joint
 from tendonff.compensator.scenarios import load_scenario
 
 pytestmark = pytest.mark.compiler

@@ -60,6 +60,10 @@ _TEMPLATES = environment("tendonff.compensator.export")
 _TEMPLATES.filters["st"] = lambda value: literal(float(value), Precision.DOUBLE)
 
 
+_DRIVEN = {"episodes": 6, "episode_rows": 100}
+"""Of the drive at random in the self test."""
+
+
 def c_sources(
     scenario: Scenario,
     problem: Problem,
@@ -112,6 +116,27 @@ def folder_files(
     """Files of an exported folder beside the sources of its modules, by file name; arguments as of `c_sources`."""
     context = _context(scenario, problem, modules, precision, prefix, further)
     return _written({name: f"c/{name}.j2" for name in _FOLDER_FILES}, context) | _packages(modules, context)
+
+
+def drive_text(
+    scenario: Scenario,
+    problem: Problem,
+    modules: Sequence[CModule],
+    precision: Precision,
+    prefix: str,
+    further: Mapping[str, Any],
+) -> str:
+    """Calls of all modules at random, for the self test and for the host; arguments as of `c_sources`."""
+    tension, motion, step = problem.reference.tension_N, problem.chain.motion, problem.reference.step_s
+    angles = np.zeros((2, 0)) if motion is None else motion.at(np.arange(len(tension), dtype=np.float64) * step)
+    low, high = float(tension.min()), float(tension.max())
+    values = {
+        "drive_low_N": low,
+        "drive_span_N": max(high - low, 1e-3 * high),
+        "drive_usual_N": float(np.abs(np.diff(tension)).max(initial=0.0)),
+        "drive_usual_rad": np.abs(np.diff(angles, axis=0)).max(axis=0),
+    }
+    return _render("drive.c.j2", _context(scenario, problem, modules, precision, prefix, further) | values | _DRIVEN)
 
 
 def package_files(
@@ -340,7 +365,7 @@ def _start_context(chain: Chain) -> dict[str, object]:
         "friction_at": layout.part(layout.friction_states[0]).start if layout.friction_states else 0,
         "link_parts": stretched,
         "near_at": layout.part("q_a").start,
-        "coulomb": chain.coulomb_N,
+        "drive": chain.drive,
         "rest_per_N": chain.rest_state(1.0).near_position_m,
         "dry_at": layout.part("v").stop,
     }

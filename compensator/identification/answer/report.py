@@ -6,7 +6,14 @@ from pathlib import Path
 from shlex import quote
 
 from tendonff.compensator.files.text import as_argument
-from tendonff.compensator.identification.answer.result import RULE, Estimate, Identification, headline, missing
+from tendonff.compensator.identification.answer.result import (
+    RULE,
+    Estimate,
+    Identification,
+    headline,
+    missing,
+    reasons_of,
+)
 from tendonff.compensator.reporting.page import Block, FileNote, PictureFile, Provenance, Report, Section, Table, Text
 from tendonff.compensator.scenario.measurement import Measurement
 
@@ -37,7 +44,8 @@ def identification_report(found: Identification, pictures: Mapping[str, Path]) -
         ),
         columns=("value", "estimate", "standard error", "95 % interval", "identifiable", "why"),
         rows=[
-            (e.name, e.value, e.standard_error, _interval(e.interval), _standing(e), e.reason) for e in found.estimates
+            (e.name, e.value, e.standard_error, _interval(e.interval), _standing(e), why)
+            for e, why in zip(found.estimates, reasons_of(found.estimates), strict=True)
         ],
         digits=4,
     )

@@ -34,6 +34,9 @@ def is_known(standard_error: float, size: float) -> bool:
     return standard_error < TUNED.identifiable_share * size
 
 
+_SHORT = 30  # characters of a reason that is shorter than a reference to another row
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate:
     """Estimated value.
@@ -56,6 +59,9 @@ class Estimate:
         The value is the joint estimate, which fitted.toml has.
     note : str
         What the value belongs to, where its name does not tell.
+    interval_as_measured : tuple of float, optional
+        Interval of a force or torque if the torque constant is right, by which all of them are off alike; None where
+        it is `interval`.
     """
 
     name: str
@@ -67,6 +73,13 @@ class Estimate:
     scenario: float | None = None
     fitted: bool = False
     note: str = ""
+    interval_as_measured: tuple[float, float] | None = None
+
+    @property
+    def own_half_width(self) -> float | None:
+        """Half of the interval over the value, apart from the torque constant; None without an interval."""
+        interval = self.interval_as_measured or self.interval
+        return None if interval is None or not self.value else (interval[1] - interval[0]) / 2 / abs(self.value)
 
     @property
     def standing(self) -> str:
@@ -96,6 +109,18 @@ class Estimate:
             "why": self.reason,
             "scenario": self.scenario,
         }
+
+
+def reasons_of(estimates: Sequence[Estimate]) -> list[str]:
+    """Reasons for a column: what all stands in an earlier row already is a reference to that."""
+    found, said = list[str](), dict[str, str]()
+    for each in estimates:
+        parts = each.reason.replace(each.name, "it").split("; ")
+        first = said.get(parts[-1])
+        again = first is not None and len(each.reason) > _SHORT and all(part in said for part in parts)
+        found.append(f"as {first}" if again else each.reason)
+        said = dict.fromkeys(parts, each.name) | said
+    return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,47 +11,67 @@ from tendonff.compensator.identification.measured.reading import RawMeasurement
 from tendonff.compensator.identification.measured.smoothing import find_cutoff_Hz, low_pass_piece, noise_of
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
+from tendonff.models.gear import DriveLaw
+from tendonff.models.parameters import Actuator
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.fits.drive import COULOMB, DAMPING, OFFSET, DriveRun, bristle_force, fit_drive
+from tendonff.ocp.fits.drive import COULOMB, DAMPING, LOST, OFFSET, DriveRun, bristle_force, fit_drive
+from tendonff.ocp.fits.least_squares import Solution
+
+EFFICIENCY = "gear_efficiency"
 
 _LEAST_ROWS = 100
+_GAIN = 0.8  # of the cost, below which a gear explains the friction better
 _GAP = 5.0  # usual steps without a sample
 
 
-def drive_estimate(scenario: Scenario, raw: Sequence[RawMeasurement]) -> Estimate | None:
-    """The drive's coulomb_N; None where no file holds the force of the actuator."""
-    own = scenario.transmission.actuator.coulomb_N or 0.0
+def drive_estimates(scenario: Scenario, raw: Sequence[RawMeasurement]) -> tuple[Estimate, ...]:
+    """The drive's coulomb_N, and gear_efficiency where the scenario states one or the data want another.
+
+    Empty where no file holds the force of the actuator.
+    """
+    actuator = scenario.transmission.actuator
+    own = actuator.coulomb_N or 0.0
     given = [one for one in raw if one.actuator_N is not None]
     if not given:
-        return None
+        return ()
     if any(one.input_m is None for one in given):
-        return _kept(own, "the position of the input end was not read; name it with --input-position-column")
+        return _kept(actuator, "the position of the input end was not read; name it with --input-position-column")
     runs, noise_N = _smoothed(given)
     if not runs:
-        return _kept(own, f"fewer than {_LEAST_ROWS} samples without a gap; log longer")
+        return _kept(actuator, f"fewer than {_LEAST_ROWS} samples without a gap; log longer")
     bristle = scenario.transmission.friction.bristle_stiffness_N_per_m
     if scenario.run.level is Level.PRESLIDING:
         bristle = scenario.transmission.friction.soft_bristle_stiffness_N_per_m
     differences = np.concatenate([run.force_N - run.tension_N for run in runs])
-    start = max(0.5 * float(np.subtract(*np.percentile(differences, [90, 10]))), 1e-3)
+    share = actuator.law.lost_share
+    start = DriveLaw(
+        coulomb_N=max(0.5 * float(np.subtract(*np.percentile(differences, [90, 10]))), 1e-3), lost_share=share
+    )
     try:
-        found = fit_drive(runs, scenario.transmission.actuator.mass_kg, bristle, start, noise_N)
+        found = fit_drive(runs, actuator.mass_kg, bristle, start, noise_N)
+        geared = fit_drive(runs, actuator.mass_kg, bristle, start, noise_N, with_gear=True)
     except SolveError as error:
-        return _kept(own, f"no fit: {error}")
-    value, error_N = found.values[COULOMB], found.standard_error(COULOMB)
+        return _kept(actuator, f"no fit: {error}")
+    least, most = geared.interval(LOST)
+    another = bool(np.isfinite(least) and not least <= share <= most and geared.cost < _GAIN * found.cost)
+    found = geared if another else found
+    law = DriveLaw(coulomb_N=found.values[COULOMB], lost_share=found.values.get(LOST, share))
+    value, error_N = law.coulomb_N, found.standard_error(COULOMB)
     low, high = found.interval(COULOMB)
     left = noise_N * float(np.sqrt(np.mean(found.residuals.values**2)))
-    reach = [np.ptp(bristle_force(run.position_m, value, bristle)[0]) for run in runs]
-    if not np.isfinite(error_N) or max(reach) < 1.8 * value:
-        return _kept(own, "the drive never slides in both directions; add full strokes with reversals")
-    identifiable = is_known(error_N, value) and left < TUNED.identifiable_share * value
+    usual = [max(float(np.median(law.slip_N(run.tension_N))), 1e-12) for run in runs]
+    reach = [np.ptp(bristle_force(run, law, bristle)[0]) for run in runs]
+    if not np.isfinite(error_N) or max(np.divide(reach, usual)) < 1.8:
+        return _kept(actuator, "the drive never slides in both directions; add full strokes with reversals")
+    size = max(usual)  # of the whole friction: beside a gear its constant part may be small
+    identifiable = is_known(error_N, size) and left < TUNED.identifiable_share * size
     why = (
         f"force of the drive less the tension at its end, with a damping of {found.values[DAMPING]:.3g} N s/m and an "
         f"offset of {found.values[OFFSET]:.3g} N; residual {left:.2g} N RMS"
     )
     if not identifiable:
         why = f"{why}, too much to tell {value:.3g} N: check the force's scale and the actuator's mass_kg"
-    return Estimate(
+    dry = Estimate(
         name=COULOMB,
         value=value if identifiable else own,
         standard_error=error_N,
@@ -61,10 +81,41 @@ def drive_estimate(scenario: Scenario, raw: Sequence[RawMeasurement]) -> Estimat
         scenario=own,
         fitted=identifiable,
     )
+    return (dry, *_efficiency(actuator, geared, fitted=another))
 
 
-def _kept(own_N: float, why: str) -> Estimate:
-    return Estimate(name=COULOMB, value=own_N, why=why, scenario=own_N)
+def _efficiency(actuator: Actuator, geared: Solution, *, fitted: bool) -> tuple[Estimate, ...]:
+    """The gear's efficiency, where the data want another than the scenario's or it is stated."""
+    stated = actuator.gear_efficiency
+    if not fitted and stated is None:
+        return ()
+    low, high = geared.interval(LOST)
+    known = is_known(geared.standard_error(LOST), 1.0)
+    return (
+        Estimate(
+            name=EFFICIENCY,
+            value=1 - geared.values[LOST] if fitted else stated or 1.0,
+            standard_error=geared.standard_error(LOST),
+            interval=(max(1 - high, 0.0), min(1 - low, 1.0)),
+            identifiable=known,
+            why="friction of the drive grows with the tension"
+            if known
+            else "the tension hardly changes while the drive slides; add strokes at two loads",
+            scenario=1.0 if stated is None else stated,
+            fitted=fitted,
+        ),
+    )
+
+
+def _kept(actuator: Actuator, why: str) -> tuple[Estimate, ...]:
+    """The scenario's own values."""
+    own = actuator.coulomb_N or 0.0
+    found = [Estimate(name=COULOMB, value=own, why=why, scenario=own)]
+    if actuator.gear_efficiency is not None:
+        found.append(
+            Estimate(name=EFFICIENCY, value=actuator.gear_efficiency, why=why, scenario=actuator.gear_efficiency)
+        )
+    return tuple(found)
 
 
 def _smoothed(raw: Sequence[RawMeasurement]) -> tuple[list[DriveRun], float]:

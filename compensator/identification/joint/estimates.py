@@ -7,11 +7,11 @@ import numpy as np
 from scipy.stats import t as student
 
 from tendonff.compensator.identification.answer.result import Estimate
-from tendonff.compensator.identification.constants import TUNED
+from tendonff.compensator.identification.constants import TUNED, with_torque_constant
 from tendonff.compensator.identification.joint.mechanism_law import MechanismLaw
 from tendonff.compensator.identification.joint.parameters import ANGLE_OR_PUSH, NUMBERS, JointNumber
 from tendonff.compensator.identification.measured import Array
-from tendonff.compensator.joint.scenario.scenario import JointScenario
+from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.models.joint.closed_form import GrossSliding, data_sheet
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.ocp.fits.least_squares import Solution
@@ -35,6 +35,9 @@ _ALONE = {
 }
 """Derived numbers that need mu theta or the share of the gear in the friction, by whether a stop was pushed."""
 
+_OF_FORCE = ("drive_torque_N_m", "motor_friction_N_m")
+"""Derived numbers that are torques of the motor."""
+
 _BY_A_STOP = (N.MU, N.TENSION, N.STIFFNESS)
 
 
@@ -55,6 +58,8 @@ class Found:
     not_identifiable : tuple of JointNumber
         Numbers that were free, so that the others are right, but of which the moves tell nothing: they stay the
         scenario's.
+    alternatives : tuple of JointNumber
+        Effects that explain the logs about as well and widen an interval: the covariance reaches those values too.
     """
 
     law: MechanismLaw
@@ -63,6 +68,7 @@ class Found:
     tried: tuple[tuple[JointNumber, float, bool], ...]
     kept_because: str
     not_identifiable: tuple[JointNumber, ...] = ()
+    alternatives: tuple[JointNumber, ...] = ()
 
     @property
     def pushed(self) -> bool:
@@ -146,12 +152,15 @@ def _free(
     elif not identifiable:
         why = f"its standard error is {error:.2g} {number.spec.unit}; {number.spec.advice or 'longer files'}"
     elif number.spec.of_force:
-        why += ", as measured by the motor: as good as the torque constant"
+        why += ", as measured by the motor: its interval counts 10 % for the torque constant"
+    whole, half = _reached(value, error, found, of_force=number.spec.of_force)
+    known = identifiable and not by_stop
     return Estimate(
         name=str(number),
         value=value,
-        standard_error=error if np.isfinite(error) else None,
-        interval=_interval(value, error, found) if identifiable and not by_stop else None,
+        standard_error=whole if np.isfinite(error) else None,
+        interval=(value - half, value + half) if known else None,
+        interval_as_measured=_interval(value, error, found) if known and number.spec.of_force else None,
         identifiable=identifiable and not by_stop,
         why=why,
         scenario=_own(scenario, number),
@@ -162,6 +171,11 @@ def _free(
 def _kept(scenario: JointScenario, number: JointNumber, why: str) -> Estimate:
     own = number.of(scenario.mechanism)
     return Estimate(name=str(number), value=own, why=why, scenario=own)
+
+
+def _reached(value: float, error: float, found: Found, *, of_force: bool) -> tuple[float, float]:
+    """Standard error and half of the interval, of a force with the torque constant counted."""
+    return with_torque_constant(value, error, found.reach) if of_force else (error, found.reach * error)
 
 
 def _interval(value: float, error: float, found: Found) -> tuple[float, float]:
@@ -197,12 +211,14 @@ def _derived(found: Found, values: Mapping[JointNumber, float], *, described: bo
             why = f"{found.kept_because}; {N.MU.spec.advice}"
         elif not identifiable:
             why = "follows from numbers that are not identifiable"
+        value = float(middle[k])
+        whole, half = _reached(value, error, found, of_force=name in _OF_FORCE)
         rows.append(
             Estimate(
                 name=name,
-                value=float(middle[k]),
-                standard_error=error if identifiable else None,
-                interval=_interval(float(middle[k]), error, found) if identifiable else None,
+                value=value,
+                standard_error=whole if identifiable else None,
+                interval=(value - half, value + half) if identifiable else None,
                 identifiable=identifiable,
                 why=why,
                 scenario=float(before[k]),

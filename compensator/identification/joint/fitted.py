@@ -6,13 +6,13 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+from tendonff.compensator.compensators.motors.joint import assumed
+from tendonff.compensator.compensators.motors.task import ASSUMED_SPREAD
 from tendonff.compensator.identification.answer.result import Estimate
 from tendonff.compensator.identification.joint.parameters import JointNumber, key_in
-from tendonff.compensator.joint.compensators import assumed
-from tendonff.compensator.joint.observer_table import ObserverTable
-from tendonff.compensator.joint.scenario.base import with_base
-from tendonff.compensator.joint.scenario.scenario import JointScenario
-from tendonff.compensator.joint.task import ASSUMED_SPREAD
+from tendonff.compensator.scenario.driven.base import with_base
+from tendonff.compensator.scenario.driven.joint import JointScenario
+from tendonff.compensator.scenario.driven.observer_table import ObserverTable
 from tendonff.compensator.scenario.scenario import relative_to_folder
 from tendonff.compensator.scenario.tables import toml_value
 from tendonff.models.joint.parameters import JointTendon, Mechanism
@@ -98,11 +98,12 @@ def _robust(mechanism: Mechanism, estimates: Sequence[Estimate], stated: Mapping
 
 
 def _half_width(estimate: Estimate | None) -> float | None:
-    """Half of the interval over the value; None for a number that is not identified."""
-    if estimate is None or estimate.interval is None or not estimate.value:
-        return None
-    half = (estimate.interval[1] - estimate.interval[0]) / 2 / abs(estimate.value)
-    return round(min(max(half, 1e-4), 0.99), 4)
+    """Half of the interval over the value; None for a number that is not identified.
+
+    Without the torque constant: where all forces are off alike, the joint stands where it did.
+    """
+    half = None if estimate is None else estimate.own_half_width
+    return None if half is None else round(min(max(half, 1e-4), 0.99), 4)
 
 
 def moved_files(text: str, source: Path, folder: Path) -> str:

@@ -11,7 +11,7 @@ from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.cleaning import Piece, Record, clean
 from tendonff.compensator.identification.measured.reading import Finding, MissingColumnError, read_measurement
 from tendonff.compensator.identification.measured.smoothing import adaptive_low_pass, low_pass_piece
-from tendonff.compensator.joint.scenario.scenario import JointScenario
+from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.ocp.fits.mechanism import MotorRun
 

@@ -10,9 +10,20 @@ from tendonff.compensator.identification.joint.parameters import EXTRAS, JointNu
 from tendonff.compensator.identification.measured import Array
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters import Mechanism
+from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fits.least_squares import Blocks, Residuals, Solution, Unknown, block_covariance, solve
-from tendonff.ocp.fits.mechanism import GEAR_SLIP_RAD, MotorResponse, MotorRun, differences, respond
+from tendonff.ocp.fits.mechanism import (
+    GEAR_SLIP_RAD,
+    Change,
+    Loop,
+    MotorResponse,
+    MotorRun,
+    MotorSlopes,
+    differences,
+    respond,
+    respond_with_slopes,
+)
 
 COARSE_MASSES, FINE_MASSES = 6, 12
 """Of each tendon while laws are compared, and at the end."""
@@ -71,48 +82,73 @@ class MechanismLaw:
         }
         return put_into(self.mechanism, held)
 
-    def respond(self, log: JointLog, values: Mapping[JointNumber, float]) -> MotorResponse:
-        """Simulate a log; SolveError or ParameterError where it cannot be."""
+    def loop(self, log: JointLog, values: Mapping[JointNumber, float]) -> Loop:
+        """The mechanism at given values, as a log's motor feels it."""
         found = {**self.fixed, **values}
         mechanism, offset = self.at(values), found.get(JointNumber.OFFSET, 0.0)
         slip = found.get(JointNumber.GEAR_SLIP, GEAR_SLIP_RAD)
         held = None
         if mechanism.drive.backlash_rad > 0:
             held = log.torque_N_m - offset - mechanism.drive.coulomb_N_m * log.run.way(slip)
-        answer = respond(
-            mechanism,
-            log.run,
-            segments=self.segments,
-            refinement=self.refinement * (READ_STEPS if self.as_read else 1),
-            as_read=self.as_read,
-            slip_rad=slip,
-            backlash_held_N_m=held,
+        return Loop(mechanism=mechanism, slip_rad=slip, offset_N_m=offset, backlash_held_N_m=held)
+
+    @property
+    def _steps(self) -> int:
+        return self.refinement * (READ_STEPS if self.as_read else 1)
+
+    def respond(self, log: JointLog, values: Mapping[JointNumber, float]) -> MotorResponse:
+        """Simulate a log; SolveError or ParameterError where it cannot be."""
+        loop = self.loop(log, values)
+        return respond(loop, log.run, segments=self.segments, refinement=self._steps, as_read=self.as_read)
+
+    def _slopes(
+        self, log: JointLog, values: Mapping[JointNumber, float], over: Sequence[JointNumber]
+    ) -> tuple[MotorResponse, MotorSlopes]:
+        """The same with exact slopes over some of the values."""
+        changes = [self._change(log, values, number) for number in over]
+        how = {"segments": self.segments, "refinement": self._steps}
+        return respond_with_slopes(self.loop(log, values), log.run, changes, **how, as_read=self.as_read)
+
+    def _change(self, log: JointLog, values: Mapping[JointNumber, float], number: JointNumber) -> Change:
+        """Loops on either side of a value, within its bounds: what they are made of depends on it smoothly."""
+        spec, at = number.spec, values[number]
+        step = STEP * spec.step * (at if spec.logarithmic else 1.0)
+        low, high = (
+            (at - step, at + step) if spec.logarithmic else (max(at - step, spec.low), min(at + step, spec.high))
         )
-        return replace(answer, torque_N_m=answer.torque_N_m + offset)
+        above, below = (self.loop(log, {**values, number: value}) for value in (high, low))
+        return Change(above=above, below=below, apart=high - low)
 
     def errors(self, values: Mapping[JointNumber, float]) -> list[tuple[Array, Array | None]]:
         """Predicted less measured torque and joint angle of each log, with no zero of the encoder."""
         found = []
         for log in self.logs:
             answer = self.respond(log, values)
-            angle = None
-            if log.joint_rad is not None:
-                off = answer.angle_rad - log.joint_rad
-                angle = off - off[log.counted].mean()
+            angle = None if log.joint_rad is None else _centred(answer.angle_rad - log.joint_rad, log)
             found.append((answer.torque_N_m - log.torque_N_m, angle))
         return found
 
     def _weighted(self, values: Mapping[JointNumber, float]) -> Array:
         """Residuals in units of their expected size, then those of what is known before."""
-        parts = []
-        for log, (torque, angle) in zip(self.logs, self.errors(values), strict=True):
-            size = max(log.noise_N_m, TORQUE_SHARE * float(np.ptp(log.torque_N_m)))
-            parts.append(torque[log.counted] / size)
-            if angle is not None:
-                parts.append(angle[log.counted] / JOINT_RAD)
-        known = [n for n in values if n.spec.prior]
-        before = [np.log(values[n] / n.of(self.mechanism)) / n.spec.prior for n in known if n.of(self.mechanism) > 0]
-        return np.concatenate([*parts, np.array(before)])
+        rows = [
+            each
+            for log, found in zip(self.logs, self.errors(values), strict=True)
+            for each in self._scaled(log, *found)
+        ]
+        known = [n for n in values if self._is_known(n)]
+        return np.concatenate(
+            [*rows, np.array([np.log(values[n] / n.of(self.mechanism)) / n.spec.prior for n in known])]
+        )
+
+    @staticmethod
+    def _scaled(log: JointLog, torque: Array, angle: Array | None) -> list[Array]:
+        """Rows of a log that count, in units of their expected size: errors, or their slopes."""
+        size = max(log.noise_N_m, TORQUE_SHARE * float(np.ptp(log.torque_N_m)))
+        found = [torque[log.counted] / size]
+        return found if angle is None else [*found, angle[log.counted] / JOINT_RAD]
+
+    def _is_known(self, number: JointNumber) -> bool:
+        return bool(number.spec.prior) and number.of(self.mechanism) > 0
 
     def _blocks(self, rows: int) -> Blocks:
         """Which rows of the residuals belong together: a stretch of moving, of torque and angle alike."""
@@ -153,6 +189,27 @@ class MechanismLaw:
 
     def evaluate(self, values: Mapping[JointNumber, float], over: Sequence[JointNumber]) -> Residuals:
         """Residuals with slopes over some of the values."""
+        if resolve_engine(Engine.AUTO) is Engine.CASADI:
+            return self._differences(values, over)
+        residuals, slopes = list[Array](), list[Array]()
+        for log in self.logs:
+            answer, by = self._slopes(log, values, over)
+            angle = None if log.joint_rad is None else _centred(answer.angle_rad - log.joint_rad, log)
+            residuals += self._scaled(log, answer.torque_N_m - log.torque_N_m, angle)
+            slopes += self._scaled(log, by.torque_N_m, None if angle is None else _centred(by.angle_rad, log))
+        known = [n for n in values if self._is_known(n)]
+        residuals.append(np.array([np.log(values[n] / n.of(self.mechanism)) / n.spec.prior for n in known]))
+        slopes.append(
+            np.array([[(n == k) / (values[n] * n.spec.prior) for k in over] for n in known]).reshape(-1, len(over))
+        )
+        found, by_values = np.concatenate(residuals), np.concatenate(slopes)
+        for k, number in enumerate(over):
+            if number is JointNumber.JOINT_COULOMB and values[number] <= 0:  # no slope there: its law has a corner
+                by_values[:, k] = self._differences(values, [number]).slopes[:, 0]
+        return Residuals(values=found, slopes=by_values, blocks=self._blocks(len(found)))
+
+    def _differences(self, values: Mapping[JointNumber, float], over: Sequence[JointNumber]) -> Residuals:
+        """Residuals with slopes by differences: a simulation for each value."""
         start = np.array([values[n] for n in over])
 
         def predict(x: Array) -> Array:
@@ -197,6 +254,11 @@ class MechanismLaw:
             raise SolveError(str(error)) from None
 
 
+def _centred(rows: Array, log: JointLog) -> Array:
+    """Angles with no zero of the encoder, or their slopes."""
+    return np.asarray(rows - rows[log.counted].mean(axis=0))
+
+
 def widened(covariance: Array, residuals: Residuals, kinds: Blocks) -> Array:
     """A covariance whose variances are at least the squares of what each kind of rows would move the values by."""
     weight = 1 / np.sqrt(1 + residuals.values**2)
@@ -230,29 +292,26 @@ def gains(law: MechanismLaw, solution: Solution, tried: Sequence[JointNumber] = 
     extras = [n for n in tried if n not in own]
     start = {n: law.fixed.get(n, n.of(law.mechanism)) for n in extras}
     found = law.evaluate({**values, **start}, [*own, *extras])
-    before = _left(found, list(range(len(own))))
+    before, _ = stepped(found, list(range(len(own))))
     promised = {}
     for k, number in enumerate(extras):
         columns = [*range(len(own)), len(own) + k]
-        left, step = _stepped(found, columns)
+        left, steps = stepped(found, columns)
+        step = float(steps[-1])
         low = number.spec.low if not number.spec.logarithmic else 0.0
         feasible = low <= start[number] + step <= number.spec.high
         promised[number] = float(np.log(before / left)) if feasible else 0.0
     return promised
 
 
-def _left(found: Residuals, columns: list[int]) -> float:
-    return _stepped(found, columns)[0]
-
-
-def _stepped(found: Residuals, columns: list[int]) -> tuple[float, float]:
-    """Weighted squares after a Gauss-Newton step over some columns, and the last column's step."""
+def stepped(found: Residuals, columns: list[int]) -> tuple[float, Array]:
+    """Weighted squares after a Gauss-Newton step over some columns, and their steps."""
     weight = 1 / (1 + found.values**2) ** 0.25
     slopes = found.slopes[:, columns] * weight[:, None]
     scale = np.maximum(np.sqrt((slopes**2).sum(axis=0)), 1e-300)
     step = np.linalg.lstsq(slopes / scale, -found.values * weight, rcond=None)[0]
     left = found.values * weight + (slopes / scale) @ step
-    return float(left @ left), float(step[-1] / scale[-1])
+    return float(left @ left), np.asarray(step / scale)
 
 
 def covariance_of(law: MechanismLaw, solution: Solution) -> Array:

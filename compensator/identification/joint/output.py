@@ -10,9 +10,9 @@ from tendonff.compensator.identification.joint.report import identification_repo
 from tendonff.compensator.identification.joint.result import JointIdentification
 from tendonff.compensator.identification.joint.routine import MotorRoutine, suggest_routine
 from tendonff.compensator.identification.servo import write_chirp
-from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.reporting.page import write_report
 from tendonff.compensator.reporting.plots import save_figure
+from tendonff.compensator.scenario.driven.joint import JointScenario
 
 _CHIRP_RAD = 0.1
 

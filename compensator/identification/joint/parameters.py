@@ -20,6 +20,7 @@ class Role(StrEnum):
     CORE = "always"
     STOP = "where the joint ran into a stop"
     EXTRA = "where the data support it"
+    PARTNER = "beside the number that it belongs to"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -249,6 +250,7 @@ class JointNumber(_Specified, Enum):
             step=1.0,
             of_force=True,
             effect="load-independent friction",
+            advice="push until a tendon is slack at another pre-tension too",
         ),
     )
     BACKLASH = (
@@ -268,9 +270,38 @@ class JointNumber(_Specified, Enum):
             effect="a softer second tendon, as behind a spring",
         ),
     )
+    RELAXING = (
+        "relaxing_share",
+        JointSpec(
+            unit="-",
+            role=Role.EXTRA,
+            low=0.0,
+            high=20.0,
+            step=0.2,
+            floor=0.02,
+            effect="stress relaxation of the tendons",
+            advice="add a push against a stop that is held for some relaxation times",
+        ),
+    )
+    RELAXATION_TIME = (
+        "relaxation_time_s",
+        JointSpec(
+            unit="s",
+            role=Role.PARTNER,
+            key="tendon.relaxation_time_s",
+            logarithmic=True,
+            step=0.5,
+            prior=1.5,
+            floor=0.05,
+            advice="add a push against a stop that is held for some relaxation times",
+        ),
+    )
 
     def of(self, mechanism: Mechanism) -> float:
         """The mechanism's value; a start where it has none."""
+        if self is JointNumber.RELAXING:
+            tendon = mechanism.tendons[0].tendon
+            return tendon.relaxing_stiffness_N_per_m / tendon.stiffness_N_per_m
         if not self.spec.key:
             return self.spec.start
         table, _, key = self.spec.key.partition(".")
@@ -303,6 +334,9 @@ class JointNumber(_Specified, Enum):
 
 NUMBERS = tuple(JointNumber)
 EXTRAS = tuple(n for n in NUMBERS if n.spec.role is Role.EXTRA)
+PARTNERS = {JointNumber.RELAXING: (JointNumber.RELAXATION_TIME,)}
+"""Numbers that mean something beside another one only."""
+
 Values = Mapping[JointNumber, float]
 
 
@@ -324,13 +358,32 @@ def put_into(mechanism: Mechanism, values: Values) -> Mechanism:
             numbers[_FACTORS[number]] = value / number.of(mechanism)
         elif number is n.ADHESION:
             numbers |= {f"tendons.{t.name}.friction.adhesion_N": value for t in mechanism.tendons}
-        elif number.spec.key:
+        elif number.spec.key and number is not n.RELAXATION_TIME:
             numbers[key_in(mechanism, number)] = value
-    changed = with_numbers(mechanism, numbers)
+    changed = _relaxing(with_numbers(mechanism, numbers), values)
     if (softer := values.get(n.SECOND_SIDE, 1.0)) == 1.0:
         return changed
     first, second = changed.tendons
     return replace(changed, tendons=(first, replace(second, tendon=second.tendon.scaled(1 / softer))))
+
+
+def _relaxing(mechanism: Mechanism, values: Values) -> Mechanism:
+    """The mechanism with the relaxation of all tendons that the values hold, a share of their stiffness."""
+    share, time_s = values.get(JointNumber.RELAXING), values.get(JointNumber.RELAXATION_TIME)
+    if share is None:
+        return mechanism
+    tendons = tuple(
+        replace(
+            each,
+            tendon=replace(
+                each.tendon,
+                relaxing_stiffness_N_per_m=share * each.tendon.stiffness_N_per_m,
+                relaxation_time_s=each.tendon.relaxation_time_s if time_s is None else time_s,
+            ),
+        )
+        for each in mechanism.tendons
+    )
+    return replace(mechanism, tendons=tendons)
 
 
 def require_loop(mechanism: Mechanism, file: str) -> None:

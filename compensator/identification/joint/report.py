@@ -6,6 +6,7 @@ from shlex import quote
 from matplotlib.figure import Figure
 
 from tendonff.compensator.files.text import as_argument
+from tendonff.compensator.identification.answer.result import reasons_of
 from tendonff.compensator.identification.joint.estimates import DERIVED
 from tendonff.compensator.identification.joint.parameters import JointNumber
 from tendonff.compensator.identification.joint.result import JointIdentification
@@ -41,9 +42,9 @@ def identification_report(found: JointIdentification, figures: Mapping[str, Figu
                 None if e.interval is None else f"{e.interval[0]:.4g} to {e.interval[1]:.4g}",
                 "yes" if e.identifiable else "no",
                 e.scenario,
-                e.reason,
+                why,
             )
-            for e in found.estimates
+            for e, why in zip(found.estimates, reasons_of(found.estimates), strict=True)
         ],
         digits=4,
     )

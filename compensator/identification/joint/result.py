@@ -15,8 +15,8 @@ from tendonff.compensator.identification.joint.sensor import SensorFit
 from tendonff.compensator.identification.joint.torque import TorqueFit
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.reading import Finding
-from tendonff.compensator.joint.scenario.scenario import JointScenario, parse_joint_scenario
 from tendonff.compensator.reporting.results import Result, views_of
+from tendonff.compensator.scenario.driven.joint import JointScenario, parse_joint_scenario
 
 DESCRIBED_PERCENT = 10.0
 """A law with a larger RMS error of the torque, in % of its range, does not describe the device."""

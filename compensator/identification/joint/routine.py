@@ -8,12 +8,12 @@ import numpy as np
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.measured import Array
-from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
+from tendonff.compensator.scenario.driven.joint import JointScenario, sample_joint
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.closed_form import GrossSliding, data_sheet
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.models.turns import in_turn
-from tendonff.ocp.fits.mechanism import MotorResponse, MotorRun, respond
+from tendonff.ocp.fits.mechanism import Loop, MotorResponse, MotorRun, respond
 
 ROW_S = 0.01
 TORQUE_SHARE, SPEED_SHARE = 0.8, 0.5
@@ -152,7 +152,7 @@ def suggest_routine(scenario: JointScenario) -> MotorRoutine:
     motor = pen.motor_rad
     run = MotorRun(motor_rad=motor, step_s=ROW_S, start_rad=start)
     try:
-        expected = respond(mechanism, run, segments=MASSES)
+        expected = respond(Loop(mechanism=mechanism), run, segments=MASSES)
     except ParameterError as error:
         raise InputError(f"{file}: {error}") from None
     return MotorRoutine(
@@ -173,6 +173,8 @@ def _push(mechanism: Mechanism, law: GrossSliding, ratio: float, start: float, t
     if most is None:
         return touch + way * wanted
     ramp = np.concatenate([np.zeros(20), np.linspace(0.0, touch, 200), touch + way * np.linspace(0, wanted, 100)])
-    answer = respond(mechanism, MotorRun(motor_rad=ramp, step_s=ROW_S, start_rad=start), segments=MASSES)
+    answer = respond(
+        Loop(mechanism=mechanism), MotorRun(motor_rad=ramp, step_s=ROW_S, start_rad=start), segments=MASSES
+    )
     over = np.flatnonzero(np.abs(answer.torque_N_m) > TORQUE_SHARE * most)
     return float(ramp[over[0]]) if over.size and over[0] > 220 else touch + way * wanted

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from scipy.stats import t as student
 from threadpoolctl import threadpool_limits
 
 from tendonff.compensator.files.reading import InputError
@@ -26,6 +27,7 @@ from tendonff.compensator.identification.joint.output import write_files
 from tendonff.compensator.identification.joint.parameters import (
     ANGLE_OR_PUSH,
     EXTRAS,
+    PARTNERS,
     JointNumber,
     put_into,
     require_loop,
@@ -33,9 +35,10 @@ from tendonff.compensator.identification.joint.parameters import (
 from tendonff.compensator.identification.joint.result import DESCRIBED_PERCENT, JointComparison, JointIdentification
 from tendonff.compensator.identification.joint.sensor import SensorFit, fit_sensor
 from tendonff.compensator.identification.joint.torque import TorqueFit, fit_torque
-from tendonff.compensator.joint.observer_table import ObserverTable
-from tendonff.compensator.joint.scenario.scenario import JointScenario
+from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.reporting.results import Views, register_views
+from tendonff.compensator.scenario.driven.joint import JointScenario
+from tendonff.compensator.scenario.driven.observer_table import ObserverTable
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters import Mechanism
@@ -56,6 +59,17 @@ STEEP_EXPONENT = 1.1
 
 HOPELESS = 2.0
 """A law whose error is larger by this factor after its first steps is given up."""
+
+ALTERNATIVES = {N.ADHESION: 0.3, N.RELAXING: 0.3}
+"""Effects that a slope at zero does not show, since other numbers have taken their place: where a search of its own
+starts, in pre-tensions and as a share of the stiffness.
+"""
+
+AS_GOOD = 1.92
+"""Loss of log-likelihood within which a law is not excluded: half of the 95 % quantile of chi-squared of one number."""
+
+WIDER = 1.5
+"""Factor on a standard error by which an alternative is worth a word."""
 
 MOST_EXTRAS = 3
 FIRST_STEPS, STEPS, FINE_STEPS = 5, 15, 4
@@ -204,20 +218,29 @@ def _fitted(
         note = "the pushes end before a tendon is slack"
         law = replace(law, fixed={N.MU: N.MU.of(mechanism)}, as_read=False)
         law, solution, tried = _searched(law, free, looks, some, say)
+    alternatives: dict[JointNumber, dict[JointNumber, float]] = {}
+    if touched and N.MU not in law.fixed:
+        solution, tried, alternatives = with_alternatives(law, solution, tried, say)
     say("finer mechanism")
     fine = replace(law, segments=FINE_MASSES, refinement=2)
-    solution = fine.fit(_values(solution), most=FINE_STEPS)
+    before, solution = solution, fine.fit(_values(solution), most=FINE_STEPS)
+    covariance = covariance_of(fine, solution)
+    reached = {n: spanned(solution, covariance, [values], before) for n, values in alternatives.items()}
     return Found(
         law=fine,
         solution=solution,
-        covariance=covariance_of(fine, solution),
+        covariance=spanned(solution, covariance, list(alternatives.values()), before),
         tried=tried,
         kept_because=note,
         not_identifiable=not_identifiable,
+        alternatives=tuple(
+            n for n, wide in reached.items() if (np.diag(wide) > WIDER**2 * np.diag(covariance))[:3].any()
+        ),
     )
 
 
-_Search = tuple[MechanismLaw, Solution, tuple[tuple[N, float, bool], ...]]
+Tried = tuple[tuple[N, float, bool], ...]
+_Search = tuple[MechanismLaw, Solution, Tried]
 
 
 def _searched(
@@ -296,7 +319,7 @@ def _slack(law: MechanismLaw, solution: Solution) -> bool:
 
 def _with_extras(
     law: MechanismLaw, solution: Solution, some: Sequence[JointNumber], say: Callable[[str], None]
-) -> tuple[Solution, tuple[tuple[JointNumber, float, bool], ...]]:
+) -> tuple[Solution, Tried]:
     """Take up effects one by one as long as the data support another."""
     tried: dict[JointNumber, tuple[float, bool]] = {}
     for _ in range(MOST_EXTRAS):
@@ -312,11 +335,55 @@ def _with_extras(
         say(f"with {best.spec.effect}")
         start = law.fixed.get(best, best.of(law.mechanism))
         nudged = start - best.spec.step / 2 if start >= best.spec.high else start + best.spec.step / 10
-        more = law.fit({**_values(solution), best: nudged}, most=STEPS)
+        partners = {n: n.of(law.mechanism) for n in PARTNERS.get(best, ())}
+        more = law.fit({**_values(solution), best: nudged, **partners}, most=STEPS)
         if blocks / 2 * np.log(solution.cost / more.cost) < TUNED.worth_a_constant:
             break
         solution, tried[best] = more, (worth[best], True)
     return solution, tuple((n, gain, taken) for n, (gain, taken) in tried.items())
+
+
+def with_alternatives(
+    law: MechanismLaw, solution: Solution, tried: Tried, say: Callable[[str], None]
+) -> tuple[Solution, Tried, dict[JointNumber, dict[JointNumber, float]]]:
+    """Search with each of these effects from well within its range; one that explains the logs better is taken up.
+
+    Also returned are the values with those that explain them about as well, by their effect.
+    """
+    gained, found = {n: (gain, taken) for n, gain, taken in tried}, dict[JointNumber, Solution]()
+    left = {n: share for n, share in ALTERNATIVES.items() if n not in solution.values}
+    blocks = len(np.unique(solution.residuals.blocks))
+    for number, share in left.items():
+        say(f"with {number.spec.effect}")
+        values = _values(solution)
+        if number is N.ADHESION:
+            values |= {number: share * values[N.TENSION], N.MU: values[N.MU] / (1 + share)}
+        else:
+            values |= {number: share, **{n: n.of(law.mechanism) for n in PARTNERS[number]}}
+        try:
+            found[number] = law.fit(values, most=STEPS)
+        except SolveError:
+            continue
+        gained[number] = (blocks / 2 * float(np.log(solution.cost / found[number].cost)), False)
+    best = min(found, key=lambda n: found[n].cost, default=None)
+    taken = best is not None and gained[best][0] >= TUNED.worth_a_constant
+    if best is not None and taken:
+        gained[best] = (gained[best][0], True)
+    tried = tuple((n, *each) for n, each in gained.items())
+    if best is not None and taken:
+        return with_alternatives(law, found[best], tried, say)
+    return solution, tried, {n: _values(each) for n, each in found.items() if gained[n][0] > -AS_GOOD}
+
+
+def spanned(
+    solution: Solution, covariance: Array, alternatives: Sequence[Mapping[JointNumber, float]], before: Solution
+) -> Array:
+    """The covariance whose intervals reach the values with alternatives too, found beside those of `before`."""
+    reach = float(student.ppf(0.975, max(solution.degrees, 1)))
+    for alternative in alternatives:
+        apart = np.array([alternative[N(name)] - before.values[name] for name in solution.values]) / reach
+        covariance = covariance + np.outer(apart, apart)
+    return covariance
 
 
 def _answer(
@@ -343,7 +410,7 @@ def _answer(
     taken += ["motor that moves in counts"] if law.as_read else []
     name = ", ".join(("loop with presliding", *taken)) if sensor is None else "virtual sensor of a loop"
     encoder = any(log.joint_rad is not None for log in law.logs)
-    warnings = list(_warnings(found, described=described, joint=encoder, observed=sensor is not None))
+    warnings = list(warnings_of(found, described=described, joint=encoder, observed=sensor is not None))
     if sensor is not None and len(law.logs) == 1:
         warnings.append(_ONE_FILE)
     mechanism = put_into(scenario.mechanism, found.identified)
@@ -391,7 +458,8 @@ def _compared(log: JointLog, role: str, law: MechanismLaw, values: Mapping[Joint
     )
 
 
-def _warnings(found: Found, *, described: bool, joint: bool, observed: bool) -> Iterator[str]:
+def warnings_of(found: Found, *, described: bool = True, joint: bool = True, observed: bool = False) -> Iterator[str]:
+    """Sentences on what a fit rests on, for the user."""
     if not described:
         yield (
             "the mechanism does not explain the torque: something else loads the joint, or signs, units, moment_arm_m, "
@@ -410,6 +478,11 @@ def _warnings(found: Found, *, described: bool, joint: bool, observed: bool) -> 
         yield (
             f"{found.kept_because}: only (T/k) tanh(mu theta/2) and {known} identified; "
             "mu_dynamic is the scenario's, and pretension_N and stiffness_N_per_m belong to it"
+        )
+    for alternative in found.alternatives:
+        yield (
+            f"{alternative.spec.effect} would explain the log about as well: the intervals reach its values too; "
+            f"{alternative.spec.advice}"
         )
     if bound := [n for n in found.solution.at_bound if n not in found.not_identifiable]:
         yield f"{', '.join(bound)} ended at a bound of the search; check the scenario's value"

@@ -9,8 +9,11 @@ import numpy as np
 from tendonff.compensator.files.reading import InputError, nearest_column
 from tendonff.compensator.files.tables import Table, read_table
 from tendonff.compensator.identification.measured import Array, Mask
+from tendonff.compensator.identification.measured.reading import LEAST_TARE_ROWS
 from tendonff.compensator.identification.measured.smoothing import adaptive_low_pass, count_of, low_pass_piece, noise_of
+from tendonff.models.cached import cached_property
 from tendonff.models.joint.parameters.finger import Finger, Motor
+from tendonff.ocp.fits.mechanism import MotorRun
 
 ROW_S = 0.01
 """Step of what is fitted: a log that is faster is thinned to it."""
@@ -63,21 +66,35 @@ class MotorsLog:
         """Shape (rows,)."""
         return np.arange(len(self.torque_N_m), dtype=np.float64) * self.step_s
 
+    @cached_property
+    def turning(self) -> tuple[MotorRun, ...]:
+        """Motion of each motor."""
+        return tuple(MotorRun(motor_rad=angle, step_s=self.step_s, start_rad=0.0) for angle in self.motor_rad.T)
+
     @property
     def encoders(self) -> Mask:
         """Which joints have an encoder, shape (joints,)."""
         return np.asarray(np.isfinite(self.joint_rad).all(axis=0))
 
 
-def read_logs(finger: Finger, files: Sequence[Path], start_rad: Array, skip_s: float | None) -> list[MotorsLog]:
-    """Read measured files; InputError where one cannot be used."""
+def read_logs(
+    finger: Finger,
+    files: Sequence[Path],
+    start_rad: Array,
+    skip_s: float | None,
+    tare_s: tuple[float, float] | None = None,
+) -> list[MotorsLog]:
+    """Read measured files; InputError where one cannot be used.
+
+    Torques are set to zero over `tare_s`, from and to after the first row [s], and `skip_s` is left out at the start.
+    """
     names = [Path(file).name for file in files]
     if twice := next((name for name in names if names.count(name) > 1), None):
         raise InputError(f"{twice} is given twice; name each measured file once")
-    return [_read(finger, Path(file), start_rad, skip_s or 0.0) for file in files]
+    return [_read(finger, Path(file), start_rad, skip_s or 0.0, tare_s) for file in files]
 
 
-def _read(finger: Finger, file: Path, start_rad: Array, skip_s: float) -> MotorsLog:
+def _read(finger: Finger, file: Path, start_rad: Array, skip_s: float, tare_s: tuple[float, float] | None) -> MotorsLog:
     motors = [f"motor_{motor.name}_rad" for motor in finger.motors]
     torques = [(f"motor_torque_{m.name}_N_m", f"motor_current_{m.name}_A") for m in finger.motors]
     alone = ("joint_rad",) if len(finger.joints) == 1 else ()
@@ -90,7 +107,8 @@ def _read(finger: Finger, file: Path, start_rad: Array, skip_s: float) -> Motors
             raise InputError(f'{file.name}: column "{name}" is missing{near}; the log needs the angle of each motor')
     time, _ = table.seconds("time_s")
     found = [table.numbers(name) for name in motors]
-    found += [_torque(table, names, motor, file.name) for names, motor in zip(torques, finger.motors, strict=True)]
+    felt = [_torque(table, names, motor, file.name) for names, motor in zip(torques, finger.motors, strict=True)]
+    found += felt if tare_s is None else [_tared(values, time, tare_s, file.name) for values in felt]
     blank = np.full(len(time), np.nan)
     angles = [next((table.numbers(n) for n in names if n in table.columns), blank) for names in joints]
     needed = np.column_stack([time, *found])
@@ -110,6 +128,19 @@ def _read(finger: Finger, file: Path, start_rad: Array, skip_s: float) -> Motors
             "gap, and give its parts as files"
         )
     return _sampled(finger, file.name, time, values, start_rad, tuple(findings))
+
+
+def _tared(torque: Array, time: Array, tare_s: tuple[float, float], file: str) -> Array:
+    """A torque less its median over a time in which its motor is not loaded."""
+    since = time - time[np.isfinite(time)][0]
+    rows = (since >= tare_s[0]) & (since <= tare_s[1]) & np.isfinite(torque)
+    if rows.sum() < LEAST_TARE_ROWS:
+        raise InputError(
+            f"{file}: {rows.sum()} samples between {tare_s[0]:g} and {tare_s[1]:g} s, {LEAST_TARE_ROWS} are needed to "
+            "set the torques to zero; give --tare a longer time within the file"
+        )
+    zeroed: Array = torque - float(np.median(torque[rows]))
+    return zeroed
 
 
 def _torque(table: Table, names: tuple[str, str], motor: Motor, file: str) -> Array:

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.files.writing import atomic_directory, write_csv, write_json, write_text
+from tendonff.compensator.identification.answer.result import reasons_of
 from tendonff.compensator.identification.joint.fitted import moved_files
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.motors.result import MotorsComparison, MotorsIdentification
@@ -118,9 +119,9 @@ def identification_report(found: MotorsIdentification, figures: Mapping[str, Fig
                 None if e.interval is None else f"{e.interval[0]:.4g} to {e.interval[1]:.4g}",
                 "yes" if e.identifiable else "no",
                 e.scenario,
-                e.reason,
+                why,
             )
-            for e, unit in zip(found.estimates, found.units, strict=True)
+            for e, unit, why in zip(found.estimates, found.units, reasons_of(found.estimates), strict=True)
         ],
         digits=4,
     )

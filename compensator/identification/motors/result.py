@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from tendonff.compensator.finger.scenario import FingerScenario, parse_finger_scenario
 from tendonff.compensator.identification.answer.result import Estimate
 from tendonff.compensator.identification.measured import Array, Mask
-from tendonff.compensator.joint.scenario.scenario import JointScenario, parse_joint_scenario
 from tendonff.compensator.reporting.results import Result, views_of
+from tendonff.compensator.scenario.driven.finger import FingerScenario, parse_finger_scenario
+from tendonff.compensator.scenario.driven.joint import JointScenario, parse_joint_scenario
 from tendonff.compensator.scenario.kind import Kind
 
 DESCRIBED_PERCENT = 10.0

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.finger.scenario import SampledFinger
 from tendonff.compensator.identification.measured import Array
+from tendonff.compensator.scenario.driven.finger import SampledFinger
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.joint.parameters.finger import Finger

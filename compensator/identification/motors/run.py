@@ -11,12 +11,13 @@ import numpy as np
 from scipy.stats import t as student
 from threadpoolctl import threadpool_limits
 
+from tendonff.compensator.compensators.motors.task import ASSUMED_SPREAD
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.finger.scenario import FingerScenario, SampledFinger, sample_finger
 from tendonff.compensator.identification.answer.result import Estimate, estimate_columns, is_known
+from tendonff.compensator.identification.constants import TUNED, with_torque_constant
 from tendonff.compensator.identification.joint.fitted import set_keys, to_toml
 from tendonff.compensator.identification.measured import Array
-from tendonff.compensator.identification.motors.law import MotorsLaw
+from tendonff.compensator.identification.motors.law import Lacking, MotorsLaw
 from tendonff.compensator.identification.motors.log import MotorsLog, read_logs
 from tendonff.compensator.identification.motors.numbers import Number, numbers_of, put_into, scenarios_own
 from tendonff.compensator.identification.motors.output import identification_figures, write_files
@@ -26,10 +27,10 @@ from tendonff.compensator.identification.motors.result import (
     MotorsIdentification,
 )
 from tendonff.compensator.identification.motors.routine import MotorsRoutine, suggest_motors
-from tendonff.compensator.joint.scenario.base import with_base
-from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
-from tendonff.compensator.joint.task import ASSUMED_SPREAD
 from tendonff.compensator.reporting.results import Views, register_views
+from tendonff.compensator.scenario.driven.base import with_base
+from tendonff.compensator.scenario.driven.finger import FingerScenario, SampledFinger, sample_finger
+from tendonff.compensator.scenario.driven.joint import JointScenario, sample_joint
 from tendonff.compensator.scenario.kind import Kind
 from tendonff.models.joint.parameters import DriveKind
 from tendonff.models.joint.parameters.finger import Finger, Motor
@@ -64,6 +65,7 @@ def identify_motors(
     validate: Sequence[str | os.PathLike[str]] = (),
     *,
     skip_s: float | None = None,
+    tare_s: tuple[float, float] | None = None,
     say: Callable[[str], None] = lambda _: None,
 ) -> MotorsIdentification:
     """Fit a finger or a pair to what its motors felt.
@@ -79,6 +81,8 @@ def identify_motors(
         Files that judge the law.
     skip_s : float, optional
         Leave out the start of every file [s].
+    tare_s : tuple of float, optional
+        From and to in every file, while no motor is loaded: torques are set to zero there [s].
     say : callable, optional
         Callback for messages on the work in progress.
 
@@ -92,8 +96,8 @@ def identify_motors(
     _require_friction(finger, scenario.source.name)
     files, judging = tuple(map(Path, data)), tuple(map(Path, validate))
     with threadpool_limits(limits=1, user_api="blas"):
-        logs = read_logs(finger, files, start_rad, skip_s)
-        judges = read_logs(finger, judging, start_rad, skip_s)
+        logs = read_logs(finger, files, start_rad, skip_s, tare_s)
+        judges = read_logs(finger, judging, start_rad, skip_s, tare_s)
         numbers = numbers_of(finger, [log.name for log in logs], _starts(finger, logs))
         coarse = MotorsLaw(finger=finger, logs=logs, numbers=numbers, segments=COARSE_MASSES)
         say("whole mechanism")
@@ -174,6 +178,10 @@ def _answer(
     inputs: tuple[Path, ...],
 ) -> MotorsIdentification:
     finger, covariance = law.finger, law.covariance(solution)
+    lacking = [each for each in law.lacking(solution) if each.gain >= TUNED.worth_a_constant]
+    reach = float(student.ppf(0.975, max(solution.degrees, 1)))
+    for each in lacking:  # the intervals reach the values with it too
+        covariance = covariance + np.outer(each.shift, each.shift) / reach**2
     compared = [_compared(log, "fit", law, solution.values) for log in law.logs]
     compared += [_judged(log, law, solution) for log in judges]
     worst = max(float(c.torque_percent.max()) for c in compared if c.role == "fit")
@@ -188,7 +196,7 @@ def _answer(
     values = {e.name: e.value for e in estimates if e.identifiable} if described else {}
     return MotorsIdentification(
         asked=scenario,
-        text=_fitted_text(scenario, put_into(finger, values), estimates) if described else scenario.text,
+        text=fitted_text(scenario, put_into(finger, values), estimates) if described else scenario.text,
         motors=tuple(m.name for m in finger.motors),
         joints=finger.names,
         described=described,
@@ -197,7 +205,7 @@ def _answer(
         comparisons=tuple(compared),
         correlation_names=tuple(n.key for n in kept),
         correlation=correlation,
-        warnings=tuple(_warnings(law, described=described)),
+        warnings=tuple(_warnings(law, lacking, described=described)),
         inputs=inputs,
     )
 
@@ -241,13 +249,15 @@ def _estimate(
     elif not known:
         why = f"its standard error is {error:.2g} {number.unit}; {number.advice}"
     elif number.of_force:
-        why += ", as measured by the motors: as good as their torque constants"
+        why += ", as measured by the motors: its interval counts 10 % for their torque constants"
     before = scenarios_own(finger, number.key)
+    whole, half = with_torque_constant(value, error, reach) if number.of_force else (error, reach * error)
     return Estimate(
         name=number.key,
         value=value if known else (before if before is not None else value),
-        standard_error=error if np.isfinite(error) else None,
-        interval=(value - reach * error, value + reach * error) if known else None,
+        standard_error=whole if np.isfinite(error) else None,
+        interval=(value - half, value + half) if known else None,
+        interval_as_measured=(value - reach * error, value + reach * error) if known and number.of_force else None,
         identifiable=known,
         why=why,
         scenario=before,
@@ -255,13 +265,18 @@ def _estimate(
     )
 
 
-def _warnings(law: MotorsLaw, *, described: bool) -> Iterator[str]:
+def _warnings(law: MotorsLaw, lacking: Sequence[Lacking], *, described: bool) -> Iterator[str]:
     if not described:
         yield (
             "the mechanism does not explain the torques: something else loads a joint, or signs, units, moment arms or "
             "drum radii are wrong; fitted.toml is the scenario"
         )
         return
+    for each in lacking:
+        yield (
+            f"{each.name} of the tendons would explain the log better; it is not fitted for several motors, and the "
+            "intervals are wider by what it would change: measure it on one tendon, and state it in the scenario"
+        )
     if not all(log.encoders.all() for log in law.logs):
         yield (
             "without encoders at all joints their angles count from where the reference starts, and stiffness is known "
@@ -269,7 +284,7 @@ def _warnings(law: MotorsLaw, *, described: bool) -> Iterator[str]:
         )
 
 
-def _fitted_text(scenario: FingerScenario | JointScenario, finger: Finger, estimates: Sequence[Estimate]) -> str:
+def fitted_text(scenario: FingerScenario | JointScenario, finger: Finger, estimates: Sequence[Estimate]) -> str:
     """Text of the scenario with the mechanism's numbers, and its intervals as [robust.spread]."""
     raw: dict[str, Any] = with_base(tomllib.loads(scenario.text), scenario.source, [])
     raw["name"] = f"{scenario.name}, fitted"
@@ -326,8 +341,9 @@ def _robust(finger: Finger, known: dict[str, Estimate], stated: dict[str, Any]) 
 
 
 def _half_width(estimate: Estimate) -> float:
-    """Half of the interval over the value; the assumed width of one that is not identified."""
-    if estimate.interval is None:
-        return ASSUMED_SPREAD
-    half = (estimate.interval[1] - estimate.interval[0]) / 2 / abs(estimate.value)
-    return round(min(max(half, 1e-4), 0.99), 4)
+    """Half of the interval over the value; the assumed width of one that is not identified.
+
+    Without the torque constants: where all forces are off alike, the joints stand where they did.
+    """
+    half = estimate.own_half_width
+    return ASSUMED_SPREAD if half is None else round(min(max(half, 1e-4), 0.99), 4)

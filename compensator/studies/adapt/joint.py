@@ -6,13 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from matplotlib.figure import Figure
 
+from tendonff.compensator.compensators.motors.adaptation import TunedJoint, with_factor
+from tendonff.compensator.compensators.motors.task import verifying_masses
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.writing import atomic_directory, write_csv
-from tendonff.compensator.joint.adaptation import TunedJoint, with_factor
-from tendonff.compensator.joint.plant import verifying_masses
-from tendonff.compensator.joint.scenario.scenario import JointScenario, SampledJoint, sample_joint
-from tendonff.compensator.joint.scenario.settings import JointAdaptation
 from tendonff.compensator.reporting.colours import BLUE, INK, VERMILION
 from tendonff.compensator.reporting.page import (
     FileNote,
@@ -29,6 +27,8 @@ from tendonff.compensator.reporting.plots import figure_style, legend_below, new
 from tendonff.compensator.reporting.results import Result, Views, register_views
 from tendonff.compensator.runtime.kinds import RuntimeKind, RuntimeStatus
 from tendonff.compensator.runtime.runtime import Runtime
+from tendonff.compensator.scenario.driven.joint import JointScenario, SampledJoint, sample_joint
+from tendonff.compensator.scenario.driven.settings import JointAdaptation
 from tendonff.compensator.studies.adapt.result import moving_rms
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.models.parameters.numbers import with_numbers
@@ -193,22 +193,7 @@ register_views(JointAdaptationStudy, Views(write=JointAdaptationStudy.write, col
 def adapt_joint(scenario: JointScenario, *, progress: Progress = silent) -> JointAdaptationStudy:
     """Try self-tuning of a joint on loops of 40 masses that differ from the scenario.
 
-    The motor is assumed to follow its command.
-
-    Raises
-    ------
-    InputError
-        If the scenario has no table [adaptation], or its joint cannot be tuned.
-    CodeError
-        If no C compiler works here.
-    SolveError
-        If the simulation of a loop fails.
-
-    Examples
-    --------
-    >>> import tendonff as tf
-    >>> study = tf.adapt(tf.load_scenario("examples/hand_joint_adaptive.toml"))  # doctest: +SKIP
-    >>> print(study.headline)  # doctest: +SKIP
+    The motor is assumed to follow its command. Arguments and errors as of `tendonff.adapt`.
     """
     sampled = sample_joint(scenario)
     tuned = TunedJoint.of(scenario, sampled)

@@ -60,18 +60,7 @@ register_views(AdaptationStudy, Views(write=write_files, columns=estimate_table,
 def adapt(scenario: Scenario, *, progress: Progress = silent) -> AdaptationStudy:
     """Try the self-tuning compensator on plants that differ from the scenario.
 
-    Raises
-    ------
-    InputError
-        If the scenario has no table [adaptation].
-    CodeError
-        If no C compiler works here.
-
-    Examples
-    --------
-    >>> import tendonff as tf
-    >>> study = tf.adapt(tf.load_scenario("examples/finger_adaptive.toml"))  # doctest: +SKIP
-    >>> print(study.headline)  # doctest: +SKIP
+    Arguments and errors as of `tendonff.adapt`.
     """
     settings = scenario.adaptation
     if settings is None:

@@ -1,23 +1,23 @@
 """Model level that a joint needs: every compensator, designed on each level, simulated on every level."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.expectation import expectation_of
+from tendonff.compensator.compensators.motors.registry import MotorCompensator, chosen, task_of
+from tendonff.compensator.compensators.motors.task import MotorTask
 from tendonff.compensator.files.notices import by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.writing import atomic_directory
-from tendonff.compensator.finger.scenario import FingerScenario
-from tendonff.compensator.finger.task import task_of
-from tendonff.compensator.joint.scenario.scenario import JointScenario
-from tendonff.compensator.joint.task import MotorTask
 from tendonff.compensator.reporting.page import Report, pictures_of, provenance_of, write_pages
 from tendonff.compensator.reporting.plots import figure_style
 from tendonff.compensator.reporting.results import Views, register_views
+from tendonff.compensator.scenario.driven.finger import FingerScenario
+from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.studies.compare.figures import errors_figure, matrix_figure
 from tendonff.compensator.studies.compare.matrix import (
     REFINEMENTS,
@@ -93,31 +93,19 @@ register_views(JointComparison, Views(write=JointComparison.write, columns=matri
 
 
 @in_turn
-def compare_joint(scenario: JointScenario | FingerScenario, *, progress: Progress = silent) -> JointComparison:
+def compare_joint(
+    scenario: JointScenario | FingerScenario,
+    *,
+    compensators: Sequence[MotorCompensator | str] | None = None,
+    progress: Progress = silent,
+) -> JointComparison:
     """Compare the fidelity levels with each other on a scenario of driven joints.
 
-    Parameters
-    ----------
-    scenario : JointScenario or FingerScenario
-    progress : callable, optional
-
-    Raises
-    ------
-    InputError
-        If the reference has no meaning, or cannot be followed.
-    SolveError
-        If an inverse or a simulation fails.
-
-    Examples
-    --------
-    >>> import tendonff as tf
-    >>> scenario = tf.load_scenario("examples/hand_joint.toml")
-    >>> comparison = tf.compare(scenario)  # doctest: +SKIP
-    >>> print(comparison.headline)  # doctest: +SKIP
+    Arguments and errors as of `tendonff.compare`.
     """
     tasks = {level: task_of(scenario, level) for level in Level}
     own = tasks[Level.PRESLIDING]
-    compensators = own.compensators
+    tried = chosen(own, compensators)
     parts = Parts(progress, len(Level) * (len(_PLANTS) + 1))
     commands: dict[tuple[str, Level], FloatArray] = {}
     entries: list[Entry] = []
@@ -125,12 +113,12 @@ def compare_joint(scenario: JointScenario | FingerScenario, *, progress: Progres
     seen: dict[tuple[bytes, str], tuple[Entry, FloatArray]] = {}
     warnings = list(own.warnings)
     for level, task in tasks.items():
-        for each in compensators:
+        for each in tried:
             commands[each.name, level] = each.command_rad(task)
         warnings += [f"designed on {level}: {note}" for note in task.notes]
         parts.done()
         for plant in _PLANTS:
-            for each in compensators:
+            for each in tried:
                 command = commands[each.name, level]
                 key = (command.tobytes(), plant)
                 if key not in seen:  # what does not know the level is simulated once
@@ -147,8 +135,8 @@ def compare_joint(scenario: JointScenario | FingerScenario, *, progress: Progres
                 entries.append(replace(found, compensator=each.name, design_level=level, plant_level=plant))
             parts.done()
     bands = own.bands(commands)
-    text, best = recommend(entries, compensators, bands, str(own.doubt), _SIMPLE, own.unit)
-    order = {each.name: k for k, each in enumerate(compensators)}
+    text, best = recommend(entries, tried, bands, str(own.doubt), _SIMPLE, own.unit)
+    order = {each.name: k for k, each in enumerate(tried)}
     entries.sort(key=lambda entry: order[entry.compensator])  # stable: levels and plants keep their order
     on_level = {name: band for (name, level), band in bands.items() if level is best}
     return JointComparison(
@@ -158,7 +146,7 @@ def compare_joint(scenario: JointScenario | FingerScenario, *, progress: Progres
         unit=own.unit,
         plants=_PLANTS,
         static="static" if "static" in order else "linear",
-        compensators=compensators,
+        compensators=tried,
         entries=tuple(entries),
         outputs=outputs,
         bands=bands,
@@ -174,10 +162,10 @@ def _outputs(
 ) -> Iterator[FloatArray]:
     """Response of a plant with ever larger steps, then to commands that are a little different."""
     for refinement, factor in (*((each, 1.0) for each in REFINEMENTS), (REFINEMENTS[0], 1 + NUDGE)):
-        found = task.reached(task.system, factor * command, level=level, refinement=refinement)
+        found = task.respond(task.system, factor * command, level=level, refinement=refinement)
         if refinement == REFINEMENTS[0] and factor == 1 and found.slack:
             warnings.append(f"{what}: {found.slack}")
-        yield found.values
+        yield task.values_of(found)
 
 
 def _report(result: JointComparison, figures: dict[str, Figure]) -> Report:

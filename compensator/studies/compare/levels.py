@@ -12,7 +12,7 @@ import numpy as np
 
 from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.scenario.sampled.sampling import Reference
-from tendonff.models.capstan import Branch, CapstanLaw
+from tendonff.models.capstan import Branch, CapstanLaw, behind_drive_N
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs, ChainState
 from tendonff.models.parameters import Transmission
@@ -123,7 +123,7 @@ def level_traits(transmission: Transmission, level: Level | None, reference: Ref
     ramps = [np.linspace(a, b, rows, endpoint=False) for a, b in ((start, high), (high, low), (low, high))]
     force = np.concatenate([*ramps, np.linspace(high, low, rows + 1)])
     if level is None:
-        output = law.output_history_N(force, start)
+        output = law.output_history_N(behind_drive_N(transmission.actuator.law, force, start), start)
         hold_time, hold = np.array([0.0, _hold_s(transmission)]), np.array([high, high])
         relaxed = 0.0
     else:
@@ -149,8 +149,9 @@ def _probe_forces(transmission: Transmission, law: CapstanLaw, reference: Refere
     """Forces that bring the output to the reference's extremes, within the actuator's limits."""
     actuator, start = transmission.actuator, reference.initial_tension_N
     highest, lowest = float(reference.tension_N.max()), float(reference.tension_N.min())
-    high = min(float(law.input_for_N(max(highest, 1.1 * start), Branch.PULL)), actuator.force_max_N)
-    low = float(law.input_for_N(min(lowest, 0.9 * start), Branch.RELEASE))
+    drive = actuator.law
+    high = min(float(drive.force_N(law.input_for_N(max(highest, 1.1 * start), Branch.PULL), 1.0)), actuator.force_max_N)
+    low = float(drive.force_N(law.input_for_N(min(lowest, 0.9 * start), Branch.RELEASE), -1.0))
     # A tenth of the tension is kept: near slack everything is different, and not the subject here.
     return max(low, actuator.force_min_N, 0.1 * start), max(high, 1.01 * start)
 

@@ -13,7 +13,7 @@ from tendonff.compensator.compensators.expectation import (
 from tendonff.compensator.compensators.optimal import Optimal
 from tendonff.compensator.compensators.plant import Plant, Slack, delivered_of, followed
 from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
-from tendonff.compensator.compensators.registry import COMPENSATORS
+from tendonff.compensator.compensators.registry import COMPENSATORS, chosen
 from tendonff.compensator.compensators.score import ignored_motion, slack_warnings
 from tendonff.compensator.files.notices import Remark, by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
@@ -35,7 +35,7 @@ from tendonff.compensator.studies.compare.matrix import (
 from tendonff.compensator.studies.compare.output import matrix_columns, write_files
 from tendonff.compensator.studies.compare.own import own_force
 from tendonff.compensator.studies.compare.result import CAPSTAN_PLANT, PLANTS, Comparison
-from tendonff.models.capstan import CapstanLaw
+from tendonff.models.capstan import CapstanLaw, behind_drive_N
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.models.turns import in_turn
@@ -58,27 +58,19 @@ register_views(Comparison, Views(write=write_files, columns=matrix_columns, figu
 def compare(
     scenario: Scenario,
     *,
-    compensators: Sequence[Compensator] = FEEDFORWARDS,
+    compensators: Sequence[Compensator | str] = FEEDFORWARDS,
     options: TrackOptions | None = None,
     progress: Progress = silent,
 ) -> Comparison:
     """Compare the fidelity levels with each other and with the static law on one scenario.
 
-    Of the compensators, by default all but the optimal profile, "none", "capstan" and one beside "smoothed" that knows
-    the level must be among them; the options say what the optimal profile is optimised for. InputError if the reference
-    cannot be delivered, SolveError if a simulation fails.
-
-    Examples
-    --------
-    >>> import tendonff as tf
-    >>> scenario = tf.load_scenario("examples/finger.toml")
-    >>> comparison = tf.compare(scenario)  # doctest: +SKIP
-    >>> print(comparison.headline)  # doctest: +SKIP
+    Of the compensators "none", "capstan" and one beside "smoothed" that knows the level must be among them. Arguments
+    and errors as of `tendonff.compare`.
     """
-    reference, compensators = sample_reference(scenario), (*compensators, *own_force(scenario))
+    reference, tried = sample_reference(scenario), (*chosen(compensators), *own_force(scenario))
     transmission = moved(scenario, float(reference.time_s[-1]), periodic=scenario.reference.periodic)
     warnings = list(reference.warnings)
-    shares = sum(1 if c.is_fast else SLOW_PARTS for c in compensators)
+    shares = sum(1 if c.is_fast else SLOW_PARTS for c in tried)
     parts = Parts(progress, len(Level) * (shares + len(PLANTS) + 2))
     entries: list[Entry] = []
     outputs: dict[tuple[str, Level, str], FloatArray] = {}
@@ -89,7 +81,7 @@ def compare(
     slack: dict[tuple[str, str], Slack] = {}
     for level in Level:
         problem = Problem.of(scenario, level=level, reference=reference, options=options)
-        answers = answers_of(problem, compensators, parts)
+        answers = answers_of(problem, tried, parts)
         profiles, failed, refused = answers.profiles, failed | answers.failed, refused | answers.refused
         for name, profile in profiles.items():
             if profile.status is not ProfileStatus.GOOD:
@@ -97,7 +89,7 @@ def compare(
             if profile.status is not ProfileStatus.FAILED:
                 usable[name, level] = profile
         warnings += [f"designed on {level}: {note}" for note in problem.unsettled]
-        if _is_bound(profiles) and not any(isinstance(c, Optimal) for c in compensators):
+        if _is_bound(profiles) and not any(isinstance(c, Optimal) for c in tried):
             warnings.append(Remark(_NOT_SEARCHED))
         for plant in PLANTS:
             for name, profile in profiles.items():
@@ -111,9 +103,9 @@ def compare(
                 entries.append(replace(found, compensator=name, design_level=level, plant_level=plant))
             parts.done()
     bands = error_bands(problem.doubt, Level.PRESLIDING, usable, reference)  # on the most detailed level
-    compensators = [c for c in compensators if c.name not in failed | refused]
+    shown = [c for c in tried if c.name not in failed | refused]
     entries = [entry for entry in entries if entry.compensator not in failed | refused]
-    text, best = recommend(entries, compensators, bands, str(problem.doubt), SIMPLE)
+    text, best = recommend(entries, shown, bands, str(problem.doubt), SIMPLE)
     on_level = {name: band for (name, level), band in bands.items() if level is best}
     expectation = expectation_of(problem.doubt, Level.PRESLIDING, on_level, reference.share_of, reference.unit)
     traits, costs = {}, {}
@@ -123,7 +115,7 @@ def compare(
         costs[name] = level_cost(transmission, model, reference)
         if model is not None:
             parts.done(2)
-    order = {c.name: k for k, c in enumerate(compensators)}
+    order = {c.name: k for k, c in enumerate(shown)}
     entries.sort(key=lambda e: order[e.compensator])  # stable: levels and plants keep their order
     return Comparison(
         scenario=scenario,
@@ -133,7 +125,7 @@ def compare(
         plants=PLANTS,
         static="capstan",
         reference=reference,
-        compensators=tuple(compensators),
+        compensators=tuple(shown),
         entries=tuple(entries),
         outputs=outputs,
         traits=traits,
@@ -183,7 +175,8 @@ def _outputs(
         rows = followed(transmission.actuator, profile.given, reference) if force else profile.force_N
         if reference.periodic:  # the second period is that of the steady state
             rows = np.concatenate([rows[:-1], rows])
-        tension = law.output_history_N(rows, start)[-len(profile.force_N) :]
+        pulled = behind_drive_N(transmission.actuator.law, rows, start)
+        tension = law.output_history_N(pulled, start)[-len(profile.force_N) :]
         yield delivered_of(transmission.load, tension, reference)
         return
     level = Level(plant)

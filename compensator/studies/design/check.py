@@ -3,9 +3,7 @@
 from dataclasses import replace
 
 from tendonff.compensator.compensators.method_check import MethodCheck
-from tendonff.compensator.finger.result import FingerDesign
-from tendonff.compensator.finger.task import task_of
-from tendonff.compensator.joint.design.result import JointDesign
+from tendonff.compensator.studies.design.motors.result import MotorDesign
 from tendonff.compensator.studies.design.result import Design
 from tendonff.ocp.integrate.method import Method
 
@@ -20,16 +18,14 @@ def check_design(result: Design, method: Method) -> MethodCheck:
     return MethodCheck.of(method, result.recommended.label, "N", result.reference.tension_N, outputs)
 
 
-def check_driven(result: JointDesign | FingerDesign, method: Method) -> MethodCheck:
-    """Simulate the recommended motor angles by the fixed step and by a method on the design model.
+def check_driven(result: MotorDesign, method: Method) -> MethodCheck:
+    """Simulate the recommended motor angles on the design model by the fixed step and by a method.
 
     SolveError if a simulation fails.
     """
-    task = task_of(result.scenario)
-    recommended = task.compensator(result.expectation.recommended)
-    command = recommended.command_rad(task)
-    shown = task.unit.factor
-    by_step, by_method = (
-        shown * task.reached(task.system, command, method=each).values for each in (Method.BDF2, method)
+    task, unit = result.task, result.goal.unit
+    command = result.recommended.command_rad(task)
+    first, second = (
+        unit.factor * task.values_of(task.respond(task.system, command, method=each)) for each in (Method.BDF2, method)
     )
-    return MethodCheck.of(method, recommended.label, task.unit.shown, shown * task.wanted, (by_step, by_method))
+    return MethodCheck.of(method, result.recommended.label, unit.shown, unit.factor * task.wanted, (first, second))

@@ -8,7 +8,7 @@ from tendonff.compensator.compensators.expectation import expect
 from tendonff.compensator.compensators.live import expect_live
 from tendonff.compensator.compensators.plant import FINE_REFINEMENT, FINE_SEGMENTS, Plant
 from tendonff.compensator.compensators.profile import FloatArray, ProfileStatus
-from tendonff.compensator.compensators.registry import COMPENSATORS
+from tendonff.compensator.compensators.registry import COMPENSATORS, chosen
 from tendonff.compensator.compensators.score import (
     Verified,
     harm_warnings,
@@ -43,37 +43,18 @@ register_views(Design, Views(write=write_files, columns=profile_columns, figures
 def design(
     scenario: Scenario,
     *,
-    compensators: Sequence[Compensator] = COMPENSATORS,
+    compensators: Sequence[Compensator | str] = COMPENSATORS,
     options: TrackOptions | None = None,
     strict: bool = False,
     progress: Progress = silent,
 ) -> Design:
     """Design the force profile of a scenario by every compensator, and simulate each on every level.
 
-    InputError if the reference cannot be delivered, SolveError if a simulation fails.
-
-    Parameters
-    ----------
-    compensators : sequence of Compensator, optional
-        Default: all; the one named "none" is what the others are compared with.
-    options : TrackOptions, optional
-        What the optimal profile is optimised for; default: what the scenario asks for.
-    strict : bool, optional
-        Refuse a reference out of the actuator's reach, instead of designing the best achievable profile.
-    progress : callable, optional
-        Callback(completed, total).
-
-    Examples
-    --------
-    >>> import tendonff as tf
-    >>> scenario = tf.load_scenario("examples/finger.toml")
-    >>> fast = [each for each in tf.COMPENSATORS if each.is_fast]
-    >>> result = tf.design(scenario, compensators=fast)
-    >>> print(result.recommended.label)
-    exact inverse
+    Arguments and errors as of `tendonff.design`.
     """
     problem = Problem.of(scenario, reference=sample_reference(scenario, strict=strict), options=options)
     reference, transmission, level = problem.reference, problem.transmission, problem.level
+    compensators = chosen(compensators)
     shares = sum(1 if c.is_fast else SLOW_PARTS for c in compensators)
     parts = Parts(progress, shares + len(compensators) * (len(Level) + 1))
     warnings = [*reference.warnings, *_file_warnings(scenario, problem)]

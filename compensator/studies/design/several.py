@@ -12,8 +12,6 @@ from tendonff.compensator.compensators.expectation import two_digits
 from tendonff.compensator.files.notices import Danger
 from tendonff.compensator.files.text import InputError, as_argument
 from tendonff.compensator.files.writing import atomic_directory
-from tendonff.compensator.finger.result import FingerDesign
-from tendonff.compensator.joint.design.result import JointDesign
 from tendonff.compensator.reporting.colours import BLUE, INK
 from tendonff.compensator.reporting.page import (
     Cell,
@@ -27,9 +25,10 @@ from tendonff.compensator.reporting.page import (
     write_pages,
 )
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure
+from tendonff.compensator.studies.design.motors.result import MotorDesign
 from tendonff.compensator.studies.design.result import Design
 
-AnyDesign: TypeAlias = Design | JointDesign | FingerDesign
+AnyDesign: TypeAlias = Design | MotorDesign
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,7 +37,7 @@ class Designs:
 
     Attributes
     ----------
-    results : dict of str to Design, JointDesign or FingerDesign
+    results : dict of str to Design or MotorDesign
         By the stem of the scenario's file, which is the folder of the result too.
     """
 

@@ -90,11 +90,13 @@ def plan_experiment(scenario: Scenario) -> Plan:
     """
     settings, transmission = scenario.experiment, scenario.transmission
     where = f"{scenario.source.name} [experiment]"
-    if transmission.actuator.coulomb_N:
-        raise InputError(
-            f"{scenario.source.name} [actuator]: coulomb_N must be 0 in the two-motor test, whose motors have no dry "
-            f"friction, got {transmission.actuator.coulomb_N:g}; leave it out in a copy of the scenario for this test"
-        )
+    for key, none in (("coulomb_N", 0.0), ("gear_efficiency", 1.0)):
+        value = getattr(transmission.actuator, key)
+        if value not in (None, none):
+            raise InputError(
+                f"{scenario.source.name} [actuator]: {key} must be {none:g} in the two-motor test, whose motors have "
+                f"no dry friction, got {value:g}; leave it out in a copy of the scenario for this test"
+            )
     low, high = _tensions(settings, transmission, where)
     own = settings.own_states()
     states = ten_states(settings, transmission, low, high) if own is None else own

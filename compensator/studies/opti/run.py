@@ -1,27 +1,26 @@
 """`tf.opti`: what a scenario asks for, as a `casadi.Opti` with the scenario's reference, limits and weights."""
 
-import numpy as np
-
 from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.motors.finger import FingerTask
+from tendonff.compensator.compensators.motors.joint import JointTask
 from tendonff.compensator.compensators.optimal import posed
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.finger.compensators import FingerTask
-from tendonff.compensator.finger.scenario import FingerScenario
-from tendonff.compensator.joint.compensators import JointTask
-from tendonff.compensator.joint.scenario.reference import JointQuantity
-from tendonff.compensator.joint.scenario.scenario import JointScenario
+from tendonff.compensator.scenario.driven.finger import FingerScenario
+from tendonff.compensator.scenario.driven.joint import JointScenario
+from tendonff.compensator.scenario.driven.reference import JointQuantity
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
+from tendonff.ocp.opti.choices import Collocation
 from tendonff.ocp.opti.joint import JointFormulation, Pursuit, formulate_joint, formulate_mechanism
-from tendonff.ocp.opti.tendon import Collocation, Formulation, formulate
+from tendonff.ocp.opti.tendon import TensionFormulation, formulate
 from tendonff.ocp.tracking.track import first_guess
 
 
 @in_turn
 def opti_of_tension(
     scenario: Scenario, how: Collocation, *, level: Level | None = None, payload: bool = False
-) -> Formulation:
+) -> TensionFormulation:
     """Pose the problem of one tendon; see `opti`."""
     _require_once(scenario.source.name, scenario.reference.periodic)
     if payload and scenario.transmission.load.joint is not None:
@@ -63,7 +62,7 @@ def opti_of_finger(
     task = FingerTask.of(scenario, level)
     pursuit = Pursuit(
         wanted_rad=task.wanted_rad,
-        motor_rad=np.asarray(task.inversion.motor),
+        motor_rad=task.inversion.motor_rad,
         contact_N_m=task.sampled.effort_N_m,
         step_s=scenario.run.step_s,
     )

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
+from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.writing import write_csv
-from tendonff.compensator.finger.compensators import FingerTask
-from tendonff.compensator.finger.scenario import FingerScenario
+from tendonff.compensator.scenario.driven.finger import FingerScenario
 from tendonff.compensator.scenario.sampled.joint_motion import motion_by_file
 from tendonff.compensator.studies.simulate.motors import behind, check_step, finer, read_motors
 from tendonff.compensator.studies.simulate.result import SimulatedFile

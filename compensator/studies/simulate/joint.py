@@ -8,7 +8,7 @@ import numpy as np
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.files.writing import write_csv
-from tendonff.compensator.joint.scenario.scenario import JointScenario, sample_joint
+from tendonff.compensator.scenario.driven.joint import JointScenario, sample_joint
 from tendonff.compensator.scenario.sampled.joint_motion import motion_by_file
 from tendonff.compensator.studies.simulate.motors import behind, check_step, finer, read_motors
 from tendonff.compensator.studies.simulate.result import SimulatedFile

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
+from tendonff.compensator.compensators.motors.drive import driven
 from tendonff.compensator.files.reading import FloatArray, InputError, read_csv
 from tendonff.compensator.files.tables import table_dialect
-from tendonff.compensator.joint.drive import driven
 from tendonff.models.joint.parameters import JointDrive
 from tendonff.ocp.tendon.crosscheck import NUDGE, StepTally
 

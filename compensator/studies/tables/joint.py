@@ -11,13 +11,11 @@ from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.expectation import Expectation
 from tendonff.compensator.compensators.expected import expectation_summary, robustness_table
+from tendonff.compensator.compensators.motors.joint import JointTask, motor_names
+from tendonff.compensator.compensators.motors.registry import MotorCompensator, motor_compensator
+from tendonff.compensator.compensators.motors.task import MotorTask
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.files.writing import atomic_directory, csv_text, write_text
-from tendonff.compensator.joint.compensators import JointCompensator, JointTask, joint_compensator
-from tendonff.compensator.joint.design.figures import motor_names
-from tendonff.compensator.joint.plant import verifying_masses
-from tendonff.compensator.joint.scenario.reference import JointQuantity
-from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.reporting.colours import GREEN, INK, VERMILION, Style
 from tendonff.compensator.reporting.page import (
     FileNote,
@@ -30,6 +28,8 @@ from tendonff.compensator.reporting.page import (
     write_pages,
 )
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure
+from tendonff.compensator.scenario.driven.joint import JointScenario
+from tendonff.compensator.scenario.driven.reference import JointQuantity
 from tendonff.compensator.scenario.sampled.joint_motion import posed
 from tendonff.models.errors import require
 from tendonff.models.fidelity import Level
@@ -146,25 +146,7 @@ def tabulate_joint(
 ) -> JointTable:
     """Tabulate the quasi-static law of a joint over the range of its reference.
 
-    Parameters
-    ----------
-    scenario : JointScenario
-    level : Level, optional
-        Of the plants that judge it; default: the scenario's own.
-    bound : float, optional
-        Largest interpolation error [rad] of the joint; default: 0.1 % of the reference's range.
-    angles_rad : sequence of float, optional
-        Nodes, from the least angle of the reference or below to the largest or above; default: as many as the bound
-        needs.
-    rates : sequence of float, optional
-        Speeds of the joint [rad/s], > 0, at which its damping acts: a further axis.
-    pose_rad : mapping of str to float, optional
-        Angles of joints that no tendon drives, constant for the table.
-
-    Raises
-    ------
-    InputError
-        If a table has no meaning: for a torque, or where other joints move the path.
+    Arguments and errors as of `tendonff.make_table`.
     """
     scenario = posed(scenario, pose_rad) if pose_rad else scenario
     task, file = JointTask.of(scenario, level), scenario.source.name
@@ -195,13 +177,13 @@ def tabulate_joint(
         if error <= bound or nodes >= _MOST or given is not None:
             break
         nodes = 2 * nodes - 1
-    table = JointCompensator(
+    table = MotorCompensator(
         name="table",
         label="table over angle and direction",
         style=Style(color=GREEN, linestyle="-"),
         motor_rad=lambda own: _command(own, angle, speeds, motor),
     )
-    each = (joint_compensator("linear"), table, joint_compensator("inverse"))
+    each = (motor_compensator(task, "linear"), table, motor_compensator(task, "inverse"))
     commands = {one.name: one.command_rad(task) for one in each}
     return JointTable(
         scenario=scenario,
@@ -209,7 +191,7 @@ def tabulate_joint(
         speeds_rad_per_s=speeds,
         motor_rad=motor,
         error_rad=error,
-        masses=verifying_masses(mechanism),
+        masses=task.masses,
         expectation=task.expect(commands),
     )
 
@@ -251,7 +233,7 @@ def _looked_up(nodes_rad: FloatArray, motor_rad: FloatArray, angle_rad: FloatArr
 
 
 def _command(
-    task: JointTask, nodes_rad: FloatArray, speeds_rad_per_s: tuple[float, ...], motor_rad: dict[str, FloatArray]
+    task: MotorTask, nodes_rad: FloatArray, speeds_rad_per_s: tuple[float, ...], motor_rad: dict[str, FloatArray]
 ) -> FloatArray:
     """Motor angles by the table, shape (rows, motors); at the start at rest none."""
     angle, rows = task.sampled.angle_rad, np.arange(len(task.sampled.angle_rad))
@@ -272,7 +254,7 @@ def _command(
 
 
 def _motors(scenario: JointScenario) -> list[str]:
-    names = motor_names(scenario)
+    names = motor_names(scenario.mechanism)
     return ["motor_rad"] if names == ("motor",) else [f"motor_{name}_rad" for name in names]
 
 
@@ -318,11 +300,11 @@ def _figure(result: JointTable) -> Figure:
     """Motor angle beyond a straight line, over the joint's angle."""
     figure, axes = new_figure(1, 1)
     panel, angle = axes[0, 0], result.angle_rad
-    for k, motor in enumerate(motor_names(result.scenario)):
+    for k, motor in enumerate(motor_names(result.scenario.mechanism)):
         middle = 0.5 * sum(values[0, :, k] for values in result.motor_rad.values())
         line = np.polyval(np.polyfit(angle, middle, 1), angle)
         for (branch, values), colour in zip(result.motor_rad.items(), (INK, VERMILION), strict=True):
-            label = f"{branch}" + (f", {motor}" if len(motor_names(result.scenario)) > 1 else "")
+            label = f"{branch}" + (f", {motor}" if len(motor_names(result.scenario.mechanism)) > 1 else "")
             style = ("-", "--")[k % 2]
             panel.plot(np.rad2deg(angle), np.rad2deg(values[0, :, k] - line), style, color=colour, label=label)
     panel.set(xlabel="joint angle [deg]", ylabel="motor less a line [deg]")

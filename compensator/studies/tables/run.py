@@ -36,27 +36,7 @@ def make_tables(
 ) -> Tables:
     """Tables over the requested axes, and the scores of the scenario's own.
 
-    Parameters
-    ----------
-    level : Level, optional
-        Default: the scenario's own.
-    bound : float, optional
-        Largest interpolation error [N]; default: 0.5 % of the reference's range.
-    angles_rad : sequence of float, optional
-        Wrap angles [rad], > 0; a further column of the file.
-    rates : sequence of float, optional
-        Rates of the reference [N/s], > 0; a further column of the file.
-    pose_rad : mapping of str to float, optional
-        Angles of joints, constant for the table, by name [rad].
-
-    Examples
-    --------
-    >>> import tendonff as tf
-    >>> scenario = tf.load_scenario("examples/finger.toml")
-    >>> tables = tf.make_table(scenario, level=tf.Level.ELASTIC)
-    >>> first = tables.tables[0].built
-    >>> bool(first.error_N <= first.bound_N)
-    True
+    Arguments and errors as of `tendonff.make_table`.
     """
     scenario = posed(scenario, pose_rad) if pose_rad else scenario
     for name, values in (("angles", angles_rad), ("rates", rates)):
@@ -95,7 +75,7 @@ def make_tables(
     met = limit_warnings("table", compensation.wanted_N(problem), profile.force_N)
     bounds = problem.options.minimum_tension_N, problem.options.maximum_tension_N
     needed = problem.inversion.force_N, reference.step_s, problem.limits
-    causes = reasons(law_of(problem.chain), reference.tension_N, *needed, *bounds) if met else ()
+    causes = reasons(law_of(problem.chain), reference.tension_N, *needed, *bounds, problem.chain.drive) if met else ()
     options = {"level": level, "bound": bound, "angles": _listed(angles_rad), "rates": _listed(rates)}
     options["pose"] = " --pose ".join(f"{name}={angle}" for name, angle in pose_rad.items())
     return Tables(

@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.files.writing import atomic_directory, write_csv
-from tendonff.compensator.joint.scenario.scenario import JointScenario
 from tendonff.compensator.reporting.colours import BLUE, GREY, INK, ORANGE, VERMILION
 from tendonff.compensator.reporting.page import (
     FileNote,
@@ -26,6 +25,7 @@ from tendonff.compensator.reporting.page import (
 )
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure
 from tendonff.compensator.reporting.results import Result, Views, register_views
+from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.studies.watch.chart import LONGEST_S, Alarm, Course, clock
 from tendonff.compensator.studies.watch.windows import WATCHED, Window
 

@@ -9,7 +9,7 @@ from threadpoolctl import threadpool_limits
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.joint.log import read_logs
 from tendonff.compensator.identification.joint.parameters import require_loop
-from tendonff.compensator.joint.scenario.scenario import JointScenario
+from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.studies.watch.chart import courses_of
 from tendonff.compensator.studies.watch.output import Watch

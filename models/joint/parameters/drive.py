@@ -6,6 +6,7 @@ from enum import StrEnum
 import numpy as np
 
 from tendonff.models.errors import ParameterError, require, require_given
+from tendonff.models.gear import require_efficiency, slip_friction
 from tendonff.models.layout import Array
 from tendonff.models.servo import CommandHold, DriveClass, Servo, assumed_s
 
@@ -102,9 +103,7 @@ class JointDrive:
             require(name, getattr(self, name), least=0, hint="leave it out for none")
         for name in ("torque_constant_N_m_per_A", "speed_max_rad_per_s", "torque_max_N_m", "command_interval_s"):
             require_given(name, getattr(self, name), above=0, hint="leave it out if it is not known")
-        require("gear_efficiency", self.gear_efficiency, above=0, hint="0.9 for a good gear")
-        if self.gear_efficiency > 1:
-            raise ParameterError(f"gear_efficiency must be at most 1, got {self.gear_efficiency}; 0.9 for a good gear")
+        require_efficiency(self.gear_efficiency)
         if self.kind is DriveKind.LOOP:
             if self.pretension_N is None or self.least_tension_N is not None:
                 raise ParameterError('a drive of kind = "loop" needs pretension_N, and no least_tension_N')
@@ -125,7 +124,7 @@ class JointDrive:
         way : ndarray, same shape
             Friction over its value in full slip, -1 to 1: the sign of the speed, or a bristle's state.
         """
-        dry = self.coulomb_N_m + (1 - self.gear_efficiency) * np.abs(held_N_m)
+        dry = slip_friction(self.coulomb_N_m, 1 - self.gear_efficiency, np.abs(held_N_m))
         torque: Array = held_N_m + self.inertia_kg_m2 * acceleration_rad_per_s2 + dry * way
         return torque
 

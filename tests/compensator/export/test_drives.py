@@ -53,7 +53,7 @@ def exported(scenario, name, inputs, precision=Precision.DOUBLE):
     ],
 )
 def test_the_exported_inverse_of_a_rubbing_drive_is_that_of_python(finger, level):
-    scenario = actuated(replace(finger, run=replace(finger.run, level=level)), coulomb_N=4.0)
+    scenario = actuated(replace(finger, run=replace(finger.run, level=level)), coulomb_N=4.0, gear_efficiency=0.9)
     problem = Problem.of(scenario)
     wanted, step = problem.reference.tension_N, problem.reference.step_s
     expected = invert(problem.chain, wanted, step).force_N

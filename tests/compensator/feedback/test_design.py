@@ -10,8 +10,8 @@ import pytest
 
 import tendonff as tf
 from tendonff.compensator.door import design
+from tendonff.compensator.export.joint.project import export_joints
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.joint.export.project import export_joints
 
 pytestmark = pytest.mark.compiler
 

@@ -2,16 +2,16 @@
 
 import pytest
 
-from tendonff.compensator.finger.compensators import FingerTask
+from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.scenarios import load_scenario
-from tendonff.compensator.studies.explore.finger import FingerExplorer
+from tendonff.compensator.studies.explore.motors import MotorExplorer
 
 pytestmark = pytest.mark.compiler
 
 
 @pytest.fixture(scope="module")
 def explorer(examples):
-    return FingerExplorer(load_scenario(examples / "three_joint_finger.toml"))
+    return MotorExplorer(load_scenario(examples / "three_joint_finger.toml"))
 
 
 def start(explorer):
@@ -21,7 +21,7 @@ def start(explorer):
 def test_where_the_knobs_start_the_curves_are_those_of_the_scenario(explorer):
     shown = explorer.explore(start(explorer), design_knows=False, curves=explorer.fast)
     task = FingerTask.of(explorer._task.scenario)
-    reached = task.reached(task.finger, task.inversion.motor).values
+    reached = task.values_of(task.respond(task.finger, task.inversion.motor_rad))
     assert shown.courses["inverse"].score.peak_error == pytest.approx(abs(reached - task.wanted).max())
     assert {"linear", "stretch", "inverse"} <= set(shown.courses)
 

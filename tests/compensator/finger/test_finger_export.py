@@ -9,15 +9,15 @@ import pytest
 
 import tendonff as tf
 from tendonff.compensator.cli import run
+from tendonff.compensator.compensators.motors.finger import FingerTask
+from tendonff.compensator.export.finger import project
+from tendonff.compensator.export.finger.fmu import build_finger_fmu
+from tendonff.compensator.export.finger.golden import followed_course, largest_departure, run_courses
+from tendonff.compensator.export.finger.project import export_fingers
+from tendonff.compensator.export.finger.text import finger_module
 from tendonff.compensator.export.kinds import FmiVersion
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.finger.compensators import FingerTask
-from tendonff.compensator.finger.export import project
-from tendonff.compensator.finger.export.fmu import build_finger_fmu
-from tendonff.compensator.finger.export.golden import followed_course, largest_departure, run_courses
-from tendonff.compensator.finger.export.project import export_fingers
-from tendonff.compensator.finger.export.text import finger_module
-from tendonff.compensator.finger.scenario import FingerScenario, parse_finger_scenario
+from tendonff.compensator.scenario.driven.finger import FingerScenario, parse_finger_scenario
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import SolveError
 
@@ -128,7 +128,7 @@ def test_the_exported_inverse_is_the_runtime():
     task = FingerTask.of(scenario)
     module = finger_module([task], [task.problem(task.finger)], Precision.DOUBLE, "tff")
     course = followed_course(task, Precision.DOUBLE)
-    [answers] = run_courses(module.files, "tff", Precision.DOUBLE, [course], [0])
+    [answers], _ = run_courses(module.files, "tff", Precision.DOUBLE, [course], [0])
     runtime = tf.Runtime(scenario)
     live = np.array([runtime.step(row) for row in course.angle_rad[1:]])
     assert np.abs(answers.command_rad[1:] - live).max() < 1e-9
@@ -141,13 +141,18 @@ def test_the_command_writes_the_folder_and_states_the_errors(tmp_path, capsys):
     assert run(["export-c", str(tmp_path / "three.toml"), "--out", str(tmp_path / "c"), "--precision", "float"]) == 0
     said = "".join(capsys.readouterr())
     assert "three: RMS error" in said
-    assert "by the lengths alone" in said
+    assert "by the ratio alone" in said
     design = json.loads((tmp_path / "c/design.json").read_text("utf-8"))
     scores = design["fingers"][0]["scores"]
     assert scores["inverse"]["rmse_rad"] < 0.1 * scores["linear"]["rmse_rad"]
     readme = (tmp_path / "c/README.md").read_text("utf-8")
     assert "TFF_FINGER_THREE" in readme
     assert "mcp, pip, dip" in readme
+    expected = tf.Runtime(str(tmp_path / "three.toml")).expectation.headline("exact inverse", "")
+    sentence = expected[: expected.index("Next:")]
+    assert sentence.startswith("Tracking error up to")
+    assert f"- three: {sentence}" in readme
+    assert f"three: {sentence}" in said
 
 
 @pytest.mark.parametrize(
@@ -162,10 +167,10 @@ def test_fingers_that_do_not_go_together_are_refused(changes, message):
         export_fingers(finger(), further=(finger("other" if changes else "three", *changes),))
 
 
-def test_commands_that_are_worse_than_the_lengths_are_not_exported(monkeypatch):
-    judge = project.judge_finger
-    monkeypatch.setattr(project, "judge_finger", lambda task, name, command_rad: judge(task, name, 0 * command_rad))
-    with pytest.raises(SolveError, match="not better than the lengths alone"):
+def test_commands_that_are_worse_than_the_ratio_are_not_exported(monkeypatch):
+    judge = project.judge
+    monkeypatch.setattr(project, "judge", lambda task, name, command_rad: judge(task, name, 0 * command_rad))
+    with pytest.raises(SolveError, match="not better than the ratio alone"):
         export_fingers(finger())
     assert "exported because of --force-export" in export_fingers(finger(), force_export=True).warnings[0]
 
@@ -178,7 +183,7 @@ def test_a_unit_of_a_finger_is_valid_and_equals_the_runtime(fmi, tmp_path):
 
     scenario = finger()
     unit = build_finger_fmu(scenario, fmi)
-    assert "by the lengths alone" in unit.lines[0]
+    assert "by the ratio alone" in unit.lines[0]
     unit.write(tmp_path)
     path = str(tmp_path / unit.name)
     assert validate_fmu(path) == []

@@ -10,7 +10,14 @@ import pytest
 
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.identification.answer.report import identification_report
-from tendonff.compensator.identification.answer.result import crosstalk_shares, headline, missing, summary_lines
+from tendonff.compensator.identification.answer.result import (
+    Estimate,
+    crosstalk_shares,
+    headline,
+    missing,
+    reasons_of,
+    summary_lines,
+)
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.capstan import CapstanLaw
@@ -89,3 +96,19 @@ def test_no_value_stands_beside_an_interval_of_another(finger, tmp_path):
         if estimate["estimate"] == estimate["scenario"]:
             assert estimate["interval_95"] is None, name
             assert estimate["standard_error"] is None, name
+
+
+def test_the_column_of_reasons_says_a_text_once():
+    """Texts that differ by the value's own name are one; a part that is new keeps the whole."""
+    stretch = "no positions: {} is not identifiable; measure both positions"
+    texts = {
+        "stiffness_N_per_m": stretch.format("stiffness_N_per_m"),
+        "relaxing_stiffness_N_per_m": stretch.format("relaxing_stiffness_N_per_m"),
+        "mu_dynamic": "dynamic stage",
+        "mu_dynamic_release": "dynamic stage",
+        "damping_N_s_per_m": "standard error 200 %; measure both positions",
+    }
+    estimates = [Estimate(name=name, value=1.0, why=why) for name, why in texts.items()]
+    expected = list(texts.values())
+    expected[1] = "as stiffness_N_per_m"
+    assert reasons_of(estimates) == expected

@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tendonff.compensator.compensators.motors.joint import JointTask
+from tendonff.compensator.compensators.motors.registry import motor_compensator, motor_compensators
+from tendonff.compensator.compensators.motors.task import middle_compliance
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.joint.compensators import JointTask, compensators_of, joint_compensator, middle_compliance
-from tendonff.compensator.joint.plant import verifying_masses
-from tendonff.compensator.joint.scenario.scenario import JointScenario, parse_joint_scenario
+from tendonff.compensator.scenario.driven.joint import JointScenario, parse_joint_scenario
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.models.parameters.uncertainty import Objective, Uncertainty
 
@@ -39,14 +40,14 @@ def test_the_middle_of_the_compliances_is_as_far_from_both_ends(examples: Path) 
 def test_what_is_expected_is_what_plants_at_the_ends_do(examples: Path) -> None:
     """The worst over the samples, each number alone, and the corner that is worst for the profile."""
     task = JointTask.of(hand(examples, STATED))
-    assert [each.name for each in compensators_of(task)] == ["linear", "static", "inverse", "robust"]
-    command = joint_compensator("inverse").command_rad(task)
+    assert [each.name for each in motor_compensators(task)] == ["linear", "static", "inverse", "robust"]
+    command = motor_compensator(task, "inverse").command_rad(task)
     found = task.expect({"inverse": command})
 
     def error(**numbers: float) -> float:
         rig = with_numbers(task.mechanism, {key.replace("__", "."): value for key, value in numbers.items()})
-        plant = task.plant(rig, task.level, masses=verifying_masses(rig))
-        return float(np.sqrt(np.mean((plant.reached(plant.respond(command)) - task.wanted) ** 2)))
+        found = task.respond(rig, command, masses=task.masses)
+        return float(np.sqrt(np.mean((task.values_of(found) - task.wanted) ** 2)))
 
     alone = {each.key: each.rmse for each in found.contributions}
     assert alone["tendon.stiffness_N_per_m"] == pytest.approx(error(tendon__stiffness_N_per_m=0.8 * 2e4))
@@ -58,7 +59,7 @@ def test_what_is_expected_is_what_plants_at_the_ends_do(examples: Path) -> None:
 
 def test_the_middle_compliance_makes_the_worse_end_of_the_stiffness_better(examples: Path) -> None:
     task = JointTask.of(hand(examples, "[robust]\nstiffness = 0.2\n"))
-    found = task.expect({name: joint_compensator(name).command_rad(task) for name in ("inverse", "robust")})
+    found = task.expect({name: motor_compensator(task, name).command_rad(task) for name in ("inverse", "robust")})
     assert found.recommended == "robust"
     bare, robust = found.bands["inverse"], found.bands["robust"]
     assert robust.worst.rmse < 0.93 * bare.worst.rmse

@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
+from tendonff.compensator.compensators.motors import joint, registry
+from tendonff.compensator.compensators.motors.drive import commanded, driven
+from tendonff.compensator.compensators.motors.task import UNSETTLED
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.joint import compensators, plant
-from tendonff.compensator.joint.design.run import design_joint
-from tendonff.compensator.joint.drive import commanded, driven
 from tendonff.compensator.scenarios import load_scenario
+from tendonff.compensator.studies.design.motors.run import design_motors
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters import DriveKind, JointDrive
 from tendonff.ocp.joint.invert import JointStatus
@@ -87,7 +88,7 @@ def test_the_profile_of_a_loop_has_the_promised_columns(hand: Path) -> None:
 
 def test_the_report_draws_and_prints_the_sheet(hand: Path) -> None:
     page = (hand / "out" / "report.html").read_text("utf-8")
-    for text in ("Data sheet of the loop", "recommended pre-tension", "exact inverse", "Robustness to parameter"):
+    for text in ("Data sheet", "recommended pre-tension", "exact inverse", "Robustness to parameter"):
         assert text in page
     for name in ("joint", "tension", "motor", "pretension"):
         assert (hand / "out" / f"{name}.svg").stat().st_size > 5000
@@ -139,7 +140,7 @@ def test_a_wanted_torque_is_given_while_something_else_moves_the_joint(tmp_path:
     text = (examples / "instrument_pair.toml").read_text("utf-8")
     head, _, tail = text.partition("[reference]")
     (tmp_path / "s.toml").write_text(head + reference + tail.partition("[run]")[2], "utf-8")
-    result = design_joint(load_scenario(tmp_path / "s.toml"))
+    result = design_motors(load_scenario(tmp_path / "s.toml"))
     assert result.percent(result.profiles["inverse"].rms) < 1.0
     assert result.percent(result.profiles["linear"].rms) > 5.0
     assert "N m" in result.headline
@@ -152,7 +153,7 @@ def test_a_cycle_is_designed_in_its_steady_state(tmp_path: Path, examples: Path)
         'periodic = true\n[run]\nstep_s = 0.002\nlevel = "presliding"\n'
     )
     (tmp_path / "s.toml").write_text(text, "utf-8")
-    result = design_joint(load_scenario(tmp_path / "s.toml"))
+    result = design_motors(load_scenario(tmp_path / "s.toml"))
     assert math.degrees(result.profiles["inverse"].rms) < 0.1
     ends = result.profiles["inverse"].motor_rad[[0, -1]]
     assert np.abs(ends[0] - ends[1]).max() < 1e-6
@@ -166,7 +167,7 @@ def test_limits_of_the_motor_are_reported(tmp_path: Path, examples: Path) -> Non
         ("torque_max_N_m = 1.0", "torque_max_N_m = 0.05"),
         COARSE,
     )
-    result = design_joint(load_scenario(path))
+    result = design_motors(load_scenario(path))
     text = " ".join(result.warnings)
     assert "speed_max_rad_per_s is 2" in text
     assert "torque_max_N_m is 0.05" in text
@@ -175,9 +176,9 @@ def test_limits_of_the_motor_are_reported(tmp_path: Path, examples: Path) -> Non
 
 
 def test_commands_that_shake_a_joint_without_damping_are_reported(tmp_path: Path, examples: Path) -> None:
-    calm = design_joint(load_scenario(variant(examples, tmp_path, COARSE)))
+    calm = design_motors(load_scenario(variant(examples, tmp_path, COARSE)))
     light = ("damping_N_m_s_per_rad = 2.0e-3", "damping_N_m_s_per_rad = 2.0e-4")
-    shaken = design_joint(load_scenario(variant(examples, tmp_path, COARSE, light)))
+    shaken = design_motors(load_scenario(variant(examples, tmp_path, COARSE, light)))
     assert not any("rings at" in text for text in calm.warnings)
     assert any("the joint rings at 40.3 Hz with 1 %" in text for text in shaken.warnings)
     assert shaken.profiles["inverse"].rms > 3 * calm.profiles["inverse"].rms
@@ -232,7 +233,7 @@ def test_a_homing_stroke_wipes_out_what_was_stored(tmp_path: Path, examples: Pat
     ideal += [("gear_ratio = 1.0                      # turns", "# turns")]
     path = variant(examples, tmp_path, *ideal, COARSE)
     scenario = load_scenario(path)
-    result = design_joint(scenario)
+    result = design_motors(scenario)
     result.write(tmp_path / "out")
     home, profile = columns(tmp_path / "out" / "homing.csv"), columns(tmp_path / "out" / "profile.csv")
     assert list(home) == ["time_s", "reference_rad", "motor_rad"]
@@ -241,7 +242,7 @@ def test_a_homing_stroke_wipes_out_what_was_stored(tmp_path: Path, examples: Pat
     assert abs(profile["motor_inverse_rad"][0]) > 0.005  # friction stores what the stroke leaves
 
     wanted = profile["reference_rad"]
-    problem = joint_problem(scenario.mechanism, scenario.run.level, result.sampled.motion)
+    problem = joint_problem(scenario.mechanism, scenario.run.level, result.task.sampled.motion)
     swing = 0.1 * np.sin(np.linspace(0, np.pi, 200)) ** 2  # joint turned and let back before anything begins
     commands = np.concatenate([home["motor_rad"], profile["motor_inverse_rad"]])
     errors = []
@@ -256,11 +257,9 @@ def test_a_compensator_that_fails_does_not_end_the_design(examples, tmp_path, mo
     def fails(_task):
         raise FloatingPointError("divide by zero")
 
-    broken = [
-        replace(each, motor_rad=fails) if each.name == "static" else each for each in compensators.JOINT_COMPENSATORS
-    ]
-    monkeypatch.setattr(compensators, "JOINT_COMPENSATORS", tuple(broken))
-    result = design_joint(load_scenario(variant(examples, tmp_path, COARSE)))
+    broken = [replace(each, motor_rad=fails) if each.name == "static" else each for each in registry.MOTOR_COMPENSATORS]
+    monkeypatch.setattr(registry, "MOTOR_COMPENSATORS", tuple(broken))
+    result = design_motors(load_scenario(variant(examples, tmp_path, COARSE)))
     assert set(result.profiles) == {"linear", "inverse"}
     assert replace(result, failed={}).is_usable
     pushing = replace(result.inversion, status=JointStatus.WOULD_PUSH)
@@ -271,17 +270,17 @@ def test_a_compensator_that_fails_does_not_end_the_design(examples, tmp_path, mo
 
 def test_a_cycle_that_has_not_settled_is_said(monkeypatch):
     scenario = load_scenario(Path(__file__).parents[2] / "golden" / "spring_cycle.toml")
-    task = compensators.JointTask.of(scenario)
-    command, at = compensators.joint_compensator("inverse").command_rad(task), task.plant(task.mechanism, task.level)
-    assert not at.respond(command).message.startswith(plant.UNSETTLED)
-    monkeypatch.setattr(plant, "_STEADY", 0.0)
-    assert "after 4 periods" in at.respond(command).message
+    task = joint.JointTask.of(scenario)
+    command = task.commanded(task.inversion.motor_rad)
+    assert not task.respond(task.mechanism, command).message.startswith(UNSETTLED)
+    monkeypatch.setattr(joint, "_STEADY", 0.0)
+    assert "after 4 periods" in task.respond(task.mechanism, command).message
 
 
 def test_notes_asked_first_raise_the_error_that_names_the_file(examples, tmp_path, monkeypatch):
     def fails(*_):
         raise ParameterError("moment arms change their sign")
 
-    monkeypatch.setattr(compensators, "inverse_of", fails)
+    monkeypatch.setattr(joint, "inverse_of", fails)
     with pytest.raises(InputError, match=r"s.toml: moment arms change their sign"):
-        _ = compensators.JointTask.of(load_scenario(variant(examples, tmp_path, COARSE))).notes
+        _ = joint.JointTask.of(load_scenario(variant(examples, tmp_path, COARSE))).notes

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import subprocess
 from pathlib import Path
 
@@ -9,11 +10,11 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
+from tendonff.compensator.export.joint import project
+from tendonff.compensator.export.joint.project import export_joints
+from tendonff.compensator.export.joint.text import joint_sources
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.joint.export import project
-from tendonff.compensator.joint.export.project import export_joints
-from tendonff.compensator.joint.export.text import joint_sources
-from tendonff.compensator.joint.scenario.scenario import JointScenario
+from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import SolveError
@@ -164,6 +165,19 @@ def test_a_self_test_notices_a_number_that_is_off(double: Path, tmp_path: Path) 
     assert "FAILED: motor angle, joint 0" in done.stdout
 
 
+def test_a_self_test_calls_at_random_and_no_function_takes_more_stack_than_the_readme_says(double: Path) -> None:
+    """The answers of calls at random that rounding cannot change are nearly all, and statuses are compared exactly."""
+    test = (double / "self_test.c").read_text("utf-8")
+    words = re.findall(r"\d+(?=u)", test.partition("drive_status[DRIVE_BLOCKS] = {")[2].partition("}")[0])
+    assert len(words) > 300
+    assert sum(word != "0" for word in words) > 0.95 * len(words)
+    (said,) = re.findall(r"more than (\d+) bytes of\nstack", (double / "README.md").read_text("utf-8"))
+    done = make(double, "size", "CC=gcc")
+    assert done.returncode == 0, done.stderr
+    stacks = [int(row.split("\t")[1]) for row in done.stdout.splitlines() if row.count("\t") == 2 and ".c:" in row]
+    assert 500 < max(stacks) <= int(said)
+
+
 def test_single_precision_loses_less_than_a_hundredth_of_a_degree(several, tmp_path: Path) -> None:
     exported = export_joints(
         several[0], further=several[1:3], precision=Precision.FLOAT, prefix="hand", force_export=True
@@ -198,10 +212,8 @@ def test_commands_that_are_worse_than_the_ratio_are_not_exported(
     tmp_path: Path, examples: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Commands that do not move the joint, judged on the mechanism as all are."""
-    judge = project.judge_joint
-    monkeypatch.setattr(
-        project, "judge_joint", lambda scenario, sampled, expected: judge(scenario, sampled, 0 * expected)
-    )
+    judge = project.judge
+    monkeypatch.setattr(project, "judge", lambda task, name, command_rad: judge(task, name, 0 * command_rad))
     scenario = changed(examples / "hand_joint.toml", tmp_path / "s.toml")
     with pytest.raises(SolveError, match=r"not better than the ratio alone .*--force-export"):
         export_joints(scenario)

@@ -8,8 +8,8 @@ import pytest
 
 import tendonff as tf
 from tendonff.compensator.cli import run
+from tendonff.compensator.export.joint.fmu import build_joint_fmu
 from tendonff.compensator.export.kinds import FmiVersion
-from tendonff.compensator.joint.export.fmu import build_joint_fmu
 from tests.compensator.joint.test_joint_export import changed
 
 fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed")

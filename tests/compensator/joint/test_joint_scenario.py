@@ -7,9 +7,9 @@ import pytest
 
 from tendonff.compensator.cli import run
 from tendonff.compensator.files.text import InputError
-from tendonff.compensator.joint.design.run import design_joint
-from tendonff.compensator.joint.scenario.scenario import parse_joint_scenario, sample_joint
+from tendonff.compensator.scenario.driven.joint import parse_joint_scenario, sample_joint
 from tendonff.compensator.scenarios import load_scenario
+from tendonff.compensator.studies.design.motors.run import design_motors
 from tendonff.models.joint.parameters import DriveKind
 
 
@@ -159,7 +159,7 @@ def test_a_design_names_the_stop_or_refuses_it_where_strict(
     file.write_text(stopped(quick.replace("segments = 6", "segments = 2"), -0.5, 1.0), "utf-8")
     assert run(["design", str(file), "--out", str(tmp_path / "out"), "--strict"]) == 2
     assert "it goes to 3.1 rad at t = 2.2 s, beyond stop_high_rad = 1" in capsys.readouterr().err
-    result = design_joint(load_scenario(file), strict=False)
+    result = design_motors(load_scenario(file), strict=False)
     assert any("taken back to the stop" in text for text in result.warnings)
     assert result.inversion.tension_N.max() < 60.0  # in silence it was 3 kN
 

@@ -10,11 +10,11 @@ import pytest
 
 import tendonff as tf
 from benchmarks.joint_glitches import Course, Fault
+from tendonff.compensator.compensators.motors.joint import linear_motor_rad
 from tendonff.compensator.export.host import compile_on_host
-from tendonff.compensator.joint.compensators import linear_motor_rad
-from tendonff.compensator.joint.export.project import export_joints
-from tendonff.compensator.joint.export.text import joint_sources, problem_of
-from tendonff.compensator.joint.scenario.scenario import sample_joint
+from tendonff.compensator.export.joint.project import export_joints
+from tendonff.compensator.export.joint.text import joint_sources, problem_of
+from tendonff.compensator.scenario.driven.joint import sample_joint
 from tendonff.ocp.codegen.precision import Precision
 from tests.compensator.joint.test_joint_export import changed
 

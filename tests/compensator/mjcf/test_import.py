@@ -9,8 +9,8 @@ import pytest
 pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
 
 import tendonff as tf
+from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.finger.compensators import FingerTask, linear_motor_rad
 from tendonff.compensator.mjcf.measure import measure
 from tendonff.compensator.mjcf.model import read_hand, sweep_poses
 from tendonff.compensator.mjcf.run import Import, run_import
@@ -55,6 +55,7 @@ def test_tables_have_lengths_moment_arms_and_bends_of_mujoco_at_unseen_poses(nam
         assert tendon.length_error_m < 1e-5
         assert tendon.arm_error_m < 1e-4
         assert tendon.wrap_rms_rad < 2e-3
+        assert tendon.fits
 
 
 def test_a_wrap_of_more_than_half_a_turn_has_its_closed_form(tmp_path: Path) -> None:
@@ -104,8 +105,8 @@ def test_an_imported_finger_is_inverted_and_followed_step_by_step(two: Import) -
         runtime.step(angle, torque_N_m=torque)
         for angle, torque in zip(task.wanted_rad[1:200], task.efforts[1:200], strict=True)
     ]
-    assert np.array(rows) == pytest.approx(inverse.motor[1:200], abs=1e-9)
-    reached = task.respond(task.finger, inverse.motor).position[:, :2]
+    assert np.array(rows) == pytest.approx(inverse.motor_rad[1:200], abs=1e-9)
+    reached = task.respond(task.finger, inverse.motor_rad).position_rad[:, :2]
     assert np.abs(reached - task.wanted_rad).max() < 1e-6
 
 
@@ -198,7 +199,7 @@ def test_the_finger_in_mujoco_follows_within_a_tenth_of_the_error_of_lengths_alo
     address = [model.joint(name).qposadr[0] for name in task.finger.names]
     time = task.sampled.time_s
     worst = {}
-    for name, motors in (("inverse", task.inversion.motor), ("linear", linear_motor_rad(task))):
+    for name, motors in (("inverse", task.inversion.motor_rad), ("linear", task.lengths_rad)):
         data = mujoco.MjData(model)
 
         def motor_rad(at: float, motors: np.ndarray = motors) -> np.ndarray:

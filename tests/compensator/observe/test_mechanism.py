@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import tendonff as tf
-from tendonff.compensator.joint.compensators import linear_motor_rad
-from tendonff.compensator.joint.scenario.scenario import sample_joint
+from tendonff.compensator.compensators.motors.joint import linear_motor_rad
 from tendonff.compensator.observe.mechanism import rubbing
+from tendonff.compensator.scenario.driven.joint import sample_joint
 from tendonff.ocp.joint.start import joint_problem
 from tests.compensator.joint.test_joint_export import changed
 

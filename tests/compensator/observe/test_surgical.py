@@ -11,8 +11,8 @@ from tendonff.compensator.identification.joint.fitted import observer_text
 from tendonff.compensator.identification.joint.log import read_logs
 from tendonff.compensator.identification.joint.sensor import fit_sensor
 from tendonff.compensator.identification.joint.torque import fit_torque, half_width
-from tendonff.compensator.joint.observer_table import ObserverTable
-from tendonff.compensator.joint.scenario.scenario import parse_joint_scenario
+from tendonff.compensator.scenario.driven.joint import parse_joint_scenario
+from tendonff.compensator.scenario.driven.observer_table import ObserverTable
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.joint.quasi_static import LoopTorque

@@ -9,8 +9,8 @@ import pytest
 
 import tendonff as tf
 from tendonff.compensator.cli import run
-from tendonff.compensator.finger.scenario import load_finger_scenario
 from tendonff.compensator.reporting.drawing import described_figure
+from tendonff.compensator.scenario.driven.finger import load_finger_scenario
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.path import Section
 

@@ -11,12 +11,12 @@ import pytest
 
 import tendonff as tf
 from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.motors.drive import commanded
+from tendonff.compensator.compensators.motors.joint import inverse_of
 from tendonff.compensator.export.host import run_on_host
-from tendonff.compensator.joint.compensators import inverse_of
-from tendonff.compensator.joint.drive import commanded
-from tendonff.compensator.joint.export.text import problem_of
-from tendonff.compensator.joint.scenario.scenario import sample_joint
+from tendonff.compensator.export.joint.text import problem_of
 from tendonff.compensator.runtime.code import tendon_runtime
+from tendonff.compensator.scenario.driven.joint import sample_joint
 from tendonff.models.joint.parameters import DrivenJoint
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import CodeError

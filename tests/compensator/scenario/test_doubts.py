@@ -11,15 +11,15 @@ import pytest
 from tendonff.compensator.cli import run
 from tendonff.compensator.files.reading import InputError, read_csv
 from tendonff.compensator.files.writing import write_text
-from tendonff.compensator.finger.doubts import finger_doubts
-from tendonff.compensator.finger.scenario import FingerScenario, load_finger_scenario, parse_finger_scenario
-from tendonff.compensator.joint.scenario.doubts import joint_doubts
 from tendonff.compensator.scenario.doubts import (
     force_doubts,
     force_notes,
     out_of_reach,
     scenario_doubts,
 )
+from tendonff.compensator.scenario.driven.finger import FingerScenario, load_finger_scenario, parse_finger_scenario
+from tendonff.compensator.scenario.driven.finger_doubts import finger_doubts
+from tendonff.compensator.scenario.driven.joint_doubts import joint_doubts
 from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, SineJoint, WaypointJoint
 from tendonff.compensator.scenario.sampled.first_look import first_look
 from tendonff.compensator.scenario.scenario import Scenario, parse_scenario

@@ -287,6 +287,8 @@ def test_a_motor_stands_for_mass_and_largest_force_of_the_actuator() -> None:
         InputError, match=r'\[actuator.motor\]: unknown key "drum_radius", did you mean "drum_radius_m"'
     ):
         parse(text.replace("drum_radius_m", "drum_radius"))
+    with pytest.raises(InputError, match=r"\[actuator.motor\]: gear_efficiency belongs to \[actuator\]"):
+        parse(text.replace("gear_ratio", "gear_efficiency = 0.9\ngear_ratio"))
     with pytest.raises(InputError, match=r"\[actuator.motor\]: gear_ratio must be a finite number > 0, got 0"):
         parse(text.replace("gear_ratio = 25.0", "gear_ratio = 0"))
 

@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tendonff.models.capstan import Branch, CapstanLaw
+from tendonff.models.capstan import Branch, CapstanLaw, behind_drive_N
 from tendonff.models.capstan.spread_bounds import play_exponents
 from tendonff.models.errors import ParameterError
+from tendonff.models.gear import DriveLaw
 from tendonff.models.parameters import Transmission
 from tendonff.models.tendon.bounds import play
 
@@ -188,3 +189,13 @@ def test_at_a_reversal_the_force_of_spread_plays_jumps_by_the_narrowest_band_alo
 def test_a_spread_out_of_bounds_is_refused(spread):
     with pytest.raises(ParameterError, match="pull_spread"):
         replace(SPREAD, pull_spread=spread)
+
+
+@given(reference=histories)
+def test_the_force_of_a_drive_that_rubs_gives_back_what_was_asked_for(reference: np.ndarray) -> None:
+    """Friction of the drive is a play in front of the tendon's: its right inverse acts on the reference's branch."""
+    drive, wanted = DriveLaw(coulomb_N=3.0, lost_share=0.2), reference + 20
+    force = LAW.force_history_N(wanted, drive)
+    tension = behind_drive_N(drive, force, float(wanted[0]))
+    assert LAW.output_history_N(tension) == pytest.approx(wanted, rel=1e-9)
+    assert behind_drive_N(DriveLaw(), force, 0.0) == pytest.approx(force)

@@ -87,7 +87,8 @@ def chain_by_hand(chain: Chain) -> tuple[ca.Function, int]:
         path_force(f[:-1], f[1:], f_f) / ca.DM(piece.mass_kg),
         far_force / far.mass_kg,
     )
-    rate = ca.vertcat(*accelerations, *near.rate(v[0], rubbing), e_rate, *link.rate(e, links), *own_rate, v[0], v_far)
+    dry = near.rate(v[0], rubbing, f[0])
+    rate = ca.vertcat(*accelerations, *dry, e_rate, *link.rate(e, links), *own_rate, v[0], v_far)
     return ca.Function("by_hand", [state, inputs, place, place_rate], [rate, f]), layout.size
 
 

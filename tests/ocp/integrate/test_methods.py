@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 import tendonff as tf
 from tendonff.compensator.cli import app
 from tendonff.compensator.compensators.plant import behind_servo
-from tendonff.compensator.joint.scenario.scenario import sample_joint
+from tendonff.compensator.scenario.driven.joint import sample_joint
 from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level

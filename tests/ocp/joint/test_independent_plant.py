@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tendonff.compensator.joint.compensators import middle_compliance
+from tendonff.compensator.compensators.motors.task import middle_compliance
 from tendonff.models.fidelity import Level
 from tendonff.models.joint.parameters import DriveKind, Mechanism
 from tendonff.models.parameters.uncertainty import Uncertainty

@@ -7,7 +7,7 @@ import pytest
 
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters import DrivenJoint
-from tendonff.ocp.fits.mechanism import MotorRun, respond
+from tendonff.ocp.fits.mechanism import Loop, MotorRun, respond
 from tests import joint_plant
 from tests.joint_rig import ARM, STIFFNESS, mechanism
 
@@ -40,7 +40,7 @@ def test_a_push_against_the_stop_is_that_of_the_independent_plant(record_propert
     motor = np.interp(np.arange(0.0, 1.5, 1e-3), [0.0, 0.6, 1.4, 1.5], [0.0, 0.36, 0.62, 0.62])
     plant = joint_plant.respond(rig, motor, 1e-3, 0.0, tensions_N=np.full(2, 15.0), masses=16, step_s=5e-6)
     felt = ARM * (plant.drum_N[:, 0] - plant.drum_N[:, 1])
-    answer = respond(rig, MotorRun(motor_rad=motor[::5], step_s=5e-3, start_rad=0.0), segments=8)
+    answer = respond(Loop(mechanism=rig), MotorRun(motor_rad=motor[::5], step_s=5e-3, start_rad=0.0), segments=8)
     assert answer.complete
     assert answer.slack
     off = np.abs(answer.held_N_m - felt[::5]).max() / np.ptp(felt)

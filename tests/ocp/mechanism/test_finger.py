@@ -6,7 +6,7 @@ import finger_plant
 import numpy as np
 import pytest
 
-from tendonff.compensator.joint.scenario.scenario import sample_joint
+from tendonff.compensator.scenario.driven.joint import sample_joint
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.models import parameters
 from tendonff.models.errors import ParameterError

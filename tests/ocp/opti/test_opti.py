@@ -8,9 +8,9 @@ import pytest
 
 import tendonff as tf
 from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.motors.finger import FingerTask
+from tendonff.compensator.compensators.motors.joint import JointTask
 from tendonff.compensator.compensators.optimal import solve
-from tendonff.compensator.finger.compensators import FingerTask
-from tendonff.compensator.joint.compensators import JointTask
 from tendonff.models.mechanism.chain import chain_equations
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.integrate.integrate import integrate
@@ -196,7 +196,7 @@ def test_several_joints_follow_their_references_under_a_bound_of_the_user(exampl
     task = FingerTask.of(scenario, tf.Level.ELASTIC)
     rows, motor = task.sampled.time_s, answer.value(problem.motor_rad)
     run = task.respond(task.finger, np.column_stack([np.interp(rows, problem.time_s, each) for each in motor.T]))
-    off = run.position[:, :3] - task.wanted_rad
+    off = run.position_rad[:, :3] - task.wanted_rad
     assert np.sqrt(np.mean(off**2)) < 0.02 * np.ptp(task.wanted_rad, axis=0).max()
     assert answer.value(problem.tension_N)[3:].min() >= 4.0 - 1e-6
 

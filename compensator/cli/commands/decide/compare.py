@@ -32,8 +32,10 @@ def compare(
         from tendonff.compensator import door
         from tendonff.compensator.compensators.registry import COMPENSATORS
 
+        door.require_options("compare", loaded, {"options": optimal})
         with progress("comparing") as advance:
-            result = door.compare(loaded, compensators=COMPENSATORS if optimal else None, progress=advance)
+            names = [each.name for each in COMPENSATORS] if optimal else None
+            result = door.compare(loaded, compensators=names, progress=advance)
         result.write(folder, pdf=pdf)
     warn(*result.warnings)
     say(result.recommendation, result.headline)

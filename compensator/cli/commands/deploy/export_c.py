@@ -21,9 +21,7 @@ from tendonff.ocp.codegen.precision import Precision
 def export_c(
     scenarios: Annotated[
         list[Path],
-        typer.Argument(
-            metavar="SCENARIO...", help="Scenario file (TOML); of driven joints one or more.", show_default=False
-        ),
+        typer.Argument(metavar="SCENARIO...", help="Scenario files (TOML) of one kind.", show_default=False),
     ],
     out: OutFolderOption = Path("c"),
     precision: Annotated[
@@ -36,8 +34,8 @@ def export_c(
 ) -> None:
     """Write C99 for the controller.
 
-    Inverse, capstan law, table, optimal profile, and the chain itself for tests; of driven joints and
-    fingers the inverse, one copy of the code for all of them.
+    Inverse, capstan law, table, optimal profile, and the chain itself for tests, a folder for each of several tensions;
+    of driven joints and fingers the inverse, one copy of the code for all of them.
     """
     with opened(scenarios[0], out, yes=yes) as (loaded, folder):
         from tendonff.compensator import door

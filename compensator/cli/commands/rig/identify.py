@@ -35,7 +35,7 @@ _OFFSET = (
     "Default: found from slack samples."
 )
 _CELLS = "Column of a tension between the ends, and the wrap angle from the actuator to it"
-_TARE = "Seconds of every file in which the tendon is slack; both cells are set to zero there."
+_TARE = "Seconds of every file in which the tendon is slack, or no motor loaded: cells and torques are zero there."
 _SKIP = "Leave out the start of every file; default: until the start-up transient has decayed."
 _COLUMNS = "Names of the columns, for a text file without a header"
 _TORQUE_CONSTANT = "Torque over current of the motor, in N m/A: a column of the input tension may be in A or mA."

@@ -7,16 +7,20 @@ from typing import Any
 
 from tendonff.compensator.compensators.base import Compensator, Problem, with_motion
 from tendonff.compensator.compensators.expectation import Expectation, expect
+from tendonff.compensator.compensators.motors.registry import (
+    MotorCompensator,
+    motor_compensator,
+    motor_compensators,
+    task_of,
+)
+from tendonff.compensator.compensators.motors.task import MotorTask
 from tendonff.compensator.compensators.plant import FINE_SEGMENTS, Plant
 from tendonff.compensator.compensators.profile import Profile
 from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
 from tendonff.compensator.compensators.score import Score, score, verify
 from tendonff.compensator.files.reading import FloatArray
-from tendonff.compensator.finger.scenario import FingerScenario
-from tendonff.compensator.finger.task import task_of
-from tendonff.compensator.joint.plant import verifying_masses
-from tendonff.compensator.joint.scenario.scenario import JointScenario
-from tendonff.compensator.joint.task import MotorCompensator, MotorTask
+from tendonff.compensator.scenario.driven.finger import FingerScenario
+from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenario.kind import Kind as OfScenario
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
@@ -43,8 +47,8 @@ class Kind(ABC):
         """The transmission or the mechanism."""
 
     @abstractmethod
-    def with_system(self, scenario: Any, system: Any) -> Any:
-        """The scenario with another one."""
+    def with_system(self, scenario: Any, system: Any, numbers: Mapping[str, float]) -> Any:
+        """The scenario with another one, in which these numbers differ."""
 
     @abstractmethod
     def digest(self, scenario: Any) -> str:
@@ -81,7 +85,7 @@ class _Tension(Kind):
     def system(self, scenario: Scenario) -> object:
         return scenario.transmission
 
-    def with_system(self, scenario: Scenario, system: Any) -> Scenario:
+    def with_system(self, scenario: Scenario, system: Any, numbers: Mapping[str, float]) -> Scenario:  # noqa: ARG002
         return replace(scenario, transmission=system)
 
     def digest(self, scenario: Scenario) -> str:
@@ -109,32 +113,32 @@ class _Tension(Kind):
 
 class _Motors(Kind):
     def default(self, scenario: MotorScenario) -> tuple[str, ...]:
-        return tuple(each.name for each in task_of(scenario).compensators)
+        return tuple(each.name for each in motor_compensators(task_of(scenario)))
 
     def compensator(self, scenario: MotorScenario, name: str) -> MotorCompensator:
-        return task_of(scenario).compensator(name)
+        return motor_compensator(task_of(scenario), name)
 
     def system(self, scenario: MotorScenario) -> object:
         return scenario.mechanism
 
-    def with_system(self, scenario: MotorScenario, system: Any) -> MotorScenario:
-        return replace(scenario, mechanism=system)
+    def with_system(self, scenario: MotorScenario, system: Any, numbers: Mapping[str, float]) -> MotorScenario:
+        return replace(scenario, mechanism=system, changed={**scenario.changed, **numbers})
 
     def digest(self, scenario: MotorScenario) -> str:
         return scenario.digest()
 
     def unit(self, scenario: MotorScenario) -> Unit:
-        return task_of(scenario).unit
+        return scenario.goal.unit
 
     def problem(self, scenario: MotorScenario) -> MotorTask:
         return task_of(scenario)
 
     def profile(self, name: str, problem: MotorTask) -> FloatArray:
-        return problem.compensator(name).command_rad(problem)
+        return motor_compensator(problem, name).command_rad(problem)
 
     def score(self, name: str, problem: MotorTask, profile: FloatArray) -> Score:  # noqa: ARG002
-        masses = verifying_masses(problem.system)
-        return score(problem.wanted, problem.reached(problem.system, profile, masses=masses).values)
+        response = problem.respond(problem.system, profile, masses=problem.masses)
+        return score(problem.wanted, problem.values_of(response))
 
     def expect(self, problem: MotorTask, profiles: Mapping[str, FloatArray]) -> Expectation:
         return problem.expect(profiles)

@@ -12,6 +12,7 @@ from tendonff.compensator.studies.design.sweep.kinds import AnyScenario, kind_of
 from tendonff.models.errors import ParameterError
 from tendonff.models.parameters.numbers import FACTORS, is_whole, keys_of, with_numbers
 from tendonff.models.parameters.uncertainty import Uncertainty
+from tendonff.models.turns import in_turn
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,10 +77,50 @@ def random_units(scenario: AnyScenario, count: int) -> list[Unit]:
         Unit(
             index=k,
             values=tuple(sample.numbers[key] for key in keys),
-            scenario=kind.with_system(certain, sample.system),
+            scenario=kind.with_system(certain, sample.system, sample.numbers),
         )
         for k, sample in enumerate(drawn)
     ]
+
+
+@in_turn
+def draw(scenario: AnyScenario, n: int, *, seed: int | None = None) -> tuple[AnyScenario, ...]:
+    """Draw scenarios at random from what a scenario says of its numbers, such as for randomised training.
+
+    Parameters
+    ----------
+    scenario : Scenario, JointScenario or FingerScenario
+        Its [robust] has the intervals; where it states none, those that `design` assumes.
+    n : int
+        How many, >= 1: a Sobol sequence over all intervals, which covers them evenly.
+    seed : int, optional
+        Another one gives other scenarios, the same one the same; default: that of [robust].
+
+    Returns
+    -------
+    tuple of scenarios
+        Each with numbers of its own and without intervals, for `tf.simulate`, `tf.design`, `tf.Runtime` and all others.
+
+    Raises
+    ------
+    InputError
+        If `n` is no such number.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> drawn = tf.draw(tf.load_scenario("examples/finger.toml"), 3, seed=1)
+    >>> [round(each.transmission.friction.mu_dynamic, 3) for each in drawn]
+    [0.2, 0.18, 0.19]
+    """
+    if isinstance(n, bool) or not isinstance(n, int) or n < 1:
+        raise InputError(f"draw: n must be a whole number >= 1, got {n!r}")
+    stated = uncertainty_of(scenario)
+    try:
+        stated = stated if seed is None else replace(stated, seed=seed)
+    except ParameterError as error:
+        raise InputError(f"draw: {error}") from None
+    return tuple(unit.scenario for unit in random_units(replace(scenario, robust=stated), n))
 
 
 def varied(scenario: AnyScenario, keys: tuple[str, ...], values: tuple[float, ...]) -> AnyScenario:
@@ -99,7 +140,7 @@ def varied(scenario: AnyScenario, keys: tuple[str, ...], values: tuple[float, ..
     try:
         if steps:
             run = replace(run, step_s=steps["run.step_s"])
-        changed: AnyScenario = kind.with_system(replace(scenario, run=run), with_numbers(system, changes))
+        changed: AnyScenario = kind.with_system(replace(scenario, run=run), with_numbers(system, changes), changes)
     except ParameterError as error:
         at = ", ".join(f"{key} = {value:g}" for key, value in zip(keys, values, strict=True))
         raise InputError(f"--over: {at}: {error}") from None

@@ -7,9 +7,9 @@ import numpy as np
 
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.identification.joint.routine import suggest_routine
-from tendonff.compensator.joint.scenario.scenario import JointScenario
+from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.models.joint.parameters import Mechanism
-from tendonff.ocp.fits.mechanism import MotorRun, respond
+from tendonff.ocp.fits.mechanism import Loop, MotorRun, respond
 from tests.hidden_loop import COUNT_RAD, hidden, scenario
 
 
@@ -37,7 +37,9 @@ def write(
     motor = np.concatenate([routine.motor_rad, routine.motor_rad[-1] + dip])
     counts = np.round(motor / COUNT_RAD) * COUNT_RAD
     run = MotorRun(motor_rad=motor, step_s=0.01, start_rad=0.0, read_rad=counts)
-    answer = respond(true, run, segments=16, refinement=10 if moves_in_counts else 4, as_read=bool(moves_in_counts))
+    answer = respond(
+        Loop(mechanism=true), run, segments=16, refinement=10 if moves_in_counts else 4, as_read=bool(moves_in_counts)
+    )
     noise = 1e-3 * np.random.default_rng(1).standard_normal(len(motor))
     columns = {
         "time_s": 0.01 * np.arange(len(motor)),

@@ -9,11 +9,23 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
+from tendonff.compensator.compensators.motors.task import ASSUMED_SPREAD
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv
+from tendonff.compensator.identification.answer.result import Estimate
+from tendonff.compensator.identification.joint.log import read_logs as read_joint_logs
 from tendonff.compensator.identification.measured.smoothing import adaptive_low_pass, count_of
-from tendonff.compensator.identification.motors.run import identify_motors, mechanism_of, suggest_motor_routine
-from tendonff.compensator.scenarios import load_scenario
+from tendonff.compensator.identification.motors.law import MotorsLaw
+from tendonff.compensator.identification.motors.log import read_logs
+from tendonff.compensator.identification.motors.numbers import numbers_of
+from tendonff.compensator.identification.motors.run import (
+    fitted_text,
+    identify_motors,
+    mechanism_of,
+    suggest_motor_routine,
+)
+from tendonff.compensator.scenario.measurement import Measurement
+from tendonff.compensator.scenarios import load_scenario, parse_any
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.ocp.fits.mechanism import MotorRun
 
@@ -137,6 +149,55 @@ def test_a_finger_of_three_joints_and_four_tendons_is_found(tmp_path, encoder):
         assert found.estimate(key).value == pytest.approx(value, rel=0.03), key
 
 
+@pytest.mark.parametrize("example", ["instrument_pair.toml", "three_joint_finger.toml"])
+def test_what_a_log_does_not_identify_has_the_width_that_a_design_assumes(examples, example):
+    """One number that is identified says nothing of the others: a design would take them as known."""
+    asked = load_scenario(examples / example)
+    finger, _ = mechanism_of(asked)
+    numbers = [n for n in numbers_of(finger, ["log"], {}) if not n.is_nuisance]
+    kept = [Estimate(name=n.key, value=n.start, why="too little excitation") for n in numbers]
+    first = f"tendons.{finger.tendons[0].name}.friction.mu_dynamic"
+    one = [replace(e, interval=(0.99 * e.value, 1.01 * e.value)) if e.name == first else e for e in kept]
+    for estimates in (kept, one):
+        text = fitted_text(asked, finger, estimates)
+        robust = parse_any(text, examples / example).robust
+        assert (robust.mu, robust.stiffness) == (ASSUMED_SPREAD, ASSUMED_SPREAD)
+        loops = {f"motors.{m.name}.drive.pretension_N" for m in finger.motors if len(m.winds) > 1}
+        assert {s.name: s.half_width for s in robust.spread} == dict.fromkeys(loops, ASSUMED_SPREAD)
+
+
+@pytest.mark.parametrize(
+    ("part", "key", "value", "name"),
+    [
+        ("tendon", "relaxing_stiffness_N_per_m", 1.2e4, "stress relaxation"),
+        ("friction", "adhesion_N", 2.0, "load-independent friction"),
+    ],
+)
+def test_an_effect_of_the_tendons_that_the_law_lacks_is_named_and_widens_the_intervals(pair, part, key, value, name):
+    """A log of the mechanism itself with that effect; without it nothing is named."""
+    _, scenario, _, file = pair
+    finger, sampled = mechanism_of(scenario)
+    [log] = read_logs(finger, [file], sampled.angle_rad[0], None)
+    rows = slice(0, len(log.motor_rad) // 3)
+    log = replace(log, **{n: getattr(log, n)[rows] for n in ("motor_rad", "torque_N_m", "joint_rad", "counted")})
+    starts = {(log.name, tendon.name): 5.0 for tendon in finger.tendons}
+    law = MotorsLaw(finger=finger, logs=[log], numbers=numbers_of(finger, [log.name], starts), segments=4)
+    own = {n.key: n.start for n in law.numbers}
+    noise = 1e-4 * np.random.default_rng(1).standard_normal(log.torque_N_m.shape)
+
+    def lacking(more):
+        seen = law.predict(log, {**own, **more})
+        written = replace(log, torque_N_m=seen.torque_N_m + noise, joint_rad=seen.angle_rad)
+        known = replace(law, logs=[written])
+        return {each.name: each for each in known.lacking(known.fit(own, most=2))}
+
+    found = lacking({f"tendons.{tendon.name}.{part}.{key}": value for tendon in finger.tendons})
+    assert found[name].gain > 4
+    assert found[name].gain == max(each.gain for each in found.values())
+    assert np.abs(found[name].shift).max() > 0
+    assert max(each.gain for each in lacking({}).values()) < 4
+
+
 def test_a_log_without_a_motor_names_the_column(pair, tmp_path):
     _, scenario, _, log = pair
     lines = log.read_text().splitlines()
@@ -183,3 +244,23 @@ def test_a_scenario_without_friction_is_refused(pair):
     bare = replace(scenario, mechanism=with_numbers(scenario.mechanism, {"mu": 0.0}))
     with pytest.raises(InputError, match="mu_dynamic of tendon"):
         identify_motors(bare, [log])
+
+
+@pytest.mark.parametrize(("name", "motors"), [("instrument_pair", ("_open", "_close")), ("hand_joint", ("",))])
+def test_a_tare_sets_the_torques_of_unloaded_motors_to_zero(examples, tmp_path, name, motors):
+    """Half a second without load, then swings; the offsets of the current sensors go."""
+    scenario, time = load_scenario(examples / f"{name}.toml"), 1e-3 * np.arange(3001)
+    swing = np.sin(2 * np.pi * np.maximum(time - 0.5, 0.0))
+    columns = {f"motor{motor}_rad": swing for motor in motors}
+    columns |= {f"motor_torque{motor}_N_m": 0.03 * (k + 1) + 0.1 * swing for k, motor in enumerate(motors)}
+    write_csv(tmp_path / "log.csv", {"time_s": time} | columns)
+    if name == "hand_joint":
+        [log] = read_joint_logs(scenario, [tmp_path / "log.csv"], Measurement(tare_s=(0.0, 0.4), skip_s=0.0))
+        torque = log.torque_N_m[:, None]
+    else:
+        finger = mechanism_of(scenario)[0]
+        [log] = read_logs(finger, [tmp_path / "log.csv"], np.zeros(1), None, (0.0, 0.4))
+        torque = log.torque_N_m
+    assert torque.shape[1] == len(motors)
+    assert np.abs(torque[:20]).max() < 2e-3
+    assert np.ptp(torque, axis=0) == pytest.approx(0.2, rel=0.1)

@@ -9,7 +9,7 @@ import pytest
 import tendonff as tf
 from tendonff.compensator.cli import run
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.joint.scenario.scenario import parse_joint_scenario, sample_joint
+from tendonff.compensator.scenario.driven.joint import parse_joint_scenario, sample_joint
 from tendonff.compensator.studies.adapt import joint as study
 from tendonff.models.parameters.numbers import with_numbers
 from tests.joint_plant import Plant

@@ -11,10 +11,11 @@ from tendonff.compensator.cli import run
 from tendonff.compensator.files.writing import write_csv, write_text
 from tendonff.compensator.identification.joint.fitted import fitted_text
 from tendonff.compensator.identification.joint.parameters import JointNumber
+from tendonff.compensator.identification.joint.routine import suggest_routine
 from tendonff.compensator.studies.watch.chart import DRIFTS, courses_of
 from tendonff.compensator.studies.watch.output import Watch
 from tendonff.compensator.studies.watch.windows import WATCHED, Window
-from tests.hand_in_use import HandInUse, known
+from tests.hand_in_use import ROW_S, HandInUse, known
 from tests.hidden_loop import hidden, scenario
 
 N = JointNumber
@@ -145,6 +146,20 @@ def test_a_pre_tension_that_falls_between_two_days_is_named_and_written(tmp_path
     assert "pre-tension down by" in capsys.readouterr().err
     page = (tmp_path / "out" / "report.html").read_text("utf-8")
     assert "tension the loop again" in page
+
+
+@pytest.mark.compiler
+def test_the_suggested_routine_is_no_window_that_something_else_moved(tmp_path):
+    """With its pushes against the stop, on a mechanism a few per cent off the fitted one."""
+    hand, asked = HandInUse(mechanism=hidden(2).mechanism), scenario()
+    write_text(tmp_path / "fitted.toml", fitted_text(asked, known(hand.mechanism), []))
+    routine = suggest_routine(asked)
+    motor = np.interp(np.arange(0.0, routine.time_s[-1], ROW_S), routine.time_s, routine.motor_rad)
+    write_csv(tmp_path / "routine.csv", hand.measured(hand.mechanism, motor, np.random.default_rng(0)))
+    files = [str(tmp_path / name) for name in ("fitted.toml", "routine.csv", "out")]
+    assert run(["watch", files[0], "--data", files[1], "--out", files[2]]) == 0
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text("utf-8"))
+    assert (summary["windows_that_tell"], summary["warnings"]) == (summary["windows"], [])
 
 
 def test_the_scenario_of_a_tendon_is_refused_with_the_way_out(tmp_path, examples, capsys):

@@ -1375,6 +1375,405 @@ static void test_observer(void)
     expect("observer: a step without a solution holds the last tension and says so", held && ((double)self.output.low <= 0.0));
 }
 
+/* ---- a drive at random ----
+ * What instances answer to calls drawn at random: starts, steps with and without a time, pauses, bad inputs. Answers stand
+ * for 20 samples as sums with random weights, and all status words as one. Expected are those of this code on
+ * the machine that wrote it; what rounding can change is compared no closer, or not at all. */
+#define DRIVE_ROWS 20
+#define DRIVE_CHANNELS 6
+#define DRIVE_START 12345u
+static uint32_t drive_drawn = DRIVE_START;
+static uint32_t drive_weighed = DRIVE_START;
+static double drive_nudge = 0.0; /* of inputs: how much of their scale */
+static double drive_sum[DRIVE_CHANNELS];
+static uint32_t drive_word = 2166136261u;
+static int drive_row = 0;
+static int drive_block = 0;
+
+static void drive_done(const char *what); /* a block has ended */
+
+static double drive_next(uint32_t *at)
+{
+    *at = (*at * 1664525u) + 1013904223u;
+    return (double)*at / 4294967296.0;
+}
+
+/* Uniform between 0 and 1. */
+static double drive_draw(void)
+{
+    return drive_next(&drive_drawn);
+}
+
+/* An input: as it is, or nudged; equal ones alike. */
+static tff_real drive_given(double value, double scale)
+{
+    const double place = (value / scale) * 7919.0;
+    return (tff_real)((drive_nudge > 0.0) ? value + (drive_nudge * scale * ((2.0 * (place - floor(place))) - 1.0)) : value);
+}
+
+static void drive_say(uint32_t word)
+{
+    drive_word = (drive_word ^ word) * 16777619u;
+}
+
+static void drive_tell(int channel, double value)
+{
+    const double weight = 0.5 + drive_next(&drive_weighed);
+    if (fabs(value) < 1e30) {
+        drive_sum[channel] += weight * value;
+    } else {
+        drive_say(65535u);
+    }
+}
+
+static void drive_sample(const char *what)
+{
+    drive_row++;
+    if (drive_row == DRIVE_ROWS) {
+        int k;
+        drive_done(what);
+        for (k = 0; k < DRIVE_CHANNELS; k++) {
+            drive_sum[k] = 0.0;
+        }
+        drive_word = 2166136261u;
+        drive_row = 0;
+        drive_block++;
+    }
+}
+
+/* A place that is led to targets, at rates between slow and fast, with jumps. */
+typedef struct {
+    double low, high, usual; /* usual change in a sample */
+    double at, target, rate;
+} drive_course;
+
+static void drive_begin(drive_course *c, double low, double high, double usual, double at)
+{
+    c->low = low;
+    c->high = high;
+    c->usual = usual;
+    c->at = at;
+    c->target = at;
+    c->rate = 0.0;
+}
+
+static double drive_move(drive_course *c, double turns)
+{
+    static const double faster[8] = { NUMBERS };
+    if (drive_draw() < turns) {
+        c->target = c->low + ((c->high - c->low) * drive_draw());
+        c->rate = c->usual * faster[(int)(8.0 * drive_draw())];
+    }
+    c->at += (fabs(c->target - c->at) <= c->rate) ? (c->target - c->at) : ((c->target > c->at) ? c->rate : -c->rate);
+    return c->at;
+}
+#define DRIVE_BLOCKS 218
+/* 0: what rounding can change */
+static int drive_failures;
+
+static void drive_done(const char *what)
+{
+    int k;
+    int good = (drive_block < DRIVE_BLOCKS) ? 1 : 0;
+    for (k = 0; (good != 0) && (k < DRIVE_CHANNELS); k++) {
+        const int place = (drive_block * DRIVE_CHANNELS) + k;
+        good = (fabs(drive_sum[k] - drive_expected[place]) <= drive_tolerance[place]) ? 1 : 0;
+    }
+    if ((good != 0) && (drive_status[drive_block] != 0u)) {
+        good = (drive_status[drive_block] == drive_word) ? 1 : 0;
+    }
+    if (good == 0) {
+        drive_failures++;
+        if (drive_failures < 10) {
+            printf("FAILED: drive at random, block %d of %s\n", drive_block, what);
+        }
+    }
+}
+#define DRIVE_SPAN_N 32.976102974601126
+
+/* One of the calls of an episode, the same for every module. */
+typedef struct {
+    int call;         /* 0 step, 1 step_dt, 2 missed, 3 other parameters, 4 a start in motion */
+    tff_real dt, reference, force, position, factor, jolt;
+    double measured;  /* added to what is measured */
+} drive_call;
+static drive_call drive_course_of[100];
+static tff_real drive_force[100]; /* of the last module that follows a reference */
+static double drive_from;
+
+static void drive_prepare(int episode)
+{
+    static const double beyond[8] = { NUMBERS };
+    drive_course reference;
+    double stuck = 0.0;
+    double off = 0.0;
+    int k;
+    drive_from = ((episode % 2) == 0) ? 30.0 : (14.023897025398876 + (DRIVE_SPAN_N * drive_draw()));
+    drive_begin(&reference, 14.023897025398876, 14.023897025398876 + DRIVE_SPAN_N, 0.0747175546210741, drive_from);
+    for (k = 0; k < 100; k++) {
+        drive_call *const at = &drive_course_of[k];
+        const double what = drive_draw();
+        const double fault = drive_draw();
+        double wanted = drive_move(&reference, 0.04);
+        at->call = ((episode % 3) == 0) ? 0 : ((what < 0.45) ? 0 : ((what < 0.97) ? 1 : ((what < 0.98) ? 2 : ((what < 0.99) ? 3 : 4))));
+        at->dt = (tff_real)((double)TFF_STEP_S * ((drive_draw() < 0.02) ? 100.0 : (0.2 + (2.0 * drive_draw()))));
+        if ((fault > 0.4) && (fault < 0.42)) {
+            at->dt = (tff_real)((fault < 0.405) ? (double)NAN : ((fault < 0.41) ? -1.0 : ((double)TFF_STEP_S * (1.0 + (6e-7 * drive_draw())))));
+        }
+        if (fault < 0.012) {
+            wanted = (fault < 0.004) ? (double)NAN : ((fault < 0.01) ? beyond[(int)(8.0 * drive_draw())] * DRIVE_SPAN_N : -wanted);
+        }
+        if ((fault > 0.985) && (episode > 1)) { /* a jump */
+            reference.at = reference.low + (DRIVE_SPAN_N * drive_draw());
+            wanted = reference.at;
+        }
+        at->reference = drive_given(wanted, DRIVE_SPAN_N);
+        at->force = (tff_real)(((fault > 0.5) && (fault < 0.51)) ? ((fault < 0.504) ? (double)NAN : 1e9) : 0.0);
+        at->position = (tff_real)NAN;
+        at->jolt = (tff_real)(((episode > 2) && (drive_draw() < 0.1)) ? drive_draw() : -1.0);
+        at->factor = (tff_real)(0.7 + (0.6 * drive_draw()));
+        if ((fault > 0.6) && (fault < 0.605)) {
+            stuck = (drive_draw() < 0.5) ? 40.0 : -40.0;
+            off = drive_draw();
+        }
+        stuck -= (stuck > 0.0) ? 1.0 : ((stuck < 0.0) ? -1.0 : 0.0);
+        at->measured = (stuck > 0.0) ? 1e3 : ((stuck < 0.0) ? off : (((fault > 0.7) && (fault < 0.71)) ? (double)NAN : 0.0));
+    }
+}
+
+/* Parameters that differ from the scenario's, some of them not good. */
+static tff_parameters drive_parameters(const drive_call *at)
+{
+    tff_parameters own;
+    tff_parameters_init(&own);
+    drive_say((uint32_t)tff_parameters_set_mu(&own, at->factor * own.mu_pull, (((tff_real)2) - at->factor) * own.mu_release));
+    drive_say((uint32_t)tff_parameters_set_adhesion(&own, own.adhesion + (tff_real)(0.01 * DRIVE_SPAN_N)));
+    drive_say((uint32_t)tff_parameters_set_limits(&own, own.force_min + (tff_real)(0.02 * DRIVE_SPAN_N), (tff_real)0.9 * own.force_max, (tff_real)0.8 * own.force_rate_max));
+    if (at->factor > (tff_real)1.2) {
+        own.adhesion = -(tff_real)1;
+    }
+    drive_say((uint32_t)tff_parameters_are_good(&own));
+    return own;
+}
+
+static void drive_capstan(void)
+{
+    static tff_capstan self;
+    int k;
+
+    tff_capstan_init(&self, drive_given(drive_from, DRIVE_SPAN_N));
+    for (k = 0; k < 100; k++) {
+        const drive_call *const at = &drive_course_of[k];
+        tff_real f = self.output.force;
+
+        switch (at->call) {
+        case 0: f = tff_capstan_step(&self, at->reference); break;
+        case 1: f = tff_capstan_step_dt(&self, at->dt, at->reference); break;
+        case 2: tff_capstan_missed(&self, 20); tff_capstan_missed(&self, (at->factor > 1) ? 7 : -7); break;
+        case 3: { const tff_parameters own = drive_parameters(at); drive_say((uint32_t)tff_capstan_use(&self, &own)); break; }
+        default: tff_capstan_init_at(&self, drive_given(drive_from, DRIVE_SPAN_N), drive_given((double)at->factor * drive_from, DRIVE_SPAN_N)); break;
+        }
+        drive_tell(0, (double)f);
+        drive_tell(1, (double)self.output.force);
+        drive_say(self.output.status);
+        drive_say(self.output.seen);
+        drive_force[k] = self.output.force;
+
+        drive_sample("capstan");
+    }
+}
+
+
+static void drive_table(void)
+{
+    static tff_table self;
+    int k;
+
+    tff_table_init(&self, drive_given(drive_from, DRIVE_SPAN_N));
+    for (k = 0; k < 100; k++) {
+        const drive_call *const at = &drive_course_of[k];
+        tff_real f = self.output.force;
+
+        switch (at->call) {
+        case 0: f = tff_table_step(&self, at->reference); break;
+        case 1: f = tff_table_step_dt(&self, at->dt, at->reference); break;
+        case 2: tff_table_missed(&self, 20); tff_table_missed(&self, (at->factor > 1) ? 7 : -7); break;
+        case 3: { const tff_parameters own = drive_parameters(at); drive_say((uint32_t)tff_table_use(&self, &own)); break; }
+        default: tff_table_init_at(&self, drive_given(drive_from, DRIVE_SPAN_N), drive_given((double)at->factor * drive_from, DRIVE_SPAN_N)); break;
+        }
+        drive_tell(0, (double)f);
+        drive_tell(1, (double)self.output.force);
+        drive_say(self.output.status);
+        drive_say(self.output.seen);
+        drive_force[k] = self.output.force;
+
+        drive_sample("table");
+    }
+}
+
+
+static void drive_stream(void)
+{
+    static tff_stream self;
+    int k;
+
+    tff_stream_init(&self, drive_given(drive_from, DRIVE_SPAN_N));
+    for (k = 0; k < 100; k++) {
+        const drive_call *const at = &drive_course_of[k];
+        tff_real f = self.output.force;
+
+        switch (at->call) {
+        case 0: f = tff_stream_step(&self, at->reference); break;
+        case 1: f = tff_stream_step_dt(&self, at->dt, at->reference); break;
+        case 2: tff_stream_missed(&self, 20); tff_stream_missed(&self, (at->factor > 1) ? 7 : -7); break;
+        case 3: { const tff_parameters own = drive_parameters(at); drive_say((uint32_t)tff_stream_use(&self, &own)); break; }
+        default: tff_stream_init_at(&self, drive_given(drive_from, DRIVE_SPAN_N), drive_given((double)at->factor * drive_from, DRIVE_SPAN_N)); break;
+        }
+        drive_tell(0, (double)f);
+        drive_tell(1, (double)self.output.force);
+        drive_say(self.output.status);
+        drive_say(self.output.seen);
+        drive_force[k] = self.output.force;
+
+        drive_sample("stream");
+    }
+}
+
+
+static void drive_inverse(void)
+{
+    static tff_inverse self;
+    int k;
+
+    tff_inverse_init(&self, drive_given(drive_from, DRIVE_SPAN_N));
+    for (k = 0; k < 100; k++) {
+        const drive_call *const at = &drive_course_of[k];
+        tff_real f = self.output.force;
+
+        switch (at->call) {
+        case 0: f = tff_inverse_step(&self, at->reference); break;
+        case 1: f = tff_inverse_step_dt(&self, at->dt, at->reference); break;
+        case 2: tff_inverse_missed(&self, 20); tff_inverse_missed(&self, (at->factor > 1) ? 7 : -7); break;
+        case 3: { const tff_parameters own = drive_parameters(at); drive_say((uint32_t)tff_inverse_use(&self, &own)); break; }
+        default: tff_inverse_init_at(&self, drive_given(drive_from, DRIVE_SPAN_N), drive_given((double)at->factor * drive_from, DRIVE_SPAN_N)); break;
+        }
+        drive_tell(0, (double)f);
+        drive_tell(1, (double)self.output.force);
+        drive_say(self.output.status);
+        drive_say(self.output.seen);
+        drive_force[k] = self.output.force;
+        drive_tell(3, (double)tff_inverse_mu(&self));
+        if ((k == 60) && (at->factor > 1)) {
+            tff_inverse_set_mu(&self, at->factor * tff_inverse_mu(&self));
+        }
+
+        drive_sample("inverse");
+    }
+}
+
+
+static void drive_plant(void)
+{
+    static tff_plant self;
+    int k;
+    tff_plant_init(&self, drive_given(drive_from, DRIVE_SPAN_N));
+    for (k = 0; k < 100; k++) {
+        const double fault = (double)drive_course_of[k].force;
+        drive_tell(0, (double)tff_plant_step(&self, (isnan(fault) || (fault > 1.0)) ? drive_course_of[k].force : ((drive_course_of[k].jolt < 0) ? drive_force[k] : (drive_course_of[k].jolt * (tff_real)(DRIVE_SPAN_N * 2.0)))));
+        drive_tell(4, (double)tff_plant_actuator_position(&self));
+        drive_tell(5, (double)tff_plant_load_position(&self));
+        drive_say(self.status);
+        drive_say(self.seen);
+        drive_course_of[k].position = (tff_real)tff_plant_actuator_position(&self);
+        drive_sample("plant");
+    }
+}
+
+static void drive_observer(int episode)
+{
+    static tff_observer self;
+    double moved = 0.0;
+    int k;
+    tff_observer_init(&self, drive_given(drive_from, DRIVE_SPAN_N));
+    for (k = 0; k < 100; k++) {
+        const drive_call *const at = &drive_course_of[k];
+        const double fault = (double)at->force;
+        const tff_real input = ((isnan(fault) || (fault > 1.0)) ? at->force : ((at->jolt < 0) ? drive_force[k] : (at->jolt * (tff_real)(DRIVE_SPAN_N * 2.0))));
+        tff_real position = (tff_real)NAN;
+        if ((episode % 2) == 1) {
+            moved = (at->measured > 0.0) ? (0.01 * at->measured) : moved;
+            position = at->position + (tff_real)(isnan(at->measured) ? 0.0 : 1e-5 * moved);
+        }
+        if (at->call == 0) {
+            drive_tell(0, (double)tff_observer_step(&self, input, position));
+        } else if (at->call == 1) {
+            drive_tell(0, (double)tff_observer_step_dt(&self, at->dt, input, position));
+        } else if (at->call == 2) {
+            tff_observer_missed(&self, 20);
+            tff_observer_missed(&self, (at->factor > 1) ? 7 : -7);
+        } else {
+            tff_observer_init_at(&self, drive_given(drive_from, DRIVE_SPAN_N), drive_given((double)at->factor * drive_from, DRIVE_SPAN_N));
+        }
+        drive_tell(0, (double)self.output.tension);
+        drive_tell(1, (double)self.output.low);
+        drive_tell(2, (double)self.output.high);
+        drive_say(self.output.status);
+        drive_say(self.output.seen);
+        drive_sample("observer");
+    }
+}
+
+/* Parameters at the ends of their ranges. */
+static void drive_edges(void)
+{
+    static const double share[5] = { NUMBERS };
+    static const double value[19] = { NUMBERS };
+    int field;
+    int k;
+    for (field = 0; field < 8; field++) {
+        for (k = 0; k < 95; k++) {
+            const tff_real to = (tff_real)(value[k / 5] * share[k % 5]);
+            tff_parameters own;
+            tff_real *fields[8];
+            tff_parameters_init(&own);
+            fields[0] = &own.mu_pull;
+            fields[1] = &own.mu_release;
+            fields[2] = &own.adhesion;
+            fields[3] = &own.force_min;
+            fields[4] = &own.force_max;
+            fields[5] = &own.force_rate_max;
+            fields[6] = &own.reference_min;
+            fields[7] = &own.reference_max;
+            *fields[field] = to;
+            drive_say((uint32_t)tff_parameters_are_good(&own));
+            *fields[field] = -to;
+            drive_say((uint32_t)tff_parameters_are_good(&own));
+            tff_parameters_init(&own);
+            drive_say((uint32_t)tff_parameters_set_mu(&own, to, own.mu_release));
+            drive_say((uint32_t)tff_parameters_set_mu(&own, own.mu_pull, to));
+            drive_say((uint32_t)tff_parameters_set_adhesion(&own, to));
+            drive_say((uint32_t)tff_parameters_set_limits(&own, own.force_min, to, own.force_rate_max));
+            drive_say((uint32_t)tff_parameters_set_references(&own, own.reference_min, to));
+            drive_sample("parameters");
+        }
+    }
+}
+
+static void drive(void)
+{
+    int episode;
+    drive_edges();
+    for (episode = 0; episode < 6; episode++) {
+        drive_prepare(episode);
+        drive_capstan();
+        drive_table();
+        drive_stream();
+        drive_inverse();
+        drive_plant();
+        drive_observer(episode);
+    }
+}
+
 int main(void)
 {
     data();
@@ -1387,6 +1786,8 @@ int main(void)
     test_profile();
     test_plant();
     test_observer();
+    drive();
+    expect("calls at random", drive_failures == 0);
     printf("%s\n", (failures == 0) ? "self test passed" : "SELF TEST FAILED");
     return (failures == 0) ? 0 : 1;
 }

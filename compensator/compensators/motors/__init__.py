@@ -1,0 +1,1 @@
+"""Motors of driven joints: what is asked of them, by whom, and what a mechanism does."""

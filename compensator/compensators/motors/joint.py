@@ -1,0 +1,271 @@
+"""Task of one driven joint: its reference, and the engine of its mechanism, which inverts and simulates it."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tendonff.compensator.compensators.motors.drive import driven
+from tendonff.compensator.compensators.motors.response import MotorResponse
+from tendonff.compensator.compensators.motors.task import ASSUMED_SPREAD, UNSETTLED, MotorTask
+from tendonff.compensator.compensators.uncertain import Doubt
+from tendonff.compensator.files.reading import FloatArray, InputError
+from tendonff.compensator.scenario.driven.joint import JointScenario, SampledJoint, sample_joint
+from tendonff.compensator.scenario.driven.reference import JointQuantity
+from tendonff.models.cached import cached_property
+from tendonff.models.errors import ParameterError
+from tendonff.models.fidelity import Level
+from tendonff.models.joint.parameters import DriveKind, JointDrive, Mechanism
+from tendonff.models.joint.quasi_static import static_motor_rad
+from tendonff.models.parameters.uncertainty import Spread, Uncertainty
+from tendonff.ocp.errors import SolveError
+from tendonff.ocp.integrate.method import Method
+from tendonff.ocp.joint.invert import JointInversion, JointStatus, invert_joint, steady_joint_inverse
+from tendonff.ocp.joint.protocol import JointProblem
+from tendonff.ocp.joint.simulate import JointSimulation, simulate_joint
+from tendonff.ocp.joint.start import joint_problem
+
+_SETTLING_CYCLES = 4
+_STEADY = 1e-3  # of the motion's range, by which the last two cycles may differ
+
+
+@dataclass(frozen=True, kw_only=True)  # without slots: what is computed once is kept in the instance
+class JointTask(MotorTask):
+    """Reference of a joint, and the mechanism and level that designs know.
+
+    Parameters
+    ----------
+    scenario : JointScenario
+    sampled : SampledJoint
+    mechanism : Mechanism
+    level : Level
+    """
+
+    scenario: JointScenario
+    sampled: SampledJoint
+    mechanism: Mechanism
+    level: Level
+
+    refinement = 10
+
+    @classmethod
+    def of(cls, scenario: JointScenario, level: Level | None = None) -> "JointTask":
+        """The task that a scenario poses; the level by default its own."""
+        return cls(
+            scenario=scenario,
+            sampled=sample_joint(scenario),
+            mechanism=scenario.mechanism,
+            level=level or scenario.run.level,
+        )
+
+    @property
+    def system(self) -> Mechanism:
+        """The mechanism."""
+        return self.mechanism
+
+    def with_system(self, system: Mechanism) -> "JointTask":
+        """The same for another mechanism."""
+        return replace(self, mechanism=system)
+
+    @property
+    def lead(self) -> int:
+        """Rows of the homing stroke."""
+        return self.sampled.lead
+
+    @property
+    def target(self) -> FloatArray:
+        """Wanted values, shape (rows, 1)."""
+        return self.sampled.wanted[self.lead :, None]
+
+    @property
+    def motors(self) -> tuple[str, ...]:
+        """Names of the motors: one of a loop, else by tendon."""
+        return motor_names(self.mechanism)
+
+    @property
+    def drives(self) -> tuple[JointDrive, ...]:
+        """Drive of each motor."""
+        return (self.mechanism.drive,) * len(self.motors)
+
+    @cached_property
+    def problem(self) -> JointProblem:
+        """The mechanism, cut into chains; InputError where it cannot follow."""
+        try:
+            return joint_problem(self.mechanism, self.level, self.sampled.motion)
+        except ParameterError as error:
+            raise InputError(f"{self.scenario.source.name}: {error}") from None
+
+    @cached_property
+    def inversion(self) -> MotorResponse:
+        """The exact inverse; SolveError where there is none."""
+        found, sampled = self._inverse[0], self.sampled
+        if found.status is JointStatus.FAILED:
+            raise SolveError(found.message)
+        return MotorResponse(
+            status=found.status,
+            message=found.message,
+            output=sampled.wanted[:, None],
+            position_rad=sampled.motion.angle_rad,
+            motor_rad=found.motor_rad,
+            torque_N_m=found.motor_torque_N_m,
+            tension_N=found.tension_N,
+            drum_N=found.drum_N,
+            lowest_N=found.lowest_N,
+            work=found.evaluations,
+        )
+
+    @cached_property
+    def _inverse(self) -> tuple[JointInversion, tuple[str, ...]]:
+        try:
+            return inverse_of(self.scenario, self.sampled, self.problem)
+        except ParameterError as error:
+            raise InputError(f"{self.scenario.source.name}: {error}") from None
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Notes on the inverse for the user."""
+        _ = self.inversion  # whose errors name the file
+        return self._inverse[1]
+
+    @property
+    def refusal(self) -> str:
+        """A tendon of a pair would have to push."""
+        pushes = self.inversion.would_push and self.mechanism.drive.kind is DriveKind.PAIR
+        return self.inversion.message if pushes else ""
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Where the reference was changed."""
+        return self.sampled.warnings
+
+    @property
+    def lengths_rad(self) -> FloatArray:
+        """Angles of the motors by the ratio alone, shape (rows, motors)."""
+        return linear_motor_rad(replace(self.scenario, mechanism=self.mechanism), self.sampled)
+
+    @property
+    def static_rad(self) -> FloatArray:
+        """The law of full sliding, held by spring, gravity, dry friction and what the joint touches."""
+        sampled, joint = self.sampled, self.mechanism.joint
+        speed = np.gradient(sampled.angle_rad, self.step_s)
+        held = joint.static_torque_N_m(sampled.angle_rad) + joint.coulomb_N_m * np.sign(speed) + sampled.contact_N_m
+        return static_motor_rad(self.mechanism, sampled.angle_rad, held, sampled.others(joint.name))
+
+    @cached_property
+    def doubt(self) -> Doubt[Mechanism]:
+        """Mechanisms that may be the real one, by [robust] or, where it states nothing, assumed."""
+        return Doubt.of(self.mechanism, self.scenario.robust, assumed(self.mechanism))
+
+    @property
+    def live_command_rad(self) -> FloatArray:
+        """Commands of the exact inverse step by step; see `MotorTask.live_command_rad`."""
+        return self.commanded(self.inversion.motor_rad, live=True)
+
+    def respond(
+        self,
+        system: Mechanism,
+        command_rad: FloatArray,
+        *,
+        level: Level | None = None,
+        masses: int | None = None,
+        refinement: int = 1,
+        method: Method = Method.BDF2,
+    ) -> MotorResponse:
+        """Response of a mechanism behind its drive, of a cycle its last after some; see `MotorTask.respond`."""
+        sampled, spec, step = self.sampled, self.scenario.reference, self.step_s
+        repeats = 1 + _SETTLING_CYCLES if spec.periodic else 1
+        time = sampled.time_s
+        span = float(time[-1])
+        motor = driven(system.drive, command_rad, step)
+        rows = (len(time) - 1) * refinement
+        inner = np.arange(rows * repeats + 1) * (step / refinement)
+        within = np.mod(inner, span) if repeats > 1 else inner
+        columns = [np.interp(within, time, column) for column in motor.T]
+        if repeats > 1:  # from rest: the motor starts where it stands
+            columns = [column * np.minimum(inner / (0.1 * span), 1.0) for column in columns]
+        contact = np.interp(within, time, sampled.contact_N_m)
+        torque = spec.quantity is JointQuantity.TORQUE
+        run = simulate_joint(
+            joint_problem(system, level or self.level, sampled.motion, segments=masses),
+            np.column_stack(columns),
+            step / refinement,
+            contact_N_m=contact[0] if torque else contact,
+            led_rad=np.interp(within, time, sampled.angle_rad) if torque else None,
+            method=method,
+        ).require()
+        keep = slice(rows * (repeats - 1), None, refinement)
+        angle = run.angle_rad[keep]
+        output = run.torque_N_m[keep] - joint_load(system, sampled, step) if torque else angle
+        return MotorResponse(
+            status=run.outcome,
+            message=_settled(run, rows) if repeats > 1 else run.message,
+            output=output[:, None],
+            position_rad=np.column_stack([angle, sampled.motion.angle_rad[:, 1:]]),
+            motor_rad=run.motor_rad[keep],
+            torque_N_m=run.motor_torque_N_m[keep],
+            tension_N=run.tension_N[keep],
+            drum_N=run.drum_N[keep],
+            lowest_N=run.lowest_N[keep],
+            work=run.iterations,
+        )
+
+
+def motor_names(mechanism: Mechanism) -> tuple[str, ...]:
+    """Names of the motors: one of a loop, else by tendon."""
+    return ("motor",) if mechanism.drive.kind is DriveKind.LOOP else tuple(t.name for t in mechanism.tendons)
+
+
+def assumed(mechanism: Mechanism) -> Uncertainty:
+    """Uncertainty of a mechanism that has not been identified."""
+    loop = mechanism.drive.kind is DriveKind.LOOP and mechanism.drive.pretension_N
+    pretension = (Spread(keys=("drive.pretension_N",), half_width=ASSUMED_SPREAD),) if loop else ()
+    return Uncertainty(mu=ASSUMED_SPREAD, stiffness=ASSUMED_SPREAD, spread=pretension, samples=2)
+
+
+def inverse_of(
+    scenario: JointScenario, sampled: SampledJoint, problem: JointProblem
+) -> tuple[JointInversion, tuple[str, ...]]:
+    """The exact inverse, of a cycle in its steady state, and what the user should know."""
+    step = scenario.run.step_s
+    if not scenario.reference.periodic:
+        return invert_joint(problem, sampled.angle_rad, step, contact_N_m=sampled.contact_N_m), ()
+    found, cycles, steady = steady_joint_inverse(problem, sampled.angle_rad, step, contact_N_m=sampled.contact_N_m)
+    if steady:
+        return found, ()
+    return found, (f"after {cycles} cycles the motor angle still changes; the profile is that of the last one",)
+
+
+def linear_motor_rad(scenario: JointScenario, sampled: SampledJoint) -> FloatArray:
+    """The ratio alone: what the path leaves to the drum; with a wanted torque, what springs without friction take."""
+    mechanism, joint = scenario.mechanism, scenario.mechanism.joint.name
+    if scenario.reference.quantity is JointQuantity.TORQUE:
+        still = np.zeros(len(sampled.time_s))
+        load = joint_load(mechanism, sampled, scenario.run.step_s) + sampled.contact_N_m
+        return static_motor_rad(mechanism, sampled.angle_rad, load, sampled.others(joint), still)
+    travel = [
+        t.path_travel_m(sampled.angle_rad, sampled.others(joint))
+        - t.path_travel_m(sampled.angle_rad, sampled.others(joint))[0]
+        for t in mechanism.tendons
+    ]
+    motor = mechanism.motor_rad(np.column_stack(travel), float(sampled.angle_rad[0]))
+    return motor.mean(axis=1, keepdims=True) if mechanism.drive.kind is DriveKind.LOOP else motor
+
+
+def _settled(run: JointSimulation, rows: int) -> str:
+    """The message of a run over cycles of so many rows, or by how much the last two differ."""
+    apart = [
+        (float(np.abs(each[-rows:] - each[-2 * rows : -rows]).max()), float(np.ptp(each[-rows:])), unit)
+        for each, unit in ((run.angle_rad, "rad"), (run.torque_N_m, "N m"))
+    ]
+    change, whole, unit = max(apart, key=lambda each: each[0] / max(each[1], 1e-12))
+    if change <= _STEADY * whole:
+        return run.message
+    share = 100 * change / max(whole, 1e-12)
+    return f"{UNSETTLED} by {change:.2g} {unit} ({share:.2g} %) after {_SETTLING_CYCLES} periods"
+
+
+def joint_load(mechanism: Mechanism, sampled: SampledJoint, step_s: float) -> FloatArray:
+    """Torque that the joint itself takes while it moves as it does, its dry friction included [N m]."""
+    joint, angle = mechanism.joint, sampled.angle_rad
+    speed = np.gradient(angle, step_s)
+    moving = joint.inertia_kg_m2 * np.gradient(speed, step_s) + joint.damping_N_m_s_per_rad * speed
+    return moving + joint.coulomb_N_m * np.sign(speed) + joint.static_torque_N_m(angle)

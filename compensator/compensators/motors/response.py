@@ -1,0 +1,70 @@
+"""Response of a mechanism: the motion that its motors are asked for, or that commands bring about."""
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+from tendonff.compensator.files.reading import FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MotorResponse:
+    """Motion of a mechanism at the rows of a reference: what an inverse asks for, or what commands bring about.
+
+    Attributes
+    ----------
+    status : StrEnum
+        "exact" or "done" where every tendon stays taut, "slack", or "would_push".
+    message : str
+        What happened, for the user.
+    output : ndarray, shape (rows, goals)
+        What the task compares with its reference [rad or N m].
+    position_rad : ndarray, shape (rows, joints)
+        Of the driven joints, then of those that something else moves.
+    motor_rad, torque_N_m : ndarray, shape (rows, motors)
+        Angles behind the drives since the start, and torques, inertia and dry friction of the drives included.
+    tension_N, drum_N : ndarray, shape (rows, tendons)
+        At the far ends, and at the drums.
+    lowest_N : ndarray, shape (rows,)
+        Smallest tension along any tendon.
+    work : int
+        Evaluations of an inverse, or linear solves of a simulation.
+    """
+
+    status: StrEnum
+    message: str
+    output: FloatArray
+    position_rad: FloatArray
+    motor_rad: FloatArray
+    torque_N_m: FloatArray
+    tension_N: FloatArray
+    drum_N: FloatArray
+    lowest_N: FloatArray
+    work: int
+
+    @property
+    def is_taut(self) -> bool:
+        """No tendon goes slack, and none would have to push."""
+        return self.status in ("exact", "done")
+
+    @property
+    def would_push(self) -> bool:
+        """A tendon would have to push."""
+        return self.status == "would_push"
+
+    @property
+    def slack(self) -> str:
+        """Which tendon goes slack, and when; empty where none does."""
+        return "" if self.is_taut else self.message
+
+    def rows(self, kept: slice) -> "MotorResponse":
+        """Some of its rows."""
+        return replace(
+            self,
+            output=self.output[kept],
+            position_rad=self.position_rad[kept],
+            motor_rad=self.motor_rad[kept],
+            torque_N_m=self.torque_N_m[kept],
+            tension_N=self.tension_N[kept],
+            drum_N=self.drum_N[kept],
+            lowest_N=self.lowest_N[kept],
+        )

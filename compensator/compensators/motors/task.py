@@ -1,0 +1,274 @@
+"""A reference of driven joints and the mechanism that designs know, as compensators and studies see them."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Hashable, Mapping
+from typing import Any, Self, TypeVar
+
+import numpy as np
+
+from tendonff.compensator.compensators.expectation import ErrorBand, Expectation, bands_of, expectation_of
+from tendonff.compensator.compensators.motors.drive import commanded, known_by_ratio
+from tendonff.compensator.compensators.motors.response import MotorResponse
+from tendonff.compensator.compensators.uncertain import Doubt
+from tendonff.compensator.files.reading import FloatArray, InputError
+from tendonff.compensator.scenario.goal import Goal
+from tendonff.compensator.scenario.unit import Unit
+from tendonff.models.cached import cached_property
+from tendonff.models.errors import ParameterError
+from tendonff.models.fidelity import Level
+from tendonff.models.joint.parameters import JointDrive, Mechanism
+from tendonff.models.joint.parameters.finger import Finger
+from tendonff.models.parameters.numbers import with_numbers
+from tendonff.models.parameters.uncertainty import Objective, Uncertainty
+from tendonff.ocp.errors import SolveError
+from tendonff.ocp.integrate.method import Method
+
+K = TypeVar("K", bound=Hashable)
+S = TypeVar("S", Mechanism, Finger)
+
+ASSUMED_SPREAD = 0.2
+"""Relative half-width of what is unknown where [robust] says nothing: friction, stiffness and pre-tension."""
+
+VERIFYING_MASSES = 40
+"""Masses of each tendon of the mechanism that commands are judged on, at least."""
+
+UNSETTLED = "the cycle still changes"
+"""Begin of the message of a run whose last two cycles differ."""
+
+
+class MotorTask(ABC):
+    """A reference of driven joints, and the mechanism and level that designs know.
+
+    Joints and fingers differ in the engine that inverts and simulates them, and in what their files can say.
+
+    Attributes
+    ----------
+    scenario : JointScenario or FingerScenario
+    sampled : SampledJoint or SampledFinger
+        Its reference.
+    level : Level
+    """
+
+    scenario: Any
+    sampled: Any
+    level: Level
+
+    refinement: int
+    """Steps of the verifying mechanism in one of the design."""
+
+    @classmethod
+    @abstractmethod
+    def of(cls, scenario: Any, level: Level | None = None) -> Self:
+        """The task that a scenario poses; the level by default its own."""
+
+    @property
+    @abstractmethod
+    def system(self) -> Any:
+        """The mechanism."""
+
+    @abstractmethod
+    def with_system(self, system: Any) -> Self:
+        """The same for another mechanism."""
+
+    @property
+    def goal(self) -> Goal:
+        """Goal: quantity, unit, and names of the joints."""
+        found: Goal = self.scenario.goal
+        return found
+
+    @property
+    def unit(self) -> Unit:
+        """Unit of what is wanted."""
+        return self.goal.unit
+
+    @property
+    def share_of(self) -> str:
+        """The range, in words, that relative errors are a share of."""
+        return self.goal.range
+
+    @property
+    def step_s(self) -> float:
+        """Step of the run [s]."""
+        return float(self.scenario.run.step_s)
+
+    @property
+    def lead(self) -> int:
+        """Rows of a homing stroke, which come first."""
+        return 0
+
+    @property
+    @abstractmethod
+    def target(self) -> FloatArray:
+        """Wanted values after the homing stroke, shape (rows, goals)."""
+
+    @property
+    def target_time_s(self) -> FloatArray:
+        """Its instants, shape (rows,) [s]."""
+        time: FloatArray = self.sampled.time_s
+        found: FloatArray = time[self.lead :] - time[self.lead]
+        return found
+
+    @cached_property
+    def _middle(self) -> FloatArray | float:
+        """Values that the goals are counted from, so that the largest range is that of all."""
+        return 0.5 * (self.target.max(axis=0) + self.target.min(axis=0)) if self.goal.is_named else 0.0
+
+    @cached_property
+    def wanted(self) -> FloatArray:
+        """Target, shape (n,); of several goals one after the other, each about the middle of its range."""
+        return (self.target - self._middle).T.ravel()
+
+    def values_of(self, response: MotorResponse) -> FloatArray:
+        """Output of a response after the homing stroke, to compare with `wanted`, shape (n,)."""
+        return (response.output[self.lead :] - self._middle).T.ravel()
+
+    @property
+    def time_s(self) -> FloatArray:
+        """Instants of `wanted`, shape (n,) [s]; those of several goals follow one another."""
+        rows = self.target_time_s
+        return np.concatenate([rows + k * (rows[-1] + self.step_s) for k in range(self.target.shape[1])])
+
+    @property
+    @abstractmethod
+    def motors(self) -> tuple[str, ...]:
+        """Names of the motors."""
+
+    @property
+    @abstractmethod
+    def drives(self) -> tuple[JointDrive, ...]:
+        """Drive of each motor."""
+
+    @property
+    @abstractmethod
+    def inversion(self) -> MotorResponse:
+        """The exact inverse before the drives; SolveError or InputError where there is none."""
+
+    @property
+    @abstractmethod
+    def lengths_rad(self) -> FloatArray:
+        """Angles of the motors by the lengths of the tendons alone, shape (rows, motors)."""
+
+    @property
+    @abstractmethod
+    def static_rad(self) -> FloatArray:
+        """Angles of the motors by the quasi-static law, shape (rows, motors)."""
+
+    @property
+    def follows(self) -> bool:
+        """Some joints have no reference and follow from their balances."""
+        return False
+
+    @abstractmethod
+    def respond(
+        self,
+        system: Any,
+        command_rad: FloatArray,
+        *,
+        level: Level | None = None,
+        masses: int | None = None,
+        refinement: int = 1,
+        method: Method = Method.BDF2,
+    ) -> MotorResponse:
+        """Response of a mechanism behind its drives to commands, shape (rows, motors); of a cycle in its steady state.
+
+        `masses` of each tendon, by default the paths' own; `refinement` steps to one of the run. SolveError or
+        ParameterError where it fails.
+        """
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Notes on the exact inverse for the user."""
+        return ()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Where the reference was changed."""
+        return ()
+
+    @property
+    def refusal(self) -> str:
+        """Why a strict design refuses the reference; empty where it does not."""
+        return ""
+
+    def check_reach(self) -> None:
+        """Refuse a motion whose torques no tensions give."""
+        return
+
+    @property
+    @abstractmethod
+    def doubt(self) -> Doubt[Any]:
+        """Mechanisms that may be the real one, by [robust] or, where it states nothing, assumed."""
+
+    @cached_property
+    def middle(self) -> Any:
+        """The mechanism of the middle compliances; None where [robust] states no doubt of a stiffness."""
+        return middle_compliance(self.system, self.scenario.robust)
+
+    @property
+    def masses(self) -> int:
+        """Masses of each tendon of the mechanism that commands are judged on."""
+        return verifying_masses(self.system)
+
+    def doubt_masses(self, system: Any) -> int:
+        """Masses of each tendon of a mechanism that may be the real one."""
+        return verifying_masses(system)
+
+    def commanded(self, motor_rad: FloatArray, *, by_ratio: bool = False, live: bool = False) -> FloatArray:
+        """Commands whose answer are these angles, shape (rows, motors); by ratio, nothing else is known of the drives.
+
+        Live, the rate of a motor is known from the samples so far alone, as on a controller.
+        """
+        columns = [
+            commanded(known_by_ratio(drive) if by_ratio else drive, column[:, None], self.step_s, live=live)[:, 0]
+            for drive, column in zip(self.drives, motor_rad.T, strict=True)
+        ]
+        return np.column_stack(columns)
+
+    @property
+    def live_command_rad(self) -> FloatArray:
+        """Commands of the exact inverse where the reference arrives live, shape (rows, motors)."""
+        return self.commanded(self.inversion.motor_rad)
+
+    def expect(self, commands: Mapping[str, FloatArray], recommended: str | None = None) -> Expectation:
+        """Try commands, by name of the compensator, on all mechanisms that may be the real one."""
+        bands = self.bands(commands)
+        return expectation_of(self.doubt, self.level, bands, self.share_of, self.unit, recommended)
+
+    def expect_live(self) -> Expectation:
+        """Errors of the exact inverse over all mechanisms that may be the real one, the reference being known live."""
+        plain = self.commanded(self.lengths_rad, by_ratio=True)
+        return self.expect({"inverse": self.live_command_rad, "linear": plain}, "inverse")
+
+    def bands(self, commands: Mapping[K, FloatArray]) -> dict[K, ErrorBand]:
+        """Errors of commands on all mechanisms that may be the real one."""
+
+        def respond(system: Any, command: FloatArray) -> tuple[FloatArray, bool]:
+            try:
+                found = self.respond(system, command, masses=self.doubt_masses(system))
+            except (SolveError, ParameterError, InputError):
+                return np.full_like(self.wanted, np.nan), False
+            return self.values_of(found), not found.is_taut
+
+        return bands_of(self.doubt, self.wanted, commands, respond, np.ndarray.tobytes)
+
+
+def verifying_masses(mechanism: Mechanism | Finger) -> int:
+    """Masses of each tendon of the mechanism that commands are judged on."""
+    return max(VERIFYING_MASSES, *(2 * tendon.path.segments for tendon in mechanism.tendons))
+
+
+def middle_compliance(mechanism: S, robust: Uncertainty) -> S | None:
+    """The mechanism whose tendons have the middle of the compliances that [robust] admits.
+
+    The lost motion is proportional to 1/k, so the design for the harmonic middle has the same error at both ends, which
+    is the least that a design can have at the worse one. None where no stiffness of a tendon is in doubt, or the mean
+    error counts.
+    """
+    if robust.objective is Objective.MEAN:
+        return None
+    found: dict[str, float] = {}
+    for spread in robust.spreads:
+        keys = [key for key in spread.keys if key == "stiffness" or key.endswith("tendon.stiffness_N_per_m")]
+        low, high = (spread.values(mechanism, place) for place in (-1.0, 1.0))
+        found |= {key: 2 / (1 / low[key] + 1 / high[key]) for key in keys}
+    return with_numbers(mechanism, found) if found else None

@@ -1,0 +1,100 @@
+"""`tendonff export-fmu` of a finger: wanted angles in, angles of the motors and tensions out."""
+
+from tendonff._version import __version__
+from tendonff.compensator.compensators.motors.finger import FingerTask
+from tendonff.compensator.export.finger.golden import followed_course
+from tendonff.compensator.export.finger.text import finger_module
+from tendonff.compensator.export.joint.judgement import judge, judgement_lines
+from tendonff.compensator.export.kinds import FmiVersion
+from tendonff.compensator.export.modules import check_prefix
+from tendonff.compensator.export.text.c_text import harmless
+from tendonff.compensator.export.unit import Fmu, Variable, pack
+from tendonff.compensator.scenario.driven.finger import FingerScenario
+from tendonff.models.fidelity import Level
+from tendonff.models.turns import in_turn
+from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.errors import SolveError
+
+
+@in_turn
+def build_finger_fmu(
+    scenario: FingerScenario,
+    fmi: FmiVersion = FmiVersion.V2,
+    *,
+    prefix: str = "tff",
+    level: Level | None = None,
+    everywhere: bool = False,
+    force_export: bool = False,
+) -> Fmu:
+    """Wrap the exported C of a finger; arguments and errors as of `tendonff.export_fmu`."""
+    check_prefix(prefix)
+    task = FingerTask.of(scenario, level)
+    task.check_reach()
+    module = finger_module([task], [task.problem(task.finger)], Precision.DOUBLE, prefix)
+    [described] = module.context["fingers"]
+    judged = judge(task, described["symbol"].lower(), followed_course(task, Precision.DOUBLE).command_rad)
+    if judged.fault and not force_export:
+        raise SolveError(
+            f"no unit is made: {judged.fault}. Let the reference move more slowly, or make it all the same with "
+            "--force-export"
+        )
+    joints, name = described["joints"], harmless(scenario.name)
+    columns = (described[key].tolist() for key in ("least", "most", "start"))
+
+    def angle(key: str, text: str, of: tuple[str, float, float, float], *, fixed: bool = False) -> Variable:
+        joint, low, high, start = of
+        known = {"unit": "rad", "start": repr(start), "low": low, "high": high, "is_parameter": fixed}
+        return Variable(name=f"{key}_{joint}", text=f"{text} {joint}", **known)  # type: ignore[arg-type]
+
+    each = list(zip(joints, *columns, strict=True))
+    torques = task.sampled.effort_N_m[0, : len(joints)].tolist()
+    outputs = [
+        Variable(name=f"motor_{m}", text=f"commanded angle of the motor {m} since the start", unit="rad", start="0.0")
+        for m in described["motors"]
+    ]
+    problem = task.problem(task.finger)
+    outputs += [
+        Variable(name=f"tension_{t}", text=f"tension of {t} at its far end", unit="N", start=repr(tension))
+        for t, tension in zip(described["tendons"], problem.tension_N.tolist(), strict=True)
+    ]
+    extras = [angle("angle", "wanted angle of the joint", one) for one in each[1:]]
+    extras += [
+        Variable(name=f"torque_{j}", text=f"torque of {j} on what it touches", unit="N.m", start=repr(torque))
+        for j, torque in zip(joints, torques, strict=True)
+    ]
+    rest = "angle at rest before the start of the joint"
+    extras += [angle("initial_angle", rest, one, fixed=True) for one in each[1:]]
+    identifier = f"{prefix}_finger"
+    context = {
+        "prefix": prefix,
+        "guard": prefix.upper(),
+        "identifier": identifier,
+        "compiled": [f"{identifier}.c"],
+        "description": f"inverse of the finger {described['symbol'].lower()}, level {task.level}: {name}",
+        "version": __version__,
+        "input": angle("angle", "wanted angle of the joint", each[0]),
+        "first": angle("initial_angle", rest, each[0]),
+        "outputs": outputs,
+        "extras": extras,
+        "module": "finger",
+        "joints": len(joints),
+        "radians": True,
+        "joint_at": -1,
+        "motors": len(described["motors"]),
+        "others": (),
+        "taken": "an angle or a torque",
+        "refusal": "a communication step must be longer than 0 s",
+        "step": repr(task.step_s),
+        "stop": repr(float(task.sampled.time_s[-1])),
+        "provenance": f' * Scenario "{name}", hash {scenario.digest()}, level {task.level}; tendonff {__version__}.',
+    }
+    warnings = (f"{judged.fault}; made because of --force-export",) if judged.fault else ()
+    return pack(
+        module.files,
+        context,
+        fmi,
+        model="model_motors",
+        everywhere=everywhere,
+        lines=judgement_lines((judged,)),
+        warnings=warnings,
+    )

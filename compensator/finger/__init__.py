@@ -1,1 +1,0 @@
-"""Several driven joints on tendons that cross them: scenario, compensators and design."""

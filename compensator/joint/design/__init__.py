@@ -1,1 +1,0 @@
-"""Design of a joint: what its compensators achieve, and the report."""

@@ -1,0 +1,1 @@
+"""Scenario files of driven joints, one or several."""

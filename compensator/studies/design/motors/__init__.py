@@ -1,0 +1,1 @@
+"""Design of motor angles for driven joints."""
