@@ -186,6 +186,7 @@ def several(examples):
     return replace(scenario, mechanism=replace(scenario.mechanism, tendons=tendons), references=references)
 
 
+@pytest.mark.compiler
 def test_several_joints_follow_their_references_under_a_bound_of_the_user(examples):
     """The answer is simulated by the compiled step: within 2 % of range after intervals of 10 ms."""
     scenario = several(examples)
