@@ -18,6 +18,7 @@ from tendonff.compensator.export.kinds import Kind as Unit
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.scenario.kind import Kind
+from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.precision import Precision
@@ -272,7 +273,10 @@ def function_of(
 
     InputError, with the reason, where there is none, or an option is not for this kind.
     """
-    entry, kind = WORKS[work], scenario.kind
+    kind = getattr(scenario, "kind", None)
+    if not isinstance(kind, Kind):
+        raise ParameterError(f"scenario must be one that tf.load_scenario(file) gives, got {scenario!r:.60}")
+    entry = WORKS[work]
     if kind in entry.refused:
         raise InputError(f"{scenario.source.name}: {entry.refused[kind]}")
     require_options(work, scenario, asked)
@@ -594,6 +598,9 @@ def identify(
     >>> scenario = tf.load_scenario("examples/hand_joint.toml")
     >>> fit = tf.identify(scenario, ["log.csv"])  # doctest: +SKIP
     """
+    for name, files in (("data", data), ("validate", validate)):
+        if isinstance(files, str | os.PathLike):
+            raise ParameterError(f'{name} must be a list of files, got "{files}"; write ["{files}"]')
     asked = {"how": how, "static_only": static_only, "conditions": conditions}
     found: Identification | JointIdentification | MotorsIdentification = function_of("identify", scenario, asked)(
         scenario, data, validate, say=say, **({} if confirm is None else {"confirm": confirm})

@@ -66,6 +66,11 @@ def system_of(rig: Any, level: Level, *motion: Any, **options: Any) -> Any:
     -------
     Chain or JointProblem
 
+    Raises
+    ------
+    ParameterError
+        If the rig or the level is none.
+
     Examples
     --------
     >>> import numpy as np
@@ -76,7 +81,10 @@ def system_of(rig: Any, level: Level, *motion: Any, **options: Any) -> Any:
     >>> tf.system_of(mechanism, tf.Level.PRESLIDING, range_rad).loop
     True
     """
-    return _of(_SYSTEMS, rig)(rig, level, *motion, **options)
+    made = _of(_SYSTEMS, rig)
+    if not isinstance(level, Level):
+        raise ParameterError(f"level must be a tf.Level, got {level!r}; write tf.Level({level!r})")
+    return made(rig, level, *motion, **options)
 
 
 @overload

@@ -22,7 +22,7 @@ from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.cached import cached_property
-from tendonff.models.errors import TendonffError
+from tendonff.models.errors import ParameterError, TendonffError
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.models.parameters.drive import Drive
@@ -253,7 +253,7 @@ def answers_of(problem: Problem, compensators: Sequence[Compensator], parts: Par
             found.refused[each.name] = reason
         else:
             try:
-                profile = each.profile(problem, progress=parts.inside(share))
+                profile = _answer(each.profile(problem, progress=parts.inside(share)), problem)
                 found.profiles[each.name] = with_motion(problem, each.name, profile)
             except (TendonffError, ArithmeticError, np.linalg.LinAlgError) as error:
                 reason = str(error) if isinstance(error, TendonffError) else f"{type(error).__name__}: {error}"
@@ -262,6 +262,20 @@ def answers_of(problem: Problem, compensators: Sequence[Compensator], parts: Par
     if not found.profiles:
         raise SolveError("; ".join(f"{name}: {reason}" for name, reason in (found.refused | found.failed).items()))
     return found
+
+
+def _answer(profile: object, problem: Problem) -> Profile:
+    """What a compensator gave, which may be the user's own; ParameterError if it does not fit the problem."""
+    rows = problem.reference.tension_N.shape
+    if not isinstance(profile, Profile):
+        raise ParameterError(
+            f"profile() must give a tf.Profile, got {type(profile).__name__}; write Profile(force_N=...)"
+        )
+    if np.shape(profile.force_N) != rows:
+        raise ParameterError(
+            f"force_N must have a value per row of the reference, {rows}, got {np.shape(profile.force_N)}"
+        )
+    return profile
 
 
 FOLLOWED = ("inverse", "optimal")

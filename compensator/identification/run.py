@@ -36,7 +36,7 @@ from tendonff.compensator.identification.measured.plan import (
     magnitude_warning,
     unit_warning,
 )
-from tendonff.compensator.identification.measured.reading import read_measurement
+from tendonff.compensator.identification.measured.reading import DataIssue, read_measurement
 from tendonff.compensator.identification.outcome import Fitted, Outcome, carried_on, compared, outcome_of, with_drive
 from tendonff.compensator.identification.pace import Pace
 from tendonff.compensator.identification.parameters import Parameter
@@ -145,7 +145,8 @@ def _read(
     _check_common_friction(scenario, records)
     if static_only:
         _check_rest(everything)
-    doubts = [unit_warning(how, _positions_of(records)), *data_doubts(everything, how.explain)]
+    converted = " ".join(each.text for one in raw for each in one.findings if each.issue is DataIssue.UNITS)
+    doubts = [unit_warning(how, _positions_of(records), converted), *data_doubts(everything, how.explain)]
     for doubt in filter(None, doubts):
         say(f"{DOUBT}{doubt}")
     proximal = _proximal(scenario, everything, static_only=static_only)

@@ -61,8 +61,10 @@ def settle(found: Iterable[UnitDoubt], *, file: str, accept: bool) -> tuple[str,
     texts = tuple(map(str, doubts))
     if doubts and not accept:
         keys = ", ".join(f'"{key}"' for key in dict.fromkeys(doubt.key for doubt in doubts))
+        asked = "; ".join(texts)
+        end = "" if asked.endswith("?") else "."
         raise InputError(
-            f"{file}: {'; '.join(texts)}. Nothing was computed: correct this, or go on all the same with --yes or, "
+            f"{file}: {asked}{end} Nothing was computed: correct this, or go on all the same with --yes or, "
             f"for good, with accept = [{keys}] in [run]"
         )
     return texts

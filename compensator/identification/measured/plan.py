@@ -142,12 +142,17 @@ def check_question(scenario: Scenario, fit_files: Sequence[Path], judging: Seque
             )
 
 
-def unit_warning(how: Measurement, positions: Sequence[str]) -> str:
-    """Columns, of positions those in `positions`, whose names tell another unit than they are read in; else empty."""
+def unit_warning(how: Measurement, positions: Sequence[str], converted: str = "") -> str:
+    """Columns, of positions those in `positions`, whose names tell another unit than they are read in; else empty.
+
+    `converted` is what the reader said of the columns whose units it turned into SI.
+    """
     found = []
     for key, (unit, others) in OTHERS.items():
         name, scale = getattr(how, f"{key}_column"), getattr(how, f"{key}_scale")
         if name is None or (scale or 1) != 1 or (key.endswith("position") and key not in positions):
+            continue
+        if f"{name} x " in converted or f"{name} [" in converted:
             continue
         word = re.split(r"[^A-Za-z]+", name.rstrip(" ])"))[-1]
         if word in others:

@@ -11,7 +11,7 @@ import pytest
 
 from tendonff.compensator.cli import run
 from tendonff.compensator.compensators import base, optimal
-from tendonff.compensator.compensators.base import CModule, Compensator, Problem
+from tendonff.compensator.compensators.base import CModule, Compensator, Problem, answers_of
 from tendonff.compensator.compensators.closed_form import Capstan
 from tendonff.compensator.compensators.profile import Profile, ProfileStatus
 from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
@@ -20,7 +20,7 @@ from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.export.fmu import build_fmu
 from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.export.text import c_text
-from tendonff.compensator.files.progress import silent
+from tendonff.compensator.files.progress import Parts, silent
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.scenario import scenario_to_toml
 from tendonff.compensator.scenarios import load_scenario
@@ -100,6 +100,21 @@ def test_every_profile_has_the_rows_of_the_reference_and_keeps_the_limits(quick,
     profile = each.profile(problem)
     assert profile.force_N.shape == problem.reference.tension_N.shape
     assert problem.limits.admits(profile.force_N, problem.reference.step_s, 1e-6)
+
+
+@pytest.mark.parametrize(
+    ("given", "text"),
+    [
+        (np.ones(3), "must give a tf.Profile, got ndarray"),
+        (Profile(force_N=np.ones(3)), r"a value per row .* got \(3,\)"),
+    ],
+    ids=["array", "too short"],
+)
+def test_what_a_compensator_of_the_users_gives_wrongly_is_named(quick, monkeypatch, given, text):
+    mine = ConstantGain()
+    monkeypatch.setattr(ConstantGain, "profile", lambda *_, **__: given)
+    with pytest.raises(SolveError, match=f"gain: failed: .*{text}"):
+        answers_of(Problem.of(quick), [mine], Parts(silent, 1))
 
 
 def test_the_inverse_knows_the_travel_of_the_actuator_where_no_limit_binds(quick):

@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import tendonff as tf
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.identification.measured.plan import magnitude_warning, unit_warning
@@ -10,6 +11,7 @@ from tendonff.compensator.identification.measured.reading import read_measuremen
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenario.measurement import Explain, Measurement
 from tendonff.compensator.scenarios import load_scenario
+from tendonff.models.errors import ParameterError
 
 TORQUES = Measurement(
     input_column="input_torque_Nm", output_column="F_out [kN]", input_position_column="motor angle (deg)"
@@ -27,6 +29,12 @@ def test_columns_whose_names_tell_another_unit_are_named_with_the_option() -> No
 def test_a_factor_or_a_column_that_was_not_read_needs_no_message() -> None:
     assert unit_warning(Measurement(), ["input_position", "output_position"]) == ""
     assert unit_warning(replace(TORQUES, input_scale=100.0, output_scale=1000.0), []) == ""
+
+
+def test_a_column_that_was_converted_is_not_said_to_be_read_without_a_factor() -> None:
+    message = unit_warning(TORQUES, ["input_position"], "units: 1; F_out [kN] x 1000 (--scale overrides)")
+    assert "input_torque_Nm as N" in message
+    assert "F_out" not in message
 
 
 @pytest.mark.parametrize("name", ["force_A", "pull_in", "cell_N", "F_g"])
@@ -63,6 +71,16 @@ def test_the_report_repeats_the_options_that_read_the_files(examples, strokes, t
     found.write(tmp_path / "out")
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "--data a.csv --scale input=2 --scale output=2 --skip 0.5 --explain output --static --out DIR" in page
+
+
+def test_a_path_where_objects_are_expected_is_refused_with_the_way_to_write_it(examples):
+    scenario = load_scenario(examples / "finger.toml")
+    with pytest.raises(ParameterError, match=r'data must be a list of files, got "log\.csv"; write \["log\.csv"\]'):
+        tf.identify(scenario, "log.csv")
+    with pytest.raises(ParameterError, match=r"tf\.load_scenario\(file\) gives, got 'finger\.toml'"):
+        tf.design("finger.toml")
+    with pytest.raises(ParameterError, match=r"write tf\.Level\('presliding'\)"):
+        tf.system_of(scenario.transmission, "presliding")
 
 
 def test_a_file_cannot_judge_its_own_fit(examples, strokes):

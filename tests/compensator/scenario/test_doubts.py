@@ -170,7 +170,7 @@ def test_a_reference_file_in_another_unit_is_asked_about(tmp_path: Path, factor:
     rows = "".join(f"{t},{tension}\n" for t, tension in zip((0, 1, 2), tensions, strict=True))
     scenario = from_file(tmp_path, f"time_s,tension_N\n{rows}")
     if unit:
-        assert f"{unit}. Nothing was computed" in refusal(scenario)
+        assert f"{unit} Nothing was computed" in refusal(scenario)
     else:
         assert first_look(scenario) == ()
 
