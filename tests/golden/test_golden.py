@@ -86,7 +86,13 @@ def write_strokes(file):
 
 
 @pytest.mark.compiler
-@pytest.mark.parametrize("example", [*EXAMPLES, MOVING])
+@pytest.mark.parametrize(
+    "example",
+    [
+        pytest.param(name, marks=pytest.mark.nightly) if name == "finger_stribeck" else name
+        for name in (*EXAMPLES, MOVING)
+    ],
+)
 def test_design_gives_what_is_stored(example, output, golden):
     stored = golden(f"{example}/design")
     made = output("design", example)
@@ -139,7 +145,9 @@ def test_simulate_gives_what_is_stored(example, level, command, golden):
 @pytest.mark.parametrize(
     ("example", "precision"),
     [
-        pytest.param(*each, marks=pytest.mark.nightly) if each[0] in {"bowden", "finger_fast", "surgical"} else each
+        pytest.param(*each, marks=pytest.mark.nightly)
+        if each[0] in {"bowden", "finger_fast", "finger_stribeck", "surgical"}
+        else each
         for each in EXPORTS
     ],
 )
