@@ -265,7 +265,7 @@ def answers_of(problem: Problem, compensators: Sequence[Compensator], parts: Par
 
 
 def _answer(profile: object, problem: Problem) -> Profile:
-    """What a compensator gave, which may be the user's own; ParameterError if it does not fit the problem."""
+    """Answer of a compensator, perhaps the user's own; ParameterError if it does not fit the problem."""
     rows = problem.reference.tension_N.shape
     if not isinstance(profile, Profile):
         raise ParameterError(
