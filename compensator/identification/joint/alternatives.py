@@ -66,37 +66,32 @@ def with_alternatives(
 ) -> tuple[Solution, Tried, dict[N, Alternative]]:
     """Search with each of these effects from well within its range; one that explains the logs better is taken up.
 
-    Before, one of several that were taken up is left out again where it only stood in for another. Also returned are
-    the laws that explain the logs about as well, by their effect.
+    Then one of several that were taken up is left out again where it only stood in for another. Also returned are the
+    laws that explain the logs about as well, by their effect.
     """
-    gained = {n: (gain, taken) for n, gain, taken in tried}
+    solution, gained, alternatives = _with_more(law, solution, {n: (gain, taken) for n, gain, taken in tried}, say)
     stand_ins = [n for n in ALTERNATIVES if n in solution.values]
-    if len(stand_ins) > 1:
-        solution, gained = _without_stand_in(law, solution, gained, stand_ins, say)
-    return _with_more(law, solution, gained, say)
+    if len(stand_ins) > 1 and (fewer := _without_stand_in(law, solution, gained, stand_ins, say)) is not None:
+        solution, gained, alternatives = _with_more(law, *fewer, say)
+    return solution, tuple((n, *each) for n, each in gained.items()), alternatives
 
 
 def _without_stand_in(
     law: MechanismLaw, solution: Solution, gained: Gained, stand_ins: Sequence[N], say: Callable[[str], None]
-) -> tuple[Solution, Gained]:
-    """The law without one of these effects, if the others do as well from starts of their own."""
+) -> tuple[Solution, Gained] | None:
+    """The law without one of these effects, if the others do as well."""
     fewer = dict[N, Solution]()
     for number in stand_ins:
         say(f"without {number.spec.effect}")
-        values = _values(solution)
-        if number is N.ADHESION:
-            values[N.MU] *= 1 + values[N.ADHESION] / values[N.TENSION]
-        values = {n: v for n, v in values.items() if n not in (number, *PARTNERS.get(number, ()))}
-        for other in stand_ins:
-            if other is not number:
-                values = _started(law, values, other)
+        left_out = (number, *PARTNERS.get(number, ()))
+        values = {n: v for n, v in _values(solution).items() if n not in left_out}
         try:
-            fewer[number] = law.fit(values, most=STEPS)
+            fewer[number] = law.fit(values, most=2 * STEPS)  # the search with both may have gone astray
         except SolveError:
             continue
     best = min(fewer, key=lambda n: fewer[n].cost, default=None)
     if best is None or (gain := _gain(fewer[best], solution)) >= TUNED.worth_a_constant:
-        return solution, gained
+        return None
     return fewer[best], {**gained, best: (gain, False)}
 
 
@@ -110,25 +105,26 @@ def _started(law: MechanismLaw, values: Mapping[N, float], number: N) -> dict[N,
 
 def _with_more(
     law: MechanismLaw, solution: Solution, gained: Gained, say: Callable[[str], None]
-) -> tuple[Solution, Tried, dict[N, Alternative]]:
-    gained, found = dict(gained), dict[N, Solution]()
+) -> tuple[Solution, Gained, dict[N, Alternative]]:
+    """The law with those of the missing effects that are worth it, and the alternatives to it."""
+    known, found = dict(gained), dict[N, Solution]()
     for number in (n for n in ALTERNATIVES if n not in solution.values):
         say(f"with {number.spec.effect}")
         try:
             found[number] = law.fit(_started(law, _values(solution), number), most=STEPS)
         except SolveError:
             continue
-        gained[number] = (_gain(solution, found[number]), False)
+        known[number] = (_gain(solution, found[number]), False)
     best = min(found, key=lambda n: found[n].cost, default=None)
-    if best is not None and gained[best][0] >= TUNED.worth_a_constant:
-        gained[best] = (gained[best][0], True)
-        return _with_more(law, found[best], gained, say)
+    if best is not None and known[best][0] >= TUNED.worth_a_constant:
+        known[best] = (known[best][0], True)
+        return _with_more(law, found[best], known, say)
     as_good = {
         n: Alternative(effect=n, values=_values(each), covariance=covariance_of(law, each))
         for n, each in found.items()
-        if gained[n][0] > -AS_GOOD
+        if known[n][0] > -AS_GOOD
     }
-    return solution, tuple((n, *each) for n, each in gained.items()), as_good
+    return solution, known, as_good
 
 
 def _gain(fewer: Solution, more: Solution) -> float:
