@@ -245,7 +245,7 @@ def summary_lines(found: JointIdentification, folder: str = "") -> Sequence[str]
 
 
 def next_step(found: JointIdentification, folder: str = "") -> str:
-    """What to do next, the fitted scenario being in `folder`; empty where no law explains the log."""
+    """Next step, the fitted scenario being in `folder`; empty where no law explains the log."""
     if not found.described:
         return ""
     if not found.estimate("lost_motion_rad").identifiable:

@@ -202,5 +202,5 @@ def summary_lines(found: MotorsIdentification, folder: str = "") -> Sequence[str
 
 
 def next_step(found: MotorsIdentification, folder: str = "") -> str:
-    """What to do next, the fitted scenario being in `folder`; empty where nothing explains the torques."""
+    """Next step, the fitted scenario being in `folder`; empty where nothing explains the torques."""
     return f"tendonff design {(Path(folder) / 'fitted.toml').as_posix()}" if found.described else ""
