@@ -29,8 +29,7 @@ if TYPE_CHECKING:
     from tendonff.compensator.compensators.method_check import MethodCheck
     from tendonff.compensator.compensators.motors.registry import MotorCompensator
     from tendonff.compensator.export.c_project import Exported
-    from tendonff.compensator.export.finger.project import ExportedFingers
-    from tendonff.compensator.export.joint.project import ExportedJoints
+    from tendonff.compensator.export.motors import ExportedMotors
     from tendonff.compensator.export.several import ExportedTensions
     from tendonff.compensator.export.unit import Fmu
     from tendonff.compensator.files.reading import FloatArray
@@ -675,7 +674,7 @@ def export_c(
     level: Level | None = None,
     profile_N: "FloatArray | None" = None,
     force_export: bool = False,
-) -> "Exported | ExportedTensions | ExportedJoints | ExportedFingers":
+) -> "Exported | ExportedTensions | ExportedMotors":
     """Print a folder of C99 for the controller, with its self test.
 
     Every module is simulated on the scenario's reference first; one that is worse than no compensation is left out.
@@ -715,7 +714,7 @@ def export_c(
     for each in further:
         if each.kind is not scenario.kind:
             raise InputError(f"{each.source.name}: {_APART}")
-    found: Exported | ExportedTensions | ExportedJoints | ExportedFingers = export(
+    found: Exported | ExportedTensions | ExportedMotors = export(
         scenario, precision=precision, prefix=prefix, level=level, force_export=force_export
     )
     return found

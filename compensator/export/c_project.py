@@ -36,7 +36,7 @@ from tendonff.compensator.export.text.c_text import (
     table_context,
 )
 from tendonff.compensator.export.text.table_index import rounded
-from tendonff.compensator.files.writing import atomic_directory, write_text
+from tendonff.compensator.files.writing import write_folder
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.fidelity import Level
@@ -85,10 +85,7 @@ class Exported:
 
     def write(self, folder: str | os.PathLike[str]) -> None:
         """Write every file, all or nothing; makes the folder."""
-        with atomic_directory(folder) as partial:
-            for name, text in self.files.items():
-                (partial / name).parent.mkdir(parents=True, exist_ok=True)
-                write_text(partial / name, text)
+        write_folder(self.files, folder)
 
 
 @in_turn

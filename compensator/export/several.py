@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from tendonff.compensator.export.c_project import Exported, export_project
 from tendonff.compensator.files.text import InputError
-from tendonff.compensator.files.writing import atomic_directory, write_text
+from tendonff.compensator.files.writing import write_folder
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
@@ -65,10 +65,7 @@ class ExportedTensions:
 
     def write(self, folder: str | os.PathLike[str]) -> None:
         """Write every file, all or nothing; makes the folder."""
-        with atomic_directory(folder) as partial:
-            for name, text in self.files.items():
-                (partial / name).parent.mkdir(parents=True, exist_ok=True)
-                write_text(partial / name, text)
+        write_folder(self.files, folder)
 
 
 @in_turn

@@ -178,6 +178,14 @@ def atomic_directory(target: str | os.PathLike[str]) -> Iterator[Path]:
         yield partial
 
 
+def write_folder(files: Mapping[str, str], folder: str | os.PathLike[str]) -> None:
+    """Write texts by their name in a folder, all or nothing; makes the folder and those in it."""
+    with atomic_directory(folder) as partial:
+        for name, text in files.items():
+            (partial / name).parent.mkdir(parents=True, exist_ok=True)
+            write_text(partial / name, text)
+
+
 def _merge(source: Path, target: Path) -> None:
     """Move every file of `source` over its namesake in `target`; checks for clashes before it moves anything."""
     files = [path.relative_to(source) for path in sorted(source.rglob("*")) if not path.is_dir()]

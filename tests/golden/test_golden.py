@@ -86,7 +86,13 @@ def write_strokes(file):
 
 
 @pytest.mark.compiler
-@pytest.mark.parametrize("example", [*EXAMPLES, MOVING])
+@pytest.mark.parametrize(
+    "example",
+    [
+        pytest.param(name, marks=pytest.mark.nightly) if name == "finger_stribeck" else name
+        for name in (*EXAMPLES, MOVING)
+    ],
+)
 def test_design_gives_what_is_stored(example, output, golden):
     stored = golden(f"{example}/design")
     made = output("design", example)
@@ -138,10 +144,7 @@ def test_simulate_gives_what_is_stored(example, level, command, golden):
 @pytest.mark.compiler
 @pytest.mark.parametrize(
     ("example", "precision"),
-    [
-        pytest.param(*each, marks=pytest.mark.nightly) if each[0] in {"bowden", "finger_fast", "surgical"} else each
-        for each in EXPORTS
-    ],
+    [each if each[0] == "finger" else pytest.param(*each, marks=pytest.mark.nightly) for each in EXPORTS],
 )
 def test_export_c_gives_what_is_stored(example, precision, output, golden):
     """All arrays (golden vectors, profile, table); of one export every text, so that changes are seen."""

@@ -4,9 +4,9 @@ from tendonff._version import __version__
 from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.export.finger.golden import followed_course
 from tendonff.compensator.export.finger.text import finger_module
-from tendonff.compensator.export.joint.judgement import judge, judgement_lines
 from tendonff.compensator.export.kinds import FmiVersion
 from tendonff.compensator.export.modules import check_prefix
+from tendonff.compensator.export.motors import judge
 from tendonff.compensator.export.text.c_text import harmless
 from tendonff.compensator.export.unit import Fmu, Variable, pack
 from tendonff.compensator.scenario.driven.finger import FingerScenario
@@ -95,6 +95,6 @@ def build_finger_fmu(
         fmi,
         model="model_motors",
         everywhere=everywhere,
-        lines=judgement_lines((judged,)),
+        lines=(judged.line,),
         warnings=warnings,
     )

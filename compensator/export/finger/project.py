@@ -1,9 +1,8 @@
 """`tendonff export-c` of fingers: one copy of the code, a record for each finger."""
 
 import json
-import os
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 
 import numpy as np
 
@@ -21,10 +20,9 @@ from tendonff.compensator.export.finger.golden import (
     run_courses,
 )
 from tendonff.compensator.export.finger.text import finger_module, render
-from tendonff.compensator.export.joint.judgement import JudgedJoint, judge, judgement_lines, live_headline
 from tendonff.compensator.export.modules import check_prefix
+from tendonff.compensator.export.motors import ExportedMotors, JudgedJoint, judge, live_headline
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.files.writing import atomic_directory, write_text
 from tendonff.compensator.scenario.driven.finger import FingerScenario
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
@@ -38,47 +36,6 @@ DRIVEN = {"episodes": 8, "episode_rows": 60}
 _FILES = ("self_test.c", "example_main.c", "Makefile", "CMakeLists.txt", "README.md")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ExportedFingers:
-    """Content of an export, before it is written.
-
-    Attributes
-    ----------
-    files : dict of str to str
-        Text by file name.
-    judged : tuple of JudgedJoint
-        Errors over all joints of each finger.
-    loss_rad : float or None
-        Largest departure of the compiled code from the model; None without a compiler.
-    headlines : tuple of str
-        Expected error of each finger over what is uncertain, with the next step.
-    warnings : tuple of str
-        What the user should know, one sentence each.
-    """
-
-    files: dict[str, str] = field(repr=False)
-    judged: tuple[JudgedJoint, ...]
-    loss_rad: float | None
-    headlines: tuple[str, ...]
-    warnings: tuple[str, ...]
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """None so far."""
-        return ()
-
-    @property
-    def lines(self) -> tuple[str, ...]:
-        """The judgement in words."""
-        return judgement_lines(self.judged, self.loss_rad, self.headlines)
-
-    def write(self, folder: str | os.PathLike[str]) -> None:
-        """Write every file, all or nothing; makes the folder."""
-        with atomic_directory(folder) as partial:
-            for name, text in self.files.items():
-                write_text(partial / name, text)
-
-
 @in_turn
 def export_fingers(
     scenario: FingerScenario,
@@ -88,7 +45,7 @@ def export_fingers(
     prefix: str = "tff",
     level: Level | None = None,
     force_export: bool = False,
-) -> ExportedFingers:
+) -> ExportedMotors:
     """Print the whole folder; arguments and errors as of `tendonff.export_c`."""
     check_prefix(prefix)
     every = (scenario, *further)
@@ -131,7 +88,7 @@ def export_fingers(
     files = module.files | {name: render(f"{name}.j2", context) for name in _FILES}
     files["design.json"] = _design_json(tasks, judged, precision, prefix, loss)
     kept = [f"{fault}; exported because of --force-export" for fault in faults]
-    return ExportedFingers(
+    return ExportedMotors(
         files=files,
         judged=tuple(judged),
         loss_rad=loss,

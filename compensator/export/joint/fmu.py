@@ -5,10 +5,10 @@ from dataclasses import replace
 from tendonff._version import __version__
 from tendonff.compensator.compensators.motors.joint import JointTask
 from tendonff.compensator.export.joint.golden import followed_course
-from tendonff.compensator.export.joint.judgement import judge, judgement_lines
 from tendonff.compensator.export.joint.text import accepted_rad, joint_sources, problem_of
 from tendonff.compensator.export.kinds import FmiVersion
 from tendonff.compensator.export.modules import check_prefix
+from tendonff.compensator.export.motors import judge
 from tendonff.compensator.export.text.c_text import harmless
 from tendonff.compensator.export.unit import Fmu, Variable, pack
 from tendonff.compensator.scenario.driven.joint import JointScenario, on_level, sample_joint
@@ -113,6 +113,6 @@ def build_joint_fmu(
         fmi,
         model="model_motors",
         everywhere=everywhere,
-        lines=judgement_lines((judged,)),
+        lines=(judged.line,),
         warnings=warnings,
     )

@@ -1,9 +1,8 @@
 """`tendonff export-c` of driven joints: one copy of the code, a record for each joint."""
 
 import json
-import os
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -22,13 +21,12 @@ from tendonff.compensator.export.joint.golden import (
     largest_departure,
     run_courses,
 )
-from tendonff.compensator.export.joint.judgement import JudgedJoint, judge, judgement_lines, live_headline
 from tendonff.compensator.export.joint.text import module_text, problem_of, render, transmission_files
 from tendonff.compensator.export.modules import check_prefix
+from tendonff.compensator.export.motors import ExportedMotors, JudgedJoint, judge, live_headline
 from tendonff.compensator.feedback.code import feedback_module
 from tendonff.compensator.feedback.joint import JointFeedbackTask
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.files.writing import atomic_directory, write_text
 from tendonff.compensator.scenario.driven.joint import JointScenario, on_level, sample_joint
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
@@ -44,47 +42,6 @@ DRIVEN = {"episodes": 12, "episode_rows": 100, "tuner_rows": 400}
 _FILES = ("self_test.c", "example_main.c", "Makefile", "CMakeLists.txt", "README.md")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ExportedJoints:
-    """Content of an export, before it is written.
-
-    Attributes
-    ----------
-    files : dict of str to str
-        Text by file name.
-    judged : tuple of JudgedJoint
-    loss_rad : float or None
-        Largest departure of the compiled code from the model; None without a compiler.
-    headlines : tuple of str
-        Expected error of each joint over what is uncertain, with the next step.
-    warnings : tuple of str
-        What the user should know, one sentence each.
-    """
-
-    files: dict[str, str] = field(repr=False)
-    judged: tuple[JudgedJoint, ...]
-    loss_rad: float | None
-    headlines: tuple[str, ...]
-    warnings: tuple[str, ...]
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """None so far."""
-        return ()
-
-    @property
-    def lines(self) -> tuple[str, ...]:
-        """The judgement in words."""
-        return judgement_lines(self.judged, self.loss_rad, self.headlines)
-
-    def write(self, folder: str | os.PathLike[str]) -> None:
-        """Write every file, all or nothing; makes the folder."""
-        with atomic_directory(folder) as partial:
-            for name, text in self.files.items():
-                (partial / name).parent.mkdir(parents=True, exist_ok=True)
-                write_text(partial / name, text)
-
-
 @in_turn
 def export_joints(
     scenario: JointScenario,
@@ -94,7 +51,7 @@ def export_joints(
     prefix: str = "tff",
     level: Level | None = None,
     force_export: bool = False,
-) -> ExportedJoints:
+) -> ExportedMotors:
     """Print the whole folder; arguments and errors as of `tendonff.export_c`."""
     check_prefix(prefix)
     scenarios = [on_level(one, level) for one in (scenario, *further)]
@@ -154,7 +111,7 @@ def export_joints(
     kept = [note for each in sampled for note in each.warnings]
     kept += unfed
     kept += [f"{fault}; exported because of --force-export" for fault in faults]
-    return ExportedJoints(
+    return ExportedMotors(
         files=files,
         judged=tuple(judged),
         loss_rad=loss,

@@ -107,7 +107,7 @@ def springed() -> FingerScenario:
     return finger("under", text=text + '[run]\nstep_s = 1e-3\nlevel = "viscoelastic"\n')
 
 
-@pytest.mark.parametrize("precision", list(Precision))
+@pytest.mark.parametrize("precision", [Precision.FLOAT, pytest.param(Precision.DOUBLE, marks=pytest.mark.nightly)])
 def test_fingers_of_all_kinds_in_one_folder_pass_their_self_test_without_a_warning(precision, tmp_path):
     """N + 1 tendons, three loops, and one tendon on two springed joints: all of their numbers differ."""
     exported = export_fingers(finger(), further=(loops(), springed()), precision=precision, prefix="hand")

@@ -20,7 +20,7 @@ from tendonff.ocp.tracking.options import TrackOptions
 from tendonff.ocp.tracking.problem import TrackingProblem
 from tendonff.ocp.tracking.track import TrackStatus, track
 
-COUNT = int(os.environ.get("TENDONFF_RANDOM_RIGS", "8"))
+COUNT = int(os.environ.get("TENDONFF_RANDOM_RIGS", "6"))
 
 
 @pytest.mark.compiler

@@ -29,6 +29,7 @@ def moving(examples):
 
 
 @pytest.mark.compiler
+@pytest.mark.nightly
 def test_friction_that_is_off_is_tuned_away_while_joints_move(moving, monkeypatch):
     """On four of the study's plants: 40 masses, another step; the joints go on beyond the reference with it."""
     from tendonff.compensator.studies.adapt import run

@@ -1,8 +1,8 @@
-"""Errors of the exported commands of a joint, against those of the ratio alone."""
+"""What an export of driven joints holds, and the errors of its commands against those of the ratio alone."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+import os
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.compensators.score import scale_of
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.text import as_argument
+from tendonff.compensator.files.writing import write_folder
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,20 +43,53 @@ class JudgedJoint:
         """An error in degrees or N m."""
         return f"{math.degrees(value):.2g} deg" if self.is_angle else f"{value:.2g} N m"
 
+    @property
+    def line(self) -> str:
+        """The errors in words."""
+        plain = self.text(self.plain_rms)
+        return f"{self.name}: RMS error {self.text(self.rms)} with exactly these parameters, by the ratio alone {plain}"
 
-def judgement_lines(
-    judged: Sequence[JudgedJoint], loss_rad: float | None = None, headlines: Sequence[str] = ()
-) -> tuple[str, ...]:
-    """Errors in words, beside those of the ratio alone, the departure of compiled code, and what to expect of each."""
-    compiled = (
-        () if loss_rad is None else (f"compiled here, the code departs from the model by {loss_rad:.2g} rad at most",)
-    )
-    rows = [
-        f"{j.name}: RMS error {j.text(j.rms)} with exactly these parameters, by the ratio alone {j.text(j.plain_rms)}"
-        for j in judged
-    ]
-    expected = (f"{j.name}: {headline}" for j, headline in zip(judged, headlines, strict=False))
-    return (*rows, *compiled, *expected)
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportedMotors:
+    """Content of an export of driven joints, before it is written.
+
+    Attributes
+    ----------
+    files : dict of str to str
+        Text by file name.
+    judged : tuple of JudgedJoint
+        Of each joint or, over all its joints, of each finger.
+    loss_rad : float or None
+        Largest departure of the compiled code from the model; None without a compiler.
+    headlines : tuple of str
+        Expected error of each over what is uncertain, with the next step.
+    warnings : tuple of str
+        What the user should know, one sentence each.
+    """
+
+    files: dict[str, str] = field(repr=False)
+    judged: tuple[JudgedJoint, ...]
+    loss_rad: float | None
+    headlines: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """None so far."""
+        return ()
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """Errors in words, beside those of the ratio alone, the departure of compiled code, and what to expect."""
+        lines = [each.line for each in self.judged]
+        if self.loss_rad is not None:
+            lines.append(f"compiled here, the code departs from the model by {self.loss_rad:.2g} rad at most")
+        return (*lines, *(f"{j.name}: {each}" for j, each in zip(self.judged, self.headlines, strict=True)))
+
+    def write(self, folder: str | os.PathLike[str]) -> None:
+        """Write every file, all or nothing; makes the folder."""
+        write_folder(self.files, folder)
 
 
 def live_headline(task: MotorTask, source: Path) -> str:
