@@ -1,4 +1,4 @@
-"""What an export of driven joints holds, and the errors of its commands against those of the ratio alone."""
+"""Contents of an export of driven joints, and the errors of its commands against those of the ratio alone."""
 
 import math
 import os

@@ -321,7 +321,7 @@ def covariance_of(law: MechanismLaw, solution: Solution) -> Array:
     """
     names = [JointNumber(n) for n in solution.values]
     values = {n: solution.values[n] for n in names}
-    residuals = law.evaluate(values, names)
+    residuals = solution.residuals
     covariance, _ = block_covariance(residuals, robust=True)
     covariance = widened(covariance, residuals, law.kinds(len(residuals.values)))
     friction = law.joint_friction_N_m()

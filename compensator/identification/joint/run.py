@@ -6,12 +6,19 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.stats import t as student
 from threadpoolctl import threadpool_limits
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.answer.result import estimate_columns
 from tendonff.compensator.identification.constants import TUNED
+from tendonff.compensator.identification.joint.alternatives import (
+    STEPS,
+    WIDER,
+    Alternative,
+    Tried,
+    spanned,
+    with_alternatives,
+)
 from tendonff.compensator.identification.joint.estimates import Found, estimates_of
 from tendonff.compensator.identification.joint.figures import identification_figures
 from tendonff.compensator.identification.joint.first_look import FirstLook, look
@@ -35,7 +42,6 @@ from tendonff.compensator.identification.joint.parameters import (
 from tendonff.compensator.identification.joint.result import DESCRIBED_PERCENT, JointComparison, JointIdentification
 from tendonff.compensator.identification.joint.sensor import SensorFit, fit_sensor
 from tendonff.compensator.identification.joint.torque import TorqueFit, fit_torque
-from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.reporting.results import Views, register_views
 from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenario.driven.observer_table import ObserverTable
@@ -60,20 +66,9 @@ STEEP_EXPONENT = 1.1
 HOPELESS = 2.0
 """A law whose error is larger by this factor after its first steps is given up."""
 
-ALTERNATIVES = {N.ADHESION: 0.3, N.RELAXING: 0.3}
-"""Effects that a slope at zero does not show, since other numbers have taken their place: where a search of its own
-starts, in pre-tensions and as a share of the stiffness.
-"""
-
-AS_GOOD = 1.92
-"""Loss of log-likelihood within which a law is not excluded: half of the 95 % quantile of chi-squared of one number."""
-
-WIDER = 1.5
-"""Factor on a standard error by which an alternative is worth a word."""
-
 MOST_EXTRAS = 3
-FIRST_STEPS, STEPS, FINE_STEPS = 5, 15, 4
-"""Evaluations of a start, of the best one, and on the finer mechanism."""
+FIRST_STEPS, FINE_STEPS = 5, 4
+"""Evaluations of a start, and on the finer mechanism."""
 
 _ONE_FILE = (
     "one file was fitted: the interval of [observer] is that of its parts, and another load may miss the joint's angle "
@@ -218,14 +213,14 @@ def _fitted(
         note = "the pushes end before a tendon is slack"
         law = replace(law, fixed={N.MU: N.MU.of(mechanism)}, as_read=False)
         law, solution, tried = _searched(law, free, looks, some, say)
-    alternatives: dict[JointNumber, dict[JointNumber, float]] = {}
+    alternatives: dict[JointNumber, Alternative] = {}
     if touched and N.MU not in law.fixed:
         solution, tried, alternatives = with_alternatives(law, solution, tried, say)
     say("finer mechanism")
     fine = replace(law, segments=FINE_MASSES, refinement=2)
     before, solution = solution, fine.fit(_values(solution), most=FINE_STEPS)
     covariance = covariance_of(fine, solution)
-    reached = {n: spanned(solution, covariance, [values], before) for n, values in alternatives.items()}
+    reached = {n: spanned(solution, covariance, [each], before) for n, each in alternatives.items()}
     return Found(
         law=fine,
         solution=solution,
@@ -239,7 +234,6 @@ def _fitted(
     )
 
 
-Tried = tuple[tuple[N, float, bool], ...]
 _Search = tuple[MechanismLaw, Solution, Tried]
 
 
@@ -341,49 +335,6 @@ def _with_extras(
             break
         solution, tried[best] = more, (worth[best], True)
     return solution, tuple((n, gain, taken) for n, (gain, taken) in tried.items())
-
-
-def with_alternatives(
-    law: MechanismLaw, solution: Solution, tried: Tried, say: Callable[[str], None]
-) -> tuple[Solution, Tried, dict[JointNumber, dict[JointNumber, float]]]:
-    """Search with each of these effects from well within its range; one that explains the logs better is taken up.
-
-    Also returned are the values with those that explain them about as well, by their effect.
-    """
-    gained, found = {n: (gain, taken) for n, gain, taken in tried}, dict[JointNumber, Solution]()
-    left = {n: share for n, share in ALTERNATIVES.items() if n not in solution.values}
-    blocks = len(np.unique(solution.residuals.blocks))
-    for number, share in left.items():
-        say(f"with {number.spec.effect}")
-        values = _values(solution)
-        if number is N.ADHESION:
-            values |= {number: share * values[N.TENSION], N.MU: values[N.MU] / (1 + share)}
-        else:
-            values |= {number: share, **{n: n.of(law.mechanism) for n in PARTNERS[number]}}
-        try:
-            found[number] = law.fit(values, most=STEPS)
-        except SolveError:
-            continue
-        gained[number] = (blocks / 2 * float(np.log(solution.cost / found[number].cost)), False)
-    best = min(found, key=lambda n: found[n].cost, default=None)
-    taken = best is not None and gained[best][0] >= TUNED.worth_a_constant
-    if best is not None and taken:
-        gained[best] = (gained[best][0], True)
-    tried = tuple((n, *each) for n, each in gained.items())
-    if best is not None and taken:
-        return with_alternatives(law, found[best], tried, say)
-    return solution, tried, {n: _values(each) for n, each in found.items() if gained[n][0] > -AS_GOOD}
-
-
-def spanned(
-    solution: Solution, covariance: Array, alternatives: Sequence[Mapping[JointNumber, float]], before: Solution
-) -> Array:
-    """The covariance whose intervals reach the values with alternatives too, found beside those of `before`."""
-    reach = float(student.ppf(0.975, max(solution.degrees, 1)))
-    for alternative in alternatives:
-        apart = np.array([alternative[N(name)] - before.values[name] for name in solution.values]) / reach
-        covariance = covariance + np.outer(apart, apart)
-    return covariance
 
 
 def _answer(
