@@ -57,12 +57,12 @@ def page(tmp_path_factory, examples):
     dense_axes[0, 0].scatter(np.sin(7 * np.arange(30_000)), np.cos(11 * np.arange(30_000)), s=1)
     wide = Table(
         caption="A wide table",
-        columns=("design", *(f"a plant with a long name {k}" for k in range(8))),
+        columns=("design", *(f"a plant with a name too long for one line {k}" for k in range(8))),
         rows=(("inverse", *(1.0 / (k + 1) for k in range(8))),),
     )
     report = Report(
         title="A design with <b>odd</b> & long names_without_any_place_to_break_that_go_on_and_on_and_on_and_on",
-        summary="The optimal profile leaves 0.12 % of range.",
+        summary=f"The profile leaves 0.12 % of range. Next: {' '.join(['tendonff x --suggest --out excite'] * 9)}",
         warnings=("<script>document.title='broken into'</script>",),
         sections=(
             Section(title="Pictures", blocks=(Text("Look."), Picture(figure=figure, caption="A sine."))),
@@ -134,6 +134,15 @@ def test_a_report_is_readable_on_a_phone(browser, page):
         cells = browser.execute_script("return [...document.querySelectorAll('.cards td')].map(e => e.dataset.column)")
         assert cells
         assert all(cells)
+        assert not browser.execute_script(
+            "return [...document.querySelectorAll('.cards td')].filter(e => e.scrollWidth > e.clientWidth).length"
+        )
+        # No line ends inside an option of a command.
+        lines = browser.execute_script(
+            "return [...document.querySelectorAll('.option')].map(e => e.getClientRects().length)"
+        )
+        assert len(lines) == 18
+        assert set(lines) == {1}
         scrollable = browser.execute_script(
             """return [...document.querySelectorAll('.wide')].filter(e => e.scrollWidth > e.clientWidth)
                 .every(e => getComputedStyle(e).overflowX == 'auto')"""

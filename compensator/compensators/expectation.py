@@ -127,6 +127,9 @@ class Expectation:
     share_of: str = "range"
     unit: Unit = NEWTON
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: up to {self.error}, with {self.recommended!r}, for {self.doubt}>"
+
     @property
     def best(self) -> ErrorBand:
         """Errors of the recommended profile."""

@@ -18,6 +18,7 @@ from importlib.metadata import PackageNotFoundError, version
 from itertools import count
 from pathlib import Path
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
 
@@ -31,9 +32,13 @@ from tendonff.compensator.reporting.drawing import caption_of, described_figure
 from tendonff.compensator.reporting.plots import draw_figure, save_figure
 from tendonff.compensator.scenario.document import Document
 
+if TYPE_CHECKING:
+    from markupsafe import Markup
+
 Cell = str | float | int | bool | None  # what a table holds; None shows as a dash
 
 _FIGURE = re.compile(r"[<−-]? ?\d.{0,20}$")
+_OPTION = re.compile(r"(?<!\S)(--[a-z][a-z-]*|export-[a-z]+)")
 _DECADES = 4  # that one number of decimals serves
 
 
@@ -209,6 +214,7 @@ def render_report(report: Report, files: Mapping[Figure, Path] = MappingProxyTyp
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
+    environment.filters["with_whole_options"] = _with_whole_options
     provenance, figures, scenario = report.provenance, count(1), report.provenance.scenario
     caption = "Complete scenario, including defaults" if scenario.is_complete else "Scenario file"
     reference = provenance.scenario.reference_file()
@@ -238,6 +244,16 @@ def render_report(report: Report, files: Mapping[Figure, Path] = MappingProxyTyp
         scenario_hash=provenance.scenario.digest(),
         inputs=[(path.name, file_hash(path)) for path in inputs],
         versions=versions(),
+    )
+
+
+def _with_whole_options(text: str) -> "Markup":
+    """A text as HTML in which no line ends inside an option or a command, where a browser breaks after a hyphen."""
+    from markupsafe import Markup, escape
+
+    parts = _OPTION.split(text)  # options are every second one
+    return Markup("").join(
+        Markup('<span class="option">{}</span>').format(each) if k % 2 else escape(each) for k, each in enumerate(parts)
     )
 
 

@@ -234,6 +234,12 @@ def _numbers(name: str, load: LoadLaw) -> dict[str, float]:
             return {"stop_low_rad": load.low, "stop_high_rad": load.high, "stop_stiffness_N_m_per_rad": load.stiffness}
         case DryFriction() if not load.lost_share:
             return {"coulomb_N_m": load.coulomb, "bristle_N_m_per_rad": load.bristle_stiffness}
+        case DryFriction():
+            raise ParameterError(
+                f'"{name}" has a DryFriction of lost_share = {load.lost_share:g}, which grows with its load; the '
+                "compiled engine takes constant friction of a body: give gear_efficiency to the drive that leads "
+                'the motor, or use method="idas"'
+            )
         case _:
             raise ParameterError(
                 f'"{name}" has a load {type(load).__name__}, which the compiled engine does not know; use method="idas"'

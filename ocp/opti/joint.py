@@ -210,11 +210,16 @@ def _formulate(
     # path: limits of the motors
     bodies = [body.name for body in driven.cut.bodies]
     on_drum = trajectory.along(page.effort[[bodies.index(name) for name in driven.motors]])
-    inertia = ca.DM([drive.inertia_kg_m2 for drive in driven.drives])
-    torque = ca.mtimes(ca.diag(inertia), ca.diff(steps, 1, 1)) / step**2 - on_drum[:, 1:-1]
+    held, inertia = -on_drum[:, 1:-1], ca.DM([drive.inertia_kg_m2 for drive in driven.drives])
+    torque = ca.mtimes(ca.diag(inertia), ca.diff(steps, 1, 1)) / step**2 + held
+    lost = ca.mtimes(ca.diag(ca.DM([1 - drive.gear_efficiency for drive in driven.drives])), held)
     most_rad = [drive.speed_max_rad_per_s and drive.speed_max_rad_per_s * step for drive in driven.drives]
     most_N_m = [drive.torque_max_N_m and drive.torque_max_N_m - drive.coulomb_N_m for drive in driven.drives]
-    for given_rows, limits in ((steps, most_rad), (torque, most_N_m)):
+    # |torque| + |lost| without their corners: the gear's loss both ways
+    bounded = [(steps, most_rad), (torque + lost, most_N_m)]
+    if any(drive.gear_efficiency < 1 for drive in driven.drives):
+        bounded.append((torque - lost, most_N_m))
+    for given_rows, limits in bounded:
         rows = [k for k, most in enumerate(limits) if most is not None]
         if rows:
             bound = ca.vec(ca.repmat(ca.DM([limits[k] for k in rows]), 1, given_rows.size2()))

@@ -9,7 +9,7 @@ from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.identification.answer.result import reasons_of
 from tendonff.compensator.identification.joint.estimates import DERIVED
 from tendonff.compensator.identification.joint.parameters import JointNumber
-from tendonff.compensator.identification.joint.result import JointIdentification
+from tendonff.compensator.identification.joint.result import JointIdentification, next_step
 from tendonff.compensator.identification.joint.sensor import UNITS
 from tendonff.compensator.identification.joint.torque import UNITS as TORQUE_UNITS
 from tendonff.compensator.reporting.page import Block, FileNote, Provenance, Report, Section, Table, Text, pictures_of
@@ -94,7 +94,7 @@ def identification_report(found: JointIdentification, figures: Mapping[str, Figu
     data = "".join(f" --{'data' if c.role == 'fit' else 'validate'} {quote(c.name)}" for c in found.comparisons)
     return Report(
         title=f"Identification: {found.asked.name}",
-        summary=found.headline,
+        summary=f"{found.headline} Next: {step}" if (step := next_step(found)) else found.headline,
         fine_print=found.missing.replace("not identifiable (see the report)", "Not identifiable"),
         warnings=found.warnings,
         sections=tuple(

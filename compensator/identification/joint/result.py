@@ -241,8 +241,13 @@ def summary_lines(found: JointIdentification, folder: str = "") -> Sequence[str]
     ]
     lines += [f"  {line}" for line in (found.missing,) if line]
     lines.append(f"law: {found.law}")
-    if found.described and not found.estimate("lost_motion_rad").identifiable:
-        lines.append(f"next: {ANGLE_OR_PUSH}; a design rests on the scenario's lost motion until then")
-    elif found.described:
-        lines.append(f"next: tendonff design {(Path(folder) / 'fitted.toml').as_posix()}")
-    return lines
+    return [*lines, *((f"next: {step}",) if (step := next_step(found, folder)) else ())]
+
+
+def next_step(found: JointIdentification, folder: str = "") -> str:
+    """Next step, the fitted scenario being in `folder`; empty where no law explains the log."""
+    if not found.described:
+        return ""
+    if not found.estimate("lost_motion_rad").identifiable:
+        return f"{ANGLE_OR_PUSH}; a design rests on the scenario's lost motion until then"
+    return f"tendonff design {(Path(folder) / 'fitted.toml').as_posix()}"

@@ -13,7 +13,7 @@ from tendonff.compensator.files.writing import atomic_directory, write_csv, writ
 from tendonff.compensator.identification.answer.result import reasons_of
 from tendonff.compensator.identification.joint.fitted import moved_files
 from tendonff.compensator.identification.measured import Array
-from tendonff.compensator.identification.motors.result import MotorsComparison, MotorsIdentification
+from tendonff.compensator.identification.motors.result import MotorsComparison, MotorsIdentification, next_step
 from tendonff.compensator.identification.motors.routine import MotorsRoutine
 from tendonff.compensator.reporting.colours import BLUE, INK, VERMILION
 from tendonff.compensator.reporting.page import FileNote, Provenance, Report, Section, Table, pictures_of, write_report
@@ -147,7 +147,7 @@ def identification_report(found: MotorsIdentification, figures: Mapping[str, Fig
     data = "".join(f" --{'data' if c.role == 'fit' else 'validate'} {quote(c.name)}" for c in found.comparisons)
     return Report(
         title=f"Identification: {found.asked.name}",
-        summary=found.headline,
+        summary=f"{found.headline} Next: {step}" if (step := next_step(found)) else found.headline,
         fine_print=found.missing.replace("not identifiable (see the report)", "Not identifiable"),
         warnings=found.warnings,
         sections=(

@@ -198,6 +198,9 @@ def summary_lines(found: MotorsIdentification, folder: str = "") -> Sequence[str
         if e.identifiable and e.interval is not None
     ]
     lines += [f"  {line}" for line in (found.missing,) if line]
-    if found.described:
-        lines.append(f"next: tendonff design {(Path(folder) / 'fitted.toml').as_posix()}")
-    return lines
+    return [*lines, *((f"next: {step}",) if (step := next_step(found, folder)) else ())]
+
+
+def next_step(found: MotorsIdentification, folder: str = "") -> str:
+    """Next step, the fitted scenario being in `folder`; empty where nothing explains the torques."""
+    return f"tendonff design {(Path(folder) / 'fitted.toml').as_posix()}" if found.described else ""

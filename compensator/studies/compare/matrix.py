@@ -187,6 +187,7 @@ def recommend(
 
     What counts is the error to expect on a rig: the worst over what may be the real transmission, by name of the
     compensator and design level; `doubt` names it in words. What is simple is recommended where it is good enough.
+    The expectation follows in every text, and says what an error is not good enough for.
     """
     fixed = {c.name for c in compensators if not c.knows_the_level}
     plant = Level.PRESLIDING.value
@@ -217,10 +218,9 @@ def recommend(
         if error(entry) <= error(ideal) + margin:
             if entry.plant_level == entry.design_level and entry.compensator not in {*fixed, *_NO_MODEL}:
                 break
-            unfit = unfit_for(unit, error(entry))
-            as_good = f"{name} is as good as any here" if unfit else f"{name} is enough here"
-            text = f"{as_good}: RMS error {two_digits(error(entry))} %{over}; the best design {best}."
-            return f"{text} {unfit}." if unfit else text, entry.design_level
+            enough = "as good as any" if unfit_for(unit, error(entry)) else "enough"
+            text = f"{name} is {enough} here: RMS error {two_digits(error(entry))} %{over}; the best design {best}."
+            return text, entry.design_level
     others = ", ".join(f"{name[0].lower()}{name[1:]} {two_digits(error(entry))} %" for name, entry in candidates[1:-1])
     return f"Design on the {plant} level: RMS error {best}{over}, against {others}.", Level.PRESLIDING
 

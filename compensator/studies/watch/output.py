@@ -71,7 +71,7 @@ class Watch(Result):
             return f"No window of these files tells anything: {reasons.most_common(1)[0][0]}."
         if self.alarms:
             return "Alarm: " + "; ".join(alarm.sentence for alarm in self.alarms) + "."
-        last = ", ".join(f"{c.drift.label} {100 * (_late(c) - 1):+.0f} ±{100 * _band(c):.0f} %" for c in self.courses)
+        last = ", ".join(f"{c.drift.label} {100 * (_late(c) - 1):+z.0f} ±{100 * _band(c):.0f} %" for c in self.courses)
         over = f"over {clock(self.windows[-1].used_s)} of use"
         if missing := self._not_shown:
             return f"No alarm {over}, but {missing} Last windows: {last}, against the first minutes."

@@ -23,6 +23,8 @@ def test_the_repr_of_a_result_is_its_name_and_its_headline(designs):
     for result in designs:
         assert repr(result) == f"<{type(result).__name__} of {result.scenario.name!r}: {result.headline}>"
         assert len(repr(result)) < 800
+        assert repr(result.expectation).startswith("<Expectation: up to ")
+        assert len(repr(result.expectation)) < 400
 
 
 @pytest.mark.compiler

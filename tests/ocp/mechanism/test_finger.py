@@ -14,7 +14,19 @@ from tendonff.models.fidelity import Level
 from tendonff.models.joint.description import describe
 from tendonff.models.joint.parameters import Arm as JointArm
 from tendonff.models.joint.parameters import DrivenJoint, JointTendon
-from tendonff.models.mechanism import Arm, Attachment, Body, Damper, Force, Lead, Mechanism, Spring, Tendon, Unit
+from tendonff.models.mechanism import (
+    Arm,
+    Attachment,
+    Body,
+    Damper,
+    DryFriction,
+    Force,
+    Lead,
+    Mechanism,
+    Spring,
+    Tendon,
+    Unit,
+)
 from tendonff.models.mechanism.geometry import Geometry
 from tendonff.models.mechanism.sharing import Sharing
 from tendonff.models.mechanism.static import local_arms_m
@@ -283,3 +295,12 @@ def test_a_joint_without_a_reference_follows_from_its_spring():
     assert np.abs(found.position[:, 0] - wanted).max() < 1e-9
     assert np.abs(found.position - asked.position).max() < 1e-9
     assert np.ptp(asked.position[:, 1]) > 0.1
+
+
+def test_friction_that_grows_with_a_bodys_load_is_refused_with_its_reason():
+    own = finger()
+    gear = DryFriction(coulomb=0.0, bristle_stiffness=50.0, soft_bristle_stiffness=5.0, lost_share=0.1)
+    bodies = (replace(own.bodies[0], loads=(gear,)), *own.bodies[1:])
+    geared = mechanism_problem(replace(own, bodies=bodies), Level.PRESLIDING, start_of(WANTED), sharing=SHARING)
+    with pytest.raises(ParameterError, match=r'"mcp" has a DryFriction of lost_share = 0.1.*give gear_efficiency'):
+        geared.laws()

@@ -152,6 +152,18 @@ def test_a_joint_follows_its_reference_by_its_motors(examples):
     assert np.abs(run.angle_rad - task.wanted).max() < 0.01 * np.ptp(task.wanted)
 
 
+def test_the_torque_limit_holds_with_what_a_gear_loses(examples):
+    """Of the torque of a gear that passes on half, half of what the tendon takes goes to the gear."""
+    scenario, most = joint(examples, duration_s=0.1), 0.028
+    drive = replace(scenario.mechanism.drive, gear_efficiency=0.5, torque_max_N_m=most)
+    problem = tf.opti(replace(scenario, mechanism=replace(scenario.mechanism, drive=drive)))
+    answer = problem.solve()
+    held = drive.drum_radius_m[0] * answer.value(problem.tension_N)[1:-1, [0, 3]]
+    moving = drive.inertia_kg_m2 * np.diff(answer.value(problem.motor_rad), 2, axis=0) / problem.time_s[1] ** 2
+    torque = np.abs(held + moving) + 0.5 * np.abs(held)
+    assert most * (1 - 1e-3) < torque.max() <= most * (1 + 1e-5)
+
+
 def test_a_payload_of_the_user_loads_the_joint(examples):
     """A mass on a spring at the joint; its equations are the user's."""
     problem = tf.opti(joint(examples), payload=True)

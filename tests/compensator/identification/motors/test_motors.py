@@ -114,6 +114,8 @@ def test_the_fitted_scenario_has_the_values_and_their_intervals(fitted):
     for tendon in scenario.mechanism.tendons:
         assert tendon.friction.mu_dynamic == fit[f"tendons.{tendon.name}.friction.mu_dynamic"]["estimate"]
     assert scenario.mechanism.drive.coulomb_N_m > 0
+    said = (fitted / "report.html").read_text(encoding="utf-8")
+    assert "Next: tendonff design fitted.toml</p>" in said
     assert 0 < scenario.robust.mu < 0.2
     assert 0 < scenario.robust.stiffness < 0.2
 

@@ -1507,6 +1507,7 @@ static void drive_prepare(int episode)
     drive_course reference;
     double stuck = 0.0;
     double off = 0.0;
+    int near = 0;
     int k;
     drive_from = ((episode % 2) == 0) ? 30.0 : (14.023897025398876 + (DRIVE_SPAN_N * drive_draw()));
     drive_begin(&reference, 14.023897025398876, 14.023897025398876 + DRIVE_SPAN_N, 0.0747175546210741, drive_from);
@@ -1519,6 +1520,18 @@ static void drive_prepare(int episode)
         at->dt = (tff_real)((double)TFF_STEP_S * ((drive_draw() < 0.02) ? 100.0 : (0.2 + (2.0 * drive_draw()))));
         if ((fault > 0.4) && (fault < 0.42)) {
             at->dt = (tff_real)((fault < 0.405) ? (double)NAN : ((fault < 0.41) ? -1.0 : ((double)TFF_STEP_S * (1.0 + (6e-7 * drive_draw())))));
+        }
+        if (near != 0) {
+            at->call = 0;
+            near = 0;
+        } else if (((episode % 3) != 0) && (fault > 0.42) && (fault < 0.46)) { /* hardly more than a step, then a step */
+            at->call = 1;
+            near = 1;
+        } else {
+            /* as drawn */
+        }
+        if (near != 0) {
+            at->dt = (tff_real)((double)TFF_STEP_S * (1.0 + (0.25 * (fault - 0.42))));
         }
         if (fault < 0.012) {
             wanted = (fault < 0.004) ? (double)NAN : ((fault < 0.01) ? beyond[(int)(8.0 * drive_draw())] * DRIVE_SPAN_N : -wanted);
