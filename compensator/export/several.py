@@ -94,9 +94,15 @@ def export_tensions(
         )
     if profile_N is not None:
         raise InputError("profile_N is one profile, and these are several tensions; export that one alone")
-    every = {name_of(each): each for each in (scenario, *further)}
-    if len(every) < 1 + len(further):
-        raise InputError("two tensions of one project come from files of one name; rename one")
+    every = dict[str, Scenario]()
+    for each in (scenario, *further):
+        name = name_of(each)
+        if name in every:
+            raise InputError(
+                f"{every[name].source} and {each.source}: two tensions of one project come from files of one name; "
+                f"rename one, for each gives its folder and C names ({name})"
+            )
+        every[name] = each
     return ExportedTensions(
         exports={
             name: export_project(
