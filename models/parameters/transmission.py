@@ -137,7 +137,7 @@ class Friction:
     reference_tension_N : float, optional
         T_0, the tension at which the coefficients hold [N], > 0; goes with load_exponent.
     pull_spread, release_spread : float, optional
-        Of the static law alone: its slip sets in gradually, over dead bands from (1 - spread) to (1 + spread) times
+        Of the capstan law alone: its slip sets in gradually, over dead bands from (1 - spread) to (1 + spread) times
         the middle one [-], 0 to 1; the chain has its bristles for that. Default: none.
     """
 
@@ -325,7 +325,7 @@ class Actuator:
 
     @property
     def law(self) -> DriveLaw:
-        """Static law of its own dry friction."""
+        """Capstan law of its own dry friction."""
         return DriveLaw(
             coulomb_N=self.coulomb_N or 0.0,
             lost_share=0.0 if self.gear_efficiency is None else 1 - self.gear_efficiency,

@@ -39,8 +39,8 @@ _DIFFERENCE = 1e-4  # of a parameter
 class Reading(StrEnum):
     """Numbers of a measurement beside those of the tendon: offsets of the cells [N] and their gains [-]."""
 
-    INPUT = "input_bias_N"
-    OUTPUT = "output_bias_N"
+    INPUT = "input_offset_N"
+    OUTPUT = "output_offset_N"
     INPUT_GAIN = "input_gain"
     OUTPUT_GAIN = "output_gain"
 

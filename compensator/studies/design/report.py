@@ -171,7 +171,7 @@ def _holds(result: Design) -> tuple[Block, ...]:
     note = (
         f"While the reference rests, the force of the exact inverse still moves: {'; '.join(found)}. At the end of a "
         "move the load's inertia and the damping turn the sliding round for some milliseconds, friction changes sign, "
-        "and the force crosses the dead zone although the output hardly moves. Inside the dead zone nothing need "
+        "and the force crosses the deadband although the output hardly moves. Inside the deadband nothing need "
         'move: hold = "keep" in [reference] keeps the force, and the report states what that costs.'
     )
     return (Text(note),)
