@@ -39,7 +39,7 @@ def named_numbers(
 
 ScenarioArgument = Annotated[Path, typer.Argument(metavar="SCENARIO", help="Scenario file (TOML).", show_default=False)]
 LevelOption = Annotated[
-    Level | None, option("--level", None, "Fidelity level of the chain; default: the scenario's own.")
+    Level | None, option("--level", None, "Model level of the chain; default: the scenario's own.")
 ]
 MethodOption = Annotated[
     Method, option("--method", None, "How to advance in time: the fixed step of tendonff, or an integrator of CasADi.")

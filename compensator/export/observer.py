@@ -114,7 +114,7 @@ class ObserverDesign:
 
     @cached_property
     def chain(self) -> Chain:
-        """The chain behind the force cell."""
+        """The chain behind the tension cell."""
         return self.problem.chain.led_by_tension()
 
     @property

@@ -255,8 +255,8 @@ def _without_load(rig: _Rig, fit: StaticFit) -> Estimate:
 def _why_no_constant(chosen: bool, parameter: StaticParameter) -> str:
     if chosen:
         return (
-            "only two of load-independent friction and the offsets of both cells can be identified from friction loops; "
-            "this one is held at the value given; read both cells with a slack tendon to identify it"
+            "only two of load-independent friction and the offsets of both cells can be identified from friction "
+            "loops; this one is held at the value given; read both cells with a slack tendon to identify it"
         )
     what = "load-independent friction" if parameter is P.ADHESION else "an offset"
     return f"{what} does not significantly reduce the validation error; add strokes at low tension"

@@ -103,7 +103,8 @@ _BIAS: dict[str, Any] = {
     "step": 0.05,
     "size": 0.05,
     "floor": TUNED.adhesion_floor,
-    "advice": "not separable from load-independent friction and the other cell's offset; read both cells with a slack tendon",
+    "advice": "not separable from load-independent friction and the other cell's offset; read both cells with a slack "
+    "tendon",
 }
 _NO_RELAXATION = "the holds show no relaxation beyond the noise; use larger steps before longer holds"
 

@@ -391,7 +391,7 @@ class Load:
             raise ParameterError(f"moment_arm_m must be finite and not 0 where a joint moves the far end, got {arm}")
         if self.joint is None and arm is not None:
             raise ParameterError(f"moment_arm_m must be left out without a joint, got {arm}; name it with joint = ...")
-        require("mass_kg", self.mass_kg, above=0, hint="use the mass of the finger, tool or force cell")
+        require("mass_kg", self.mass_kg, above=0, hint="use the mass of the finger, tool or tension cell")
         require("stiffness_N_per_m", self.stiffness_N_per_m, above=0, hint="it carries the tension at rest")
         require("damping_N_s_per_m", self.damping_N_s_per_m, least=0, hint="use 0 for none")
 

@@ -1,6 +1,6 @@
 """The chain under a measured input tension, with exact sensitivities over what identification looks for and the input.
 
-The force cell sits between motor and tendon: the measured tension is f_1 itself. The near end is therefore a mass too
+The tension cell sits between motor and tendon: the measured tension is f_1 itself. The near end is therefore a mass too
 light to matter that the measured tension pulls::
 
     T_in(t) --> [~0] ~~f_1~~ (m_1) ~~ ... ~~ (m_N) ~~f_{N+1}~~ [m_l]--spring--|        compared: f_{N+1}, q_a - q_l

@@ -134,8 +134,8 @@ def about_fitted(fitted: Fitted, records: Sequence[Record], with_offsets_percent
         else:
             place = "kept in [measurement] of fitted.toml for reading files; it is no part of a design"
         found.append(
-            f"the cells' readings without tension (input_offset_N, output_offset_N): {shown}, {place}; with them the law "
-            f"has an RMS error of {with_offsets_percent:.2g} %"
+            f"the cells' readings without tension (input_offset_N, output_offset_N): {shown}, {place}; with them the "
+            f"law has an RMS error of {with_offsets_percent:.2g} %"
         )
     return found
 

@@ -45,7 +45,7 @@ _CAPTIONS = {
     "actuator; those off the scale are written.",
     "loop": "Left: the tendon's hysteresis, output over force. Right: output over reference; perfect compensation is "
     "the diagonal. Equal scales on both axes.",
-    "error": "Error on each fidelity level with the design's own parameters, on one scale; right: enlarged.",
+    "error": "Error on each model level with the design's own parameters, on one scale; right: enlarged.",
     "drive": "Demands on the drive, on the design level. Dashed: its limits; those off the scale are written.",
 }
 
@@ -141,7 +141,7 @@ def design_report(result: Design, figures: dict[str, Figure], view: Interactive 
             Section(title="Actuator force", blocks=(pictures["force"], *_holds(result), *_solver(result))),
             Section(title="Sizing the drive", blocks=(pictures["drive"], *_drive(result))),
             Section(title="Hysteresis", blocks=(pictures["loop"],)),
-            Section(title="Sensitivity to model fidelity", blocks=(pictures["error"],)),
+            Section(title="Sensitivity to the model level", blocks=(pictures["error"],)),
             *([] if result.feedback is None else [feedback_section(result.feedback, pictures)]),
             *_robust_section(result),
         ),

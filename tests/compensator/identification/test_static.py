@@ -125,7 +125,7 @@ def test_adhesion_that_only_the_biases_could_tell_apart_is_that_of_the_scenario(
     assert found.scenario.transmission.friction.adhesion_N == 1.5
     how = found.scenario.measurement
     for name, bias, kept in (("input", 2.0, how.input_offset_N), ("output", 4.0, how.output_offset_N)):
-        estimate = found.estimate(f"{name}_bias_N")
+        estimate = found.estimate(f"{name}_offset_N")
         assert estimate.identifiable
         assert estimate.value == kept == pytest.approx(bias, abs=0.05)
     assert found.replay_percent == pytest.approx(found.fit_percent, rel=1e-3)
@@ -133,7 +133,7 @@ def test_adhesion_that_only_the_biases_could_tell_apart_is_that_of_the_scenario(
 
 @pytest.mark.compiler
 def test_biases_that_presliding_imitates_are_not_claimed(finger, tmp_path):
-    """Uncell with an offsets on a soft contact: whatever the capstan law says of a bias, zero is within its doubt."""
+    """Cells without offset on a soft contact: whatever the capstan law says of a bias, zero is within its doubt."""
     t = finger.transmission
     friction = replace(t.friction, adhesion_N=1.5, soft_bristle_stiffness_N_per_m=1.5e4)
     file = tmp_path / "log.csv"
