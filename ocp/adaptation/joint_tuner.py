@@ -34,9 +34,9 @@ class JointTuner:
     Attributes
     ----------
     factor : float
-        In use [-].
+        Factor in use [-].
     frozen : bool
-        The model does not explain the measurements.
+        Whether the model fails to explain the measurements.
     """
 
     def __init__(
@@ -67,12 +67,12 @@ class JointTuner:
 
     @property
     def factor(self) -> float:
-        """In use [-]."""
+        """Factor in use [-]."""
         return float(self._state[self._used])
 
     @property
     def frozen(self) -> bool:
-        """The model does not explain the measurements."""
+        """Whether the model fails to explain the measurements."""
         return bool(self._state[self._frozen] > 0)
 
     def step(self, measured_rad: float) -> float:

@@ -25,7 +25,7 @@ _MOVES = 100
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Reached:
-    """What a tension at the joint leads to, of one tendon, and its slopes over that tension."""
+    """End of a step of one tendon under a tension at the joint, and its slopes over that tension."""
 
     state: Array
     tension_N: Array  # of every link, the drum's first
@@ -36,7 +36,7 @@ class _Reached:
 
 
 class _Side:
-    """One tendon over a run of steps: its recursion, and the path that the joint's motion gives it."""
+    """Recursion of one tendon over a run of steps, with the path that the joint's motion gives it."""
 
     def __init__(self, problem: JointProblem, which: int, step_s: float) -> None:
         tendon, joint = problem.mechanism.tendons[which], problem.mechanism.joint.name
@@ -147,7 +147,7 @@ class JointRecursion:
         )
 
     def _moved(self, memory: JointMemory, scheme: int, angle_rad: float) -> tuple[Array, float]:
-        """State of the joint at the end of a step, and the torque of the tendons there."""
+        """Find the joint's state at the end of a step, and the torque of the tendons there."""
         carry, H = ((0.0, self._step_s), (BDF2_CARRY, BDF2_WEIGHT * self._step_s))[scheme]
         speed, angle, dry = memory.z + carry * (memory.z - memory.z_old)
         w = (angle_rad - angle) / H
@@ -159,12 +159,12 @@ Value = tuple[float, float]
 """Value of a function, and its slope."""
 
 _Found = tuple[list[_Reached], float, int]
-"""What both tendons reach, the length that hangs loose, and which of them is tight."""
+"""End of a step of both tendons, the length that hangs loose, and which of them is tight."""
 
 
 @dataclass(slots=True, kw_only=True)
 class _Step:
-    """One step of the inverse."""
+    """Search of one step of the inverse."""
 
     sides: list[_Side]
     row: int
@@ -173,7 +173,7 @@ class _Step:
     evaluations: int = 0
 
     def of_pair(self, least_N: float, guess_N: Array) -> _Found | None:
-        """The looser tendon keeps its least tension; one tendon alone carries all."""
+        """Give the looser tendon its least tension; one tendon alone carries all."""
         if len(self.sides) == 1:
             only = self._carrying(0, self.torque_N_m, float(guess_N[0]))
             return None if only is None else ([only], 0.0, 0)
@@ -185,7 +185,7 @@ class _Step:
         return None if pulls is None else ([pulls, loose] if tight == 0 else [loose, pulls], 0.0, tight)
 
     def of_loop(self, radius_m: list[float], closure_rad: float, guess_N: Array, last_N: Array) -> _Found | None:
-        """The looser tendon's tension at which both reach one drum; where there is none it hangs loose."""
+        """Find the looser tendon's tension at which both reach one drum; where there is none it hangs loose."""
         tight = 0 if (self.torque_N_m > 0) == (self.sides[0].arm_m(self.row) > 0) else 1
         pull, both = float(last_N[tight]), dict[float, list[_Reached] | None]()
 
@@ -199,7 +199,7 @@ class _Step:
             return both[loose_N]
 
         def over_rad(loose_N: float) -> Value:
-            """By how much more tendon is wound on than there is."""
+            """Excess of what is wound on over the tendon that there is, as an angle of the drum."""
             if (found := at(loose_N)) is None:
                 return np.nan, np.nan
             pulls, loose = found[tight], found[1 - tight]
