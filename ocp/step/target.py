@@ -57,7 +57,7 @@ class ChainCode:
 
 
 def controller_limits(precision: Precision) -> Limits:
-    """Loop bounds of an exported plant, and the balance that its real type can reach."""
+    """Loop bounds of an exported model, and the balance that its real type can reach."""
     single = precision is Precision.FLOAT
     return Limits(
         iterations=20,
@@ -69,8 +69,11 @@ def controller_limits(precision: Precision) -> Limits:
 
 
 def plant_limits(precision: Precision) -> Limits:
-    """Loop bounds of an exported plant with a ceiling for the work of one call, whatever the force."""
-    return replace(controller_limits(precision), evaluations=60)
+    """Loop bounds of an exported plant with a ceiling for the work of one call, whatever the force.
+
+    A step is not split: under this ceiling no split step has ever been solved, but starting over is (`FAILED`).
+    """
+    return replace(controller_limits(precision), splits=0, evaluations=60)
 
 
 SETTABLE = (
