@@ -27,8 +27,6 @@
 
 typedef struct {
     double near_force_N;
-    double near_rest_m;
-    double far_force_N;
     double far_rest_m;
 } tff_forward_input;
 
@@ -710,7 +708,7 @@ static uint32_t tff_observer_advance(tff_observer *self, int32_t steps, tff_real
         const tff_real force = from + ((tension - from) * share);
         tff_forward_work work;
         tff_forward_report report = { 0, 0.0, 0, 0 };
-        const tff_forward_input now = { force, 0.0, 0.0, self->far };
+        const tff_forward_input now = { force, self->far };
         int fresh = 1;
 
         if (self->fresh == 0) {

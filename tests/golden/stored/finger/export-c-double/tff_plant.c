@@ -22,9 +22,6 @@
 
 typedef struct {
     double near_force_N;
-    double near_rest_m;
-    double far_force_N;
-    double far_rest_m;
 } tff_chain_input;
 
 typedef struct {
@@ -557,7 +554,7 @@ tff_real tff_plant_step(tff_plant *self, tff_real force)
     } else {
         tff_chain_work work;
         tff_chain_report report = { 0, 0.0, 0, 0 };
-        const tff_chain_input now = { force, 0.0, 0.0, 0.0 };
+        const tff_chain_input now = { force };
 
         tff_chain_step(tff_chain_rows(), &now, (self->fresh != 0) ? 1 : 0, self->x, self->x_old, &work, &report);
         self->evaluations = (int32_t)report.evaluations;
