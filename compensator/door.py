@@ -28,7 +28,7 @@ from tendonff.ocp.opti.choices import Collocation
 if TYPE_CHECKING:
     from tendonff.compensator.compensators.base import Compensator
     from tendonff.compensator.compensators.method_check import MethodCheck
-    from tendonff.compensator.compensators.motors.registry import MotorCompensator
+    from tendonff.compensator.compensators.motors.task import MotorCompensator
     from tendonff.compensator.export.c_project import Exported
     from tendonff.compensator.export.motors import ExportedMotors
     from tendonff.compensator.export.several import ExportedTensions

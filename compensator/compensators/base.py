@@ -5,22 +5,27 @@ then know it. `export-c` also needs its C template, named by `c_module`.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar, TypeVar
 
 import numpy as np
 
-from tendonff.compensator.compensators.plant import Plant
+from tendonff.compensator.compensators.expectation import ErrorBand, Expectation, error_bands, expectation_of
+from tendonff.compensator.compensators.plant import FINE_SEGMENTS, Plant
 from tendonff.compensator.compensators.profile import FloatArray, Profile
+from tendonff.compensator.compensators.score import Score, verify
 from tendonff.compensator.compensators.sent import sent
 from tendonff.compensator.compensators.uncertain import Doubt
 from tendonff.compensator.files.notices import Remark
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.reporting.colours import SKY, Style
+from tendonff.compensator.scenario.kind import Kind
 from tendonff.compensator.scenario.reference import Hold
 from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.scenario.unit import Unit
 from tendonff.models.cached import cached_property
 from tendonff.models.errors import ParameterError, TendonffError
 from tendonff.models.fidelity import Level
@@ -36,6 +41,8 @@ from tendonff.ocp.tendon.simulate import Outcome
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.motion import limit_motion
 from tendonff.ocp.tracking.options import TrackOptions
+
+K = TypeVar("K", bound=Hashable)
 
 
 @dataclass(frozen=True, kw_only=True)  # without slots: what is computed once is kept in the instance
@@ -59,6 +66,7 @@ class Problem:
         What was to be delivered, sampled.
     """
 
+    kind: ClassVar[Kind] = Kind.TENSION
     transmission: Transmission
     level: Level
     reference: Reference
@@ -86,6 +94,45 @@ class Problem:
             uncertainty=scenario.robust,
             options=options or scenario.optimal,
         )
+
+    @property
+    def system(self) -> Transmission:
+        """The transmission."""
+        return self.transmission
+
+    @property
+    def wanted(self) -> FloatArray:
+        """What the output is compared with, shape (n,)."""
+        return self.reference.wanted
+
+    @property
+    def unit(self) -> Unit:
+        """Unit of what is wanted."""
+        return self.reference.unit
+
+    @property
+    def share_of(self) -> str:
+        """The range, in words, that relative errors are a share of."""
+        return self.reference.share_of
+
+    def answer(self, compensator: "Compensator") -> Profile:
+        """Profile of a compensator, with travel and command; SolveError where it has none."""
+        if reason := compensator.refusal(self):
+            raise SolveError(f"{compensator.name}: {reason}")
+        return with_motion(self, compensator.name, compensator.profile(self)).require()
+
+    def score(self, profile: Profile) -> Score:
+        """Error of a profile on the plant that profiles are judged on; SolveError if the simulation fails."""
+        plant = Plant(self.transmission, self.level, FINE_SEGMENTS)
+        return verify(plant, "", profile, self.reference).score
+
+    def bands(self, profiles: Mapping[K, Profile]) -> dict[K, ErrorBand]:
+        """Errors of profiles on all transmissions that may be the real one."""
+        return error_bands(self.doubt, self.level, profiles, self.reference)
+
+    def expect(self, profiles: Mapping[str, Profile]) -> Expectation:
+        """Try profiles, by name of the compensator, on all transmissions that may be the real one."""
+        return expectation_of(self.doubt, self.level, self.bands(profiles), self.share_of, self.unit)
 
     @cached_property
     def chain(self) -> Chain:
@@ -183,6 +230,8 @@ class Compensator(ABC):
 
     Attributes
     ----------
+    kinds : tuple of Kind
+        Kinds of scenario that it is for.
     name, label : str
         Key in files and on the command line, and name for people.
     style : Style, optional
@@ -191,13 +240,17 @@ class Compensator(ABC):
         The profile depends on the fidelity level of the design model.
     is_fast : bool
         Fast enough to follow a slider.
+    is_swept : bool
+        Tried by a sweep by default.
     """
 
+    kinds: ClassVar[tuple[Kind, ...]] = (Kind.TENSION,)
     name: str
     label: str
     style: Style = Style(color=SKY, linestyle="--")
     knows_the_level: bool = True
     is_fast: bool = True
+    is_swept: bool = True
     c_module: CModule | None = None
 
     @abstractmethod

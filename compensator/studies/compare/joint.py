@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 
 from matplotlib.figure import Figure
 
+from tendonff.compensator.compensators.every import answering, chosen, problem_of
 from tendonff.compensator.compensators.expectation import expectation_of
-from tendonff.compensator.compensators.motors.registry import MotorCompensator, chosen, task_of
-from tendonff.compensator.compensators.motors.task import MotorTask
+from tendonff.compensator.compensators.motors.registry import require_needed
+from tendonff.compensator.compensators.motors.task import MotorCompensator, MotorTask
 from tendonff.compensator.files.notices import by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.reading import FloatArray
@@ -104,9 +105,10 @@ def compare_joint(
 
     Arguments and errors as of `tendonff.compare`.
     """
-    tasks = {level: task_of(scenario, level) for level in Level}
+    tasks = {level: problem_of(scenario, level) for level in Level}
     own = tasks[Level.PRESLIDING]
-    tried = chosen(own, compensators)
+    tried = answering(own) if compensators is None else chosen(own.kind, compensators)
+    require_needed(own, tried)
     require_levels(tried)
     parts = Parts(progress, len(Level) * (len(_PLANTS) + 1))
     commands: dict[tuple[str, Level], FloatArray] = {}
@@ -116,7 +118,7 @@ def compare_joint(
     warnings = list(own.warnings)
     for level, task in tasks.items():
         for each in tried:
-            commands[each.name, level] = each.command_rad(task)
+            commands[each.name, level] = task.answer(each)
         warnings += [f"designed on {level}: {note}" for note in task.notes]
         parts.done()
         for plant in _PLANTS:

@@ -4,7 +4,7 @@ import os
 from dataclasses import dataclass
 from typing import Literal
 
-from tendonff.compensator.compensators.score import IgnoredMotion
+from tendonff.compensator.compensators.ignored import IgnoredMotion
 from tendonff.compensator.reporting.results import views_of
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario

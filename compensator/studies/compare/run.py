@@ -6,15 +6,17 @@ from dataclasses import replace
 import numpy as np
 
 from tendonff.compensator.compensators.base import SLOW_PARTS, Compensator, Problem, answers_of
+from tendonff.compensator.compensators.every import chosen
 from tendonff.compensator.compensators.expectation import (
     error_bands,
     expectation_of,
 )
+from tendonff.compensator.compensators.ignored import ignored_motion
 from tendonff.compensator.compensators.optimal import Optimal
 from tendonff.compensator.compensators.plant import Plant, Slack, delivered_of, followed
 from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
-from tendonff.compensator.compensators.registry import COMPENSATORS, chosen
-from tendonff.compensator.compensators.score import ignored_motion, slack_warnings
+from tendonff.compensator.compensators.registry import COMPENSATORS
+from tendonff.compensator.compensators.score import slack_warnings
 from tendonff.compensator.files.notices import Remark, by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.reporting.results import Views, register_views
@@ -65,7 +67,7 @@ def compare(
 
     Arguments and errors as of `tendonff.compare`.
     """
-    reference, tried = sample_reference(scenario), (*chosen(compensators), *own_force(scenario))
+    reference, tried = sample_reference(scenario), (*chosen(scenario.kind, compensators), *own_force(scenario))
     require_levels(tried)
     transmission = moved(scenario, float(reference.time_s[-1]), periodic=scenario.reference.periodic)
     warnings = list(reference.warnings)
