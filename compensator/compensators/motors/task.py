@@ -12,6 +12,7 @@ from tendonff.compensator.compensators.motors.drive import commanded, known_by_r
 from tendonff.compensator.compensators.motors.response import MotorResponse
 from tendonff.compensator.compensators.score import Score, score
 from tendonff.compensator.compensators.uncertain import Doubt
+from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.reporting.colours import Style
 from tendonff.compensator.scenario.goal import Goal
@@ -83,6 +84,38 @@ class MotorTask(ABC):
     def answer(self, compensator: "MotorCompensator") -> FloatArray:
         """Commands of a compensator, shape (rows, motors) [rad]; SolveError or InputError where it has none."""
         return self.commanded(compensator.motor_rad(self), by_ratio=not compensator.knows_the_drive)
+
+    def tried(self, compensator: "MotorCompensator", progress: Progress = silent) -> FloatArray:  # noqa: ARG002
+        """Commands of a compensator; see `answer`."""
+        return self.answer(compensator)
+
+    @property
+    def plants(self) -> tuple[str, ...]:
+        """Names of what commands are compared on: the levels."""
+        return tuple(level.value for level in Level)
+
+    def given(self, command_rad: FloatArray) -> bytes:
+        """Identity of commands."""
+        return command_rad.tobytes()
+
+    def fault(self, command_rad: FloatArray) -> str:  # noqa: ARG002
+        """Empty: commands have no status."""
+        return ""
+
+    def is_usable(self, command_rad: FloatArray) -> bool:
+        """Whether commands are finite."""
+        return bool(np.isfinite(command_rad).all())
+
+    def output_on(
+        self, plant: str, command_rad: FloatArray, *, refinement: int = 1, factor: float = 1.0
+    ) -> tuple[FloatArray, str]:
+        """Output on a level, shape (n,), and which tendon goes slack; commands times a factor; errors of `respond`."""
+        found = self.respond(self.system, factor * command_rad, level=Level(plant), refinement=refinement)
+        return self.values_of(found), found.slack
+
+    def slack_notes(self, slack: Mapping[tuple[str, str], str], recommended: str) -> list[str]:  # noqa: ARG002
+        """Messages on slack by compensator and plant."""
+        return [f"{name} on {plant}: {text}" for (name, plant), text in slack.items()]
 
     def score(self, command_rad: FloatArray) -> Score:
         """Error of commands, shape (rows, motors), on the verifying mechanism; SolveError if the simulation fails."""
@@ -293,7 +326,9 @@ class MotorCompensator:
     """
 
     kinds: ClassVar[tuple[Kind, ...]] = (Kind.JOINT, Kind.FINGER)
+    is_fast: ClassVar[bool] = True
     is_swept: ClassVar[bool] = True
+    is_compared: ClassVar[bool] = True
     name: str
     label: str
     style: Style

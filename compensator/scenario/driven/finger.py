@@ -78,6 +78,7 @@ class FingerScenario:
     """
 
     kind: ClassVar[Kind] = Kind.FINGER
+    compare: ClassVar[None] = None  # no command of the user's own is compared
     drive_table: ClassVar[str] = "drive"  # where its drives stand in the file
     name: str
     mechanism: Finger

@@ -58,7 +58,7 @@ def design(
     shares = sum(1 if c.is_fast else SLOW_PARTS for c in compensators)
     parts = Parts(progress, shares + len(compensators) * (len(Level) + 1))
     warnings = [*reference.warnings, *_file_warnings(scenario, problem)]
-    warnings += [*_hold_notes(problem), *problem.unsettled]
+    warnings += [*_hold_notes(problem), *problem.notes]
     answers = answers_of(problem, compensators, parts)
     profiles = answers.profiles
     stick_slip = predict_stick_slip(

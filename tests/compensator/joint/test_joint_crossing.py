@@ -18,7 +18,7 @@ from tendonff.compensator.scenario.driven.joint import JointScenario, parse_join
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.adapt import joint as study
 from tendonff.compensator.studies.adapt.joint import adapt_joint
-from tendonff.compensator.studies.compare.joint import compare_joint
+from tendonff.compensator.studies.compare.run import compare
 from tendonff.compensator.studies.design.motors.run import design_motors
 from tendonff.compensator.studies.design.sweep.run import sweep
 from tendonff.compensator.studies.tables.joint import BOUND_SHARE, tabulate_joint
@@ -136,7 +136,7 @@ def test_design_reports_the_worst_of_the_plants_that_it_names(scenario: JointSce
 
 
 def test_compare_reports_the_same_worst_case_and_the_error_on_other_levels(scenario: JointScenario) -> None:
-    found, task = compare_joint(scenario), JointTask.of(scenario)
+    found, task = compare(scenario), JointTask.of(scenario)
     assert set(found.expectation.bands) == {"linear", "static", "inverse", "robust"}
     command = task.answer(compensator_of(task.kind, "inverse"))
     softer = error_percent(scenario, with_numbers(scenario.mechanism, {"stiffness": 0.8}), command)

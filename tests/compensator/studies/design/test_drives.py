@@ -185,9 +185,9 @@ def test_a_cycle_repeats_on_the_plant_and_holds_a_least_tension(cable, drive):
 
 def test_an_inverse_that_does_not_repeat_is_said(cable, monkeypatch):
     scenario = replace(cable, reference=CYCLE)
-    assert Problem.of(scenario).unsettled == ()
+    assert Problem.of(scenario).notes == ()
     monkeypatch.setattr(periodic, "MOST_CYCLES", 2)  # from rest, relaxation needs more
-    (warning,) = Problem.of(scenario).unsettled
+    (warning,) = Problem.of(scenario).notes
     assert "after 2 cycles the state still changes" in warning
     assert design(scenario, compensators=(compensator("inverse"),)).warnings.count(warning) == 1
     compared = compare(scenario, compensators=[compensator(name) for name in ("none", "capstan", "inverse")])
