@@ -46,7 +46,7 @@ from tendonff.ocp.tracking.options import TrackOptions
 K = TypeVar("K", bound=Hashable)
 
 CAPSTAN_PLANT = "capstan"
-"""Name of the static law as a plant."""
+"""Name of the capstan law as a plant."""
 
 
 @dataclass(frozen=True, kw_only=True)  # without slots: what is computed once is kept in the instance
@@ -131,7 +131,7 @@ class Problem:
 
     @property
     def plants(self) -> tuple[str, ...]:
-        """Names of what profiles are compared on: the levels, then the static law."""
+        """Names of what profiles are compared on: the levels, then the capstan law."""
         return (*(level.value for level in Level), CAPSTAN_PLANT)
 
     def answer(self, compensator: "Compensator") -> Profile:

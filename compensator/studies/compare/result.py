@@ -32,7 +32,7 @@ class Comparison(Result):
     plants : tuple of str
         Names of the plants.
     static : str
-        Name of the compensator by the static law.
+        Name of the compensator by the capstan law.
     compensators : tuple of Designed
         In the order in which they are shown.
     entries : tuple of Entry
@@ -50,9 +50,9 @@ class Comparison(Result):
     warnings : tuple of str
         What the user should know before relying on it, one sentence each.
     traits : dict of str to LevelTraits
-        Differences between the levels and the static law; empty where there is more than one tendon.
+        Differences between the levels and the capstan law; empty where there is more than one tendon.
     costs : dict of str to LevelCost
-        Cost of each level and the static law, by name; empty as the traits are.
+        Cost of each level and the capstan law, by name; empty as the traits are.
     initial_tension_N : float
         Tension before the start, around which small changes are shown [N].
     ignored : IgnoredMotion or None

@@ -33,7 +33,7 @@ from tendonff.ocp.tendon.crosscheck import NUDGE
 
 SIMPLE = (
     Simple(name="none", words="The reference applied directly"),
-    Simple(name="capstan", words="The static capstan law"),
+    Simple(name="capstan", words="The capstan law"),
     Simple(name=SMOOTHED, words="The capstan law with a smoothed sign change"),
     Simple(name="linear", words="The ratio alone"),
     Simple(name="static", words="The quasi-static law"),

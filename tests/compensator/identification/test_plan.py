@@ -114,7 +114,7 @@ def test_reversed_tensions_and_other_units_of_positions_and_joints_are_asked_abo
     sound = record(**tensions(30 + 10 * WAVE, 30 + 7 * WAVE, input_position_m=0.01 * WAVE))
     assert data_doubts([sound], Explain.AUTO) == ()
     swapped = record(**tensions(30 + 7 * WAVE, 30 + 10 * WAVE))
-    assert data_doubts([swapped], Explain.INPUT) == ()  # the output end is driven
+    assert data_doubts([swapped], Explain.INPUT) == ()  # the far end is driven
     [doubt] = data_doubts([swapped], Explain.AUTO)
     assert doubt.startswith(
         "a.csv: the output tension swings by 20 N, the input by 14 N: are the two columns reversed?"
