@@ -184,7 +184,7 @@ class Compensator(ABC):
     Attributes
     ----------
     name, label : str
-        Key in files and on the command line, and name for people.
+        Key in files and on the command line, and name for people, by default the same.
     style : Style, optional
         How figures draw it.
     knows_the_level : bool
@@ -199,6 +199,11 @@ class Compensator(ABC):
     knows_the_level: bool = True
     is_fast: bool = True
     c_module: CModule | None = None
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if hasattr(cls, "name") and not hasattr(cls, "label"):
+            cls.label = cls.name
 
     @abstractmethod
     def profile(self, problem: Problem, *, progress: Progress = silent) -> Profile:

@@ -8,6 +8,7 @@ from tendonff.compensator.compensators.optimal import Optimal
 from tendonff.compensator.compensators.smoothed import Smoothed
 from tendonff.compensator.compensators.table import CompensationTable
 from tendonff.compensator.files.reading import InputError, suggestion
+from tendonff.models.errors import ParameterError
 
 COMPENSATORS: tuple[Compensator, ...] = (
     Uncompensated(),
@@ -35,4 +36,6 @@ def chosen(given: Sequence[Compensator | str]) -> tuple[Compensator, ...]:
     for each in found:
         if not isinstance(each, Compensator):
             raise InputError(f"{each} is no compensator of a tension; {', '.join(c.name for c in COMPENSATORS)} are")
+        if not isinstance(getattr(each, "name", None), str):
+            raise ParameterError(f'{type(each).__name__} has no name; write name = "mine" in the class')
     return found

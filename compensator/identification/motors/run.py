@@ -28,7 +28,7 @@ from tendonff.compensator.identification.motors.result import (
 )
 from tendonff.compensator.identification.motors.routine import MotorsRoutine, suggest_motors
 from tendonff.compensator.reporting.results import Views, register_views
-from tendonff.compensator.scenario.driven.base import with_base
+from tendonff.compensator.scenario.base import with_base
 from tendonff.compensator.scenario.driven.finger import FingerScenario, SampledFinger, sample_finger
 from tendonff.compensator.scenario.driven.joint import JointScenario, sample_joint
 from tendonff.compensator.scenario.kind import Kind
