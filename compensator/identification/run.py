@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -78,7 +78,6 @@ def identify(
     *,
     how: Measurement | None = None,
     static_only: bool = False,
-    conditions: Mapping[str, str] | None = None,
     say: Callable[[str], None] = lambda _: None,
     confirm: Callable[[str], bool] = lambda _: False,
 ) -> Identification:
@@ -98,8 +97,6 @@ def identify(
         How the files are to be read, instead of that table.
     static_only : bool, optional
         Stop after the static stage.
-    conditions : mapping of str to str, optional
-        Labels by file name: estimates are reported for each label.
     say, confirm : callable, optional
         Callback for messages; also confirms a fit that takes very many steps (the default declines).
 
@@ -117,7 +114,7 @@ def identify(
     """
     scenario = scenario if how is None else replace(scenario, measurement=how)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices are small: a second thread doubles the work
-        study = _read(scenario, data, validate, static_only, conditions or {}, say, confirm)
+        study = _read(scenario, data, validate, static_only, say, confirm)
         for stage in STAGES:
             study = attempted(stage, study)
         study.pace.end()
@@ -129,7 +126,6 @@ def _read(
     data: Sequence[str | os.PathLike[str]],
     validate: Sequence[str | os.PathLike[str]],
     static_only: bool,
-    conditions: Mapping[str, str],
     say: Callable[[str], None],
     confirm: Callable[[str], bool],
 ) -> Study:
@@ -171,7 +167,6 @@ def _read(
         records=records,
         judges=everything[len(fit_files) :],
         static_only=static_only,
-        conditions=conditions,
         pace=Pace(say, announced_s),
         gains=gains,
         explain=Explain.POSITION if proximal else Explain.OUTPUT,
@@ -273,7 +268,7 @@ def _answer(study: Study) -> Identification:
     outcome = outcome_of(law, records, study.judges)
     by_file: tuple[ByFile, ...] = ()
     if chain is not None:
-        by_file, differences = between_files(chain.files, chain.values, records, study.conditions)
+        by_file, differences = between_files(chain.files, chain.values, records)
         study = study.noted(*differences)
     study = study.noted(messages.about_moments(outcome))
     sliding, failure = sliding_ratios(records), _failure(outcome)
@@ -299,7 +294,6 @@ def _answer(study: Study) -> Identification:
     return Identification(
         scenario=fitted.scenario,
         asked=scenario.measurement,
-        conditions=dict(study.conditions),
         explain=law.explain,
         described=not failure,
         estimates=estimates,

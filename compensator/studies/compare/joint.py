@@ -27,6 +27,7 @@ from tendonff.compensator.studies.compare.matrix import (
     entry_of,
     noise_warnings,
     recommend,
+    require_levels,
 )
 from tendonff.compensator.studies.compare.output import matrix_columns, matrix_summary, write_matrix
 from tendonff.compensator.studies.compare.report import CAPTIONS, FILES, matrix_sections
@@ -106,6 +107,7 @@ def compare_joint(
     tasks = {level: task_of(scenario, level) for level in Level}
     own = tasks[Level.PRESLIDING]
     tried = chosen(own, compensators)
+    require_levels(tried)
     parts = Parts(progress, len(Level) * (len(_PLANTS) + 1))
     commands: dict[tuple[str, Level], FloatArray] = {}
     entries: list[Entry] = []

@@ -18,7 +18,7 @@ from tendonff.compensator.compensators.expectation import (
 from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.compensators.score import scale_of, score
 from tendonff.compensator.files.notices import Remark
-from tendonff.compensator.files.reading import FloatArray
+from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.reporting.colours import Style
 from tendonff.compensator.reporting.results import Result
@@ -150,6 +150,15 @@ SMOOTHED = "smoothed"
 _NO_MODEL = (SMOOTHED, FRICTIONLESS)  # depend on the level, but hold no model of its friction
 _LAG_ROWS = 4000
 _LAG_SHARE = 0.25  # of the duration: a lag is sought within this, either way
+
+
+def require_levels(tried: Sequence[Designed]) -> None:
+    """Refuse compensators whose models depend on no level; InputError."""
+    if not any(each.knows_the_level and each.name not in _NO_MODEL for each in tried):
+        raise InputError(
+            f"compensators must include one whose model depends on the level, got {', '.join(c.name for c in tried)}; "
+            "add inverse"
+        )
 
 
 def entry_of(

@@ -17,6 +17,7 @@ from tendonff.compensator.reporting.page import (
     Cell,
     FileNote,
     Interactive,
+    Picture,
     Report,
     Section,
     Table,
@@ -27,6 +28,7 @@ from tendonff.compensator.reporting.page import (
 )
 from tendonff.compensator.scenario.reference import Hold
 from tendonff.compensator.studies.design.drive_use import drive_use
+from tendonff.compensator.studies.design.online import Online
 from tendonff.compensator.studies.design.result import Design
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters.drive import Motor
@@ -46,6 +48,8 @@ _CAPTIONS = {
     "loop": "Left: the tendon's hysteresis, output over force. Right: output over reference; perfect compensation is "
     "the diagonal. Equal scales on both axes.",
     "error": "Error on each fidelity level with the design's own parameters, on one scale; right: enlarged.",
+    "online": "Filters of a reference that arrives live: error over noise in the force, a point for each length. "
+    "Below, where the rate limit binds: error over the preview.",
     "drive": "Demands on the drive, on the design level. Dashed: its limits; those off the scale are written.",
 }
 
@@ -143,6 +147,7 @@ def design_report(result: Design, figures: dict[str, Figure], view: Interactive 
             Section(title="Hysteresis", blocks=(pictures["loop"],)),
             Section(title="Sensitivity to model fidelity", blocks=(pictures["error"],)),
             *([] if result.feedback is None else [feedback_section(result.feedback, pictures)]),
+            *([] if result.online is None else [_live(result.online, pictures["online"])]),
             *_robust_section(result),
         ),
         provenance=provenance_of(result.scenario, "design"),
@@ -154,6 +159,12 @@ def design_report(result: Design, figures: dict[str, Figure], view: Interactive 
             FileNote(name="summary.json", content="errors, solver status and warnings for other programs"),
         ),
     )
+
+
+def _live(found: Online, picture: Picture) -> Section:
+    """Filters of a live reference; the one that is picked is what `export-c` builds in."""
+    sentence = found.sentence[:1].upper() + found.sentence[1:]
+    return Section(title="Live reference", blocks=(Text(f"{sentence}."), picture))
 
 
 def _holds(result: Design) -> tuple[Block, ...]:

@@ -42,7 +42,7 @@ def log(path, *, output_bias_N=0.0, twist=0.0):
 @pytest.fixture(scope="module")
 def found(finger, tmp_path_factory):
     file = log(tmp_path_factory.mktemp("a") / "run 1.csv", output_bias_N=1.0)
-    return identify(finger, [file], static_only=True, conditions={"run 1.csv": "wet"})
+    return identify(finger, [file], static_only=True)
 
 
 def test_the_headline_has_friction_error_and_the_next_command(found):
@@ -90,7 +90,6 @@ def test_the_command_that_reproduces_a_fit_asks_what_was_asked(found):
     """Names with blanks survive the shell; what was found is no option."""
     words = shlex.split(identification_report(found, {}).provenance.command)
     assert words[words.index("--data") + 1] == "run 1.csv"
-    assert words[words.index("--condition") + 1] == "run 1.csv=wet"
     assert words[words.index("--cutoff") + 1] == "12"
     assert "--offset" not in words
 

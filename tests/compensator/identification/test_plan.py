@@ -83,8 +83,6 @@ def test_a_short_log_with_milliseconds_is_asked_about_too():
         ("--offset", "time=1", 'unknown column "time"'),
         ("--tare", "2", "--tare must be FROM:TO"),
         ("--tare", "2:1", "tare_s must be from and to"),
-        ("--condition", "wet", "--condition must be FILE=LABEL"),
-        ("--condition", "y.csv=wet", '"y.csv" is not given with --data'),
     ],
 )
 def test_options_that_cannot_be_read_are_one_message(examples, tmp_path, capsys, option, value, message):
