@@ -1,4 +1,4 @@
-"""One line for a result of many rows."""
+"""Short `repr` of a result of many rows."""
 
 from tendonff.ocp.step.protocol import Array
 
