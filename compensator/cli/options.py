@@ -43,9 +43,7 @@ def names_of(text: str | None) -> tuple[str, ...] | None:
 
 
 ScenarioArgument = Annotated[Path, typer.Argument(metavar="SCENARIO", help="Scenario file (TOML).", show_default=False)]
-LevelOption = Annotated[
-    Level | None, option("--level", None, "Fidelity level of the chain; default: the scenario's own.")
-]
+LevelOption = Annotated[Level | None, option("--level", None, "Model level of the chain; default: the scenario's own.")]
 MethodOption = Annotated[
     Method, option("--method", None, "How to advance in time: the fixed step of tendonff, or an integrator of CasADi.")
 ]

@@ -332,10 +332,10 @@ def _proximal(scenario: Scenario, records: Sequence[Record], *, static_only: boo
     if not without and scenario.measurement.explain is not Explain.POSITION:
         return False
     if static_only:
-        raise InputError("the static law needs the output tension; without it leave --static out")
+        raise InputError("the capstan law needs the output tension; without it leave --static out")
     if not all(r.has_input_position for r in records):
         raise InputError(
-            "without the output tension the position of the input end is needed; name it with --input-position-column"
+            "without the output tension the position of the near end is needed; name it with --input-position-column"
         )
     return True
 
@@ -370,13 +370,13 @@ def _with_bearings_free(scenario: Scenario) -> tuple[Scenario, str]:
 
 
 def _check_rest(records: Sequence[Record]) -> None:
-    """Refuse, for the static law, a path that joints move."""
+    """Refuse, for the capstan law, a path that joints move."""
     for record in records:
         for name, angle in joints_of([record]).items():
             low, high = np.percentile(angle, [1, 99])
             if high - low > STILL_RAD:
                 raise InputError(
-                    f"{record.name}: {name} moves by {high - low:.2g} rad, the static law holds for a path at rest; "
+                    f"{record.name}: {name} moves by {high - low:.2g} rad, the capstan law holds for a path at rest; "
                     "leave --static out, or log with the joints at rest"
                 )
 
@@ -408,7 +408,7 @@ def _start(study: Study) -> dict[Parameter, float]:
 
 
 def _biased(stage: StaticSelection, records: Sequence[Record]) -> bool:
-    """The static law wants a bias of the input cell beyond its doubt."""
+    """The capstan law wants a bias of the input cell beyond its doubt."""
     name = P.INPUT_BIAS.value
     if name not in stage.fit.solution.values:
         return False

@@ -437,7 +437,7 @@ def _crosstalk(found: Identification) -> str:
         return ""
     pull, release = crosstalk_shares(law.pull_exponent, law.release_exponent)
     return (
-        "no log shows crosstalk: where the output's force cell shows 1 % of the input, mu comes out "
+        "no log shows crosstalk: where the output's tension cell shows 1 % of the input, mu comes out "
         f"{-100 * pull:.2g} % too small pulling and {100 * release:.2g} % too large releasing; load one cell alone and "
         "read both"
     )

@@ -57,7 +57,7 @@ class JointComparison(MatrixData):
     plants : tuple of str
         Names of the plants.
     static : str
-        Name of the compensator by the static law.
+        Name of the compensator by the capstan law.
     compensators : tuple of Designed
         In the order in which they are shown.
     entries : tuple of Entry

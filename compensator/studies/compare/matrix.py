@@ -41,7 +41,7 @@ class Entry:
     design_level : Level
         Repeats for a compensator that does not depend on it.
     plant_level : str
-        A `Level`, or of a tension "capstan" for the static law.
+        A `Level`, or of a tension "capstan" for the capstan law.
     rmse_percent_of_range, peak_error : float
         Of a simulation with a quarter of the step; the second in the unit of the reference.
     lag_s : float

@@ -47,7 +47,7 @@ FEEDFORWARDS = tuple(c for c in COMPENSATORS if not isinstance(c, Optimal))
 
 SIMPLE = (
     Simple(name="none", words="The reference applied directly"),
-    Simple(name="capstan", words="The static capstan law"),
+    Simple(name="capstan", words="The capstan law"),
     Simple(name=SMOOTHED, words="The capstan law with a smoothed sign change"),
 )
 
@@ -61,7 +61,7 @@ def compare(
     compensators: Sequence[Compensator | str] = FEEDFORWARDS,
     progress: Progress = silent,
 ) -> Comparison:
-    """Compare the fidelity levels with each other and with the static law on one scenario.
+    """Compare the fidelity levels with each other and with the capstan law on one scenario.
 
     Arguments and errors as of `tendonff.compare`.
     """

@@ -36,7 +36,7 @@ class Online:
     lag_max_s: float  # lag that the scenario accepts [s]
     # the picked filter with more and more preview; empty where the rate limit does not bind
     over_preview: tuple[Candidate, ...] = ()
-    jump_s: float = 0.0  # time that the rate limit needs for the static law's jump at the largest reference [s]
+    jump_s: float = 0.0  # time that the rate limit needs for the capstan law's jump at the largest reference [s]
     # RMS error of the optimal profile, which knows all of the reference [% of range]; None where it is not known
     optimum_percent: float | None = None
 

@@ -120,7 +120,7 @@ def test_reversed_tensions_are_asked_about(record):
     sound = record(**tensions(30 + 10 * WAVE, 30 + 7 * WAVE))
     assert reversal_doubts([sound], Explain.AUTO) == ()
     swapped = record(**tensions(30 + 7 * WAVE, 30 + 10 * WAVE))
-    assert reversal_doubts([swapped], Explain.INPUT) == ()  # the output end is driven
+    assert reversal_doubts([swapped], Explain.INPUT) == ()  # the far end is driven
     [doubt] = reversal_doubts([swapped], Explain.AUTO)
     assert doubt.startswith(
         "a.csv: the output tension swings by 20 N, the input by 14 N: are the two columns reversed?"
