@@ -389,7 +389,7 @@ def _next_log(found: Identification, folder: str) -> str:
     if not found.comparable:
         return "log the rig of this scenario, in N (--scale): the tensions are not of its size"
     if not found.described:
-        return "drive the input end alone and log both tensions and its position, or see the warnings for another cause"
+        return "drive the near end alone and log both tensions and its position, or see the warnings for another cause"
     advice = next((e.advice for e in map(found.estimate, _FRICTION) if e.advice), "")
     return (
         f"run {_in(folder, 'suggested_force.csv')} on the rig and log both tensions{advice and f' ({advice})'}; until "

@@ -67,7 +67,7 @@ def test_a_log_that_does_not_show_mu_is_followed_by_the_measurement_that_does(fo
     )
     assert "tendonff design" not in line
     assert "in N (--scale)" in headline(replace(blind, comparable=False))
-    assert "Next: drive the input end alone" in headline(replace(blind, described=False))
+    assert "Next: drive the near end alone" in headline(replace(blind, described=False))
 
 
 def test_crosstalk_is_said_with_what_it_does_to_either_direction(found):
