@@ -279,7 +279,7 @@ def run_commands_of(tmp_path, monkeypatch, unpainted):
 
 
 @pytest.mark.compiler
-@pytest.mark.slow
+@pytest.mark.nightly  # the first tutorial identifies too
 def test_the_commands_of_the_identification_tutorial_find_the_friction(tmp_path, run_commands_of):
     run_commands_of((ROOT / "docs" / "tutorials" / "identify.md").read_text(encoding="utf-8"))
     found = load_scenario(tmp_path / "fit" / "fitted.toml").transmission.friction
