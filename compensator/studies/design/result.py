@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 from tendonff.compensator.compensators.base import Compensator
 from tendonff.compensator.compensators.expectation import Expectation
+from tendonff.compensator.compensators.ignored import IgnoredMotion
 from tendonff.compensator.compensators.next_step import limited_by, next_step, within_reach
 from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
-from tendonff.compensator.compensators.score import IgnoredMotion, Score, Verified
+from tendonff.compensator.compensators.score import Score, Verified
 from tendonff.compensator.feedback.result import FeedbackResult
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.reporting.results import Result, views_of

@@ -4,15 +4,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from tendonff.compensator.compensators.base import SLOW_PARTS, Compensator, Problem, answers_of
-from tendonff.compensator.compensators.expectation import expect
+from tendonff.compensator.compensators.every import chosen
+from tendonff.compensator.compensators.ignored import ignored_motion
 from tendonff.compensator.compensators.live import expect_live
 from tendonff.compensator.compensators.plant import FINE_REFINEMENT, FINE_SEGMENTS, Plant
 from tendonff.compensator.compensators.profile import FloatArray, ProfileStatus
-from tendonff.compensator.compensators.registry import COMPENSATORS, chosen
+from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import (
     Verified,
     harm_warnings,
-    ignored_motion,
     scale_of,
     slack_warnings,
     verify,
@@ -54,11 +54,11 @@ def design(
     """
     problem = Problem.of(scenario, reference=sample_reference(scenario, strict=strict))
     reference, transmission, level = problem.reference, problem.transmission, problem.level
-    compensators = chosen(compensators)
+    compensators = chosen(scenario.kind, compensators)
     shares = sum(1 if c.is_fast else SLOW_PARTS for c in compensators)
     parts = Parts(progress, shares + len(compensators) * (len(Level) + 1))
     warnings = [*reference.warnings, *_file_warnings(scenario, problem)]
-    warnings += [*_hold_notes(problem), *problem.unsettled]
+    warnings += [*_hold_notes(problem), *problem.notes]
     answers = answers_of(problem, compensators, parts)
     profiles = answers.profiles
     stick_slip = predict_stick_slip(
@@ -69,7 +69,7 @@ def design(
         inversion=problem.inversion,
     )
     usable = {name: p for name, p in profiles.items() if p.status is not ProfileStatus.FAILED}
-    expectation = expect(problem.doubt, level, usable, reference)
+    expectation = problem.expect(usable)
     warnings += [*expectation.warnings, *answers.warnings(expectation.recommended)]
     small = 100 * stick_slip.expected_error_N < _SMALL * scale_of(reference.tension_N)
     warnings += [Remark(text) if small else text for text in stick_slip.warnings]

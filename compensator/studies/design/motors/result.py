@@ -6,10 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from tendonff.compensator.compensators.expectation import Expectation
-from tendonff.compensator.compensators.motors.registry import MotorCompensator
 from tendonff.compensator.compensators.motors.response import MotorResponse
 from tendonff.compensator.compensators.motors.sheet import JointSheet, TendonSheet
-from tendonff.compensator.compensators.motors.task import MotorTask
+from tendonff.compensator.compensators.motors.task import MotorCompensator, MotorTask
 from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.compensators.score import scale_of
 from tendonff.compensator.feedback.result import FeedbackResult

@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from tendonff.compensator.compensators.every import answering, chosen, problem_of
 from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.compensators.motors.joint import JointTask, joint_load
-from tendonff.compensator.compensators.motors.registry import MotorCompensator, chosen, task_of, tried
+from tendonff.compensator.compensators.motors.registry import require_needed, tried
 from tendonff.compensator.compensators.motors.response import MotorResponse
 from tendonff.compensator.compensators.motors.sheet import joint_sheets, tendon_sheets
-from tendonff.compensator.compensators.motors.task import UNSETTLED, MotorTask
+from tendonff.compensator.compensators.motors.task import UNSETTLED, MotorCompensator, MotorTask
 from tendonff.compensator.feedback.joint import JointFeedbackTask
 from tendonff.compensator.feedback.run import design_feedback
 from tendonff.compensator.files.notices import Danger, by_urgency
@@ -44,14 +45,15 @@ def design_motors(
     progress: Progress = silent,
 ) -> MotorDesign:
     """Design and verify the motor angles of driven joints; arguments and errors as of `tendonff.design`."""
-    task = task_of(scenario)
+    task: MotorTask = problem_of(scenario)
     if task.warnings and strict:
         raise InputError("; ".join(task.warnings))
     task.check_reach()
     inversion, lead = task.inversion, task.lead
     if strict and (refused := task.refusal):
         raise InputError(f"{scenario.source.name}: {refused}")
-    tried_ones = chosen(task, compensators)
+    tried_ones = answering(task) if compensators is None else chosen(task.kind, compensators)
+    require_needed(task, tried_ones)
     parts = Parts(progress, 2 * len(tried_ones) + 1)
     found = tried(task, tried_ones, parts)
     kept, profiles = slice(lead, None), {}
