@@ -7,6 +7,7 @@ import numpy as np
 
 from tendonff.compensator.files.writing import atomic_directory, csv_text, write_text
 from tendonff.compensator.reporting.page import summary_head, write_pages
+from tendonff.compensator.reporting.results import Views
 from tendonff.compensator.studies.compare.figures import compare_figures
 from tendonff.compensator.studies.compare.matrix import ENOUGH_PERCENT
 from tendonff.compensator.studies.compare.report import compare_report
@@ -63,3 +64,6 @@ def _levels(result: Comparison) -> dict[str, object]:
         }
         for name, traits in result.traits.items()
     }
+
+
+VIEWS = Views(write=write_files, columns=matrix_columns, figures=compare_figures)

@@ -3,13 +3,14 @@
 import math
 import os
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 from tendonff.compensator.compensators.expectation import ErrorBand, Expectation
 from tendonff.compensator.compensators.ignored import IgnoredMotion
 from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.text import as_argument
-from tendonff.compensator.reporting.results import Result, views_of
+from tendonff.compensator.reporting.results import Result
 from tendonff.compensator.scenario.document import Document
 from tendonff.compensator.scenario.unit import Unit
 from tendonff.compensator.studies.compare.levels import LevelCost, LevelTraits
@@ -58,6 +59,8 @@ class Comparison(Result):
     ignored : IgnoredMotion or None
         Error if the motion of joints on the path is ignored; None where none does.
     """
+
+    shown_by: ClassVar[str] = "studies.compare.output"
 
     scenario: Document
     time_s: FloatArray
@@ -110,4 +113,4 @@ class Comparison(Result):
 
     def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
         """Write `matrix.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
-        views_of(Comparison).write(self, folder, pdf=pdf)
+        self._views.write(self, folder, pdf=pdf)

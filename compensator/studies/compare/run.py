@@ -11,8 +11,6 @@ from tendonff.compensator.compensators.ignored import ignored_motion
 from tendonff.compensator.files.notices import Remark, by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.reading import FloatArray
-from tendonff.compensator.reporting.results import Views, register_views
-from tendonff.compensator.studies.compare.figures import compare_figures
 from tendonff.compensator.studies.compare.levels import level_cost, level_traits
 from tendonff.compensator.studies.compare.matrix import (
     REFINEMENTS,
@@ -24,7 +22,6 @@ from tendonff.compensator.studies.compare.matrix import (
     recommend,
     require_levels,
 )
-from tendonff.compensator.studies.compare.output import matrix_columns, write_files
 from tendonff.compensator.studies.compare.own import own_force
 from tendonff.compensator.studies.compare.result import Comparison
 from tendonff.models.fidelity import Level
@@ -39,8 +36,6 @@ SIMPLE = (
     Simple(name="static", words="The quasi-static law"),
 )
 _STATIC = ("capstan", "static", "linear")  # what the exact inverse is drawn beside, the first that there is
-
-register_views(Comparison, Views(write=write_files, columns=matrix_columns, figures=compare_figures))
 
 
 @in_turn

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 from tendonff.compensator.compensators.base import Compensator
 from tendonff.compensator.compensators.expectation import Expectation
@@ -12,7 +13,7 @@ from tendonff.compensator.compensators.profile import FloatArray, Profile, Profi
 from tendonff.compensator.compensators.score import Score, Verified
 from tendonff.compensator.feedback.result import FeedbackResult
 from tendonff.compensator.files.text import as_argument
-from tendonff.compensator.reporting.results import Result, views_of
+from tendonff.compensator.reporting.results import Result
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.studies.design.online import Online
@@ -57,6 +58,8 @@ class Design(Result):
     warnings : tuple of str
         What the user should know.
     """
+
+    shown_by: ClassVar[str] = "studies.design.output"
 
     scenario: Scenario
     reference: Reference
@@ -130,4 +133,4 @@ class Design(Result):
 
         An interactive report has a view with zoom, hover and a legend that hides curves, and needs Bokeh.
         """
-        views_of(Design).write(self, folder, interactive=interactive, pdf=pdf)
+        self._views.write(self, folder, interactive=interactive, pdf=pdf)

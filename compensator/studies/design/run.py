@@ -20,24 +20,19 @@ from tendonff.compensator.compensators.score import (
 from tendonff.compensator.feedback.run import design_feedback
 from tendonff.compensator.files.notices import Remark, by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
-from tendonff.compensator.reporting.results import Views, register_views
 from tendonff.compensator.scenario.reference import CsvReference, Hold
 from tendonff.compensator.scenario.sampled.from_file import noise_advice, ripple_advice
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.studies.design.drive_use import drive_warnings
 from tendonff.compensator.studies.design.feedback import TensionFeedbackTask
-from tendonff.compensator.studies.design.figures import design_figures
 from tendonff.compensator.studies.design.online import study_online
-from tendonff.compensator.studies.design.output import profile_columns, write_files
 from tendonff.compensator.studies.design.result import Design
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.tendon.inverse import invert
 from tendonff.ocp.tendon.stability import predict_stick_slip
-
-register_views(Design, Views(write=write_files, columns=profile_columns, figures=design_figures))
 
 
 @in_turn

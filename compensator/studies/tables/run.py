@@ -11,17 +11,12 @@ from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.score import harm_warnings, verify
 from tendonff.compensator.compensators.table import CompensationTable, table_of, table_range
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.reporting.results import Views, register_views
 from tendonff.compensator.scenario.sampled.joint_motion import posed
 from tendonff.compensator.scenario.scenario import Scenario
-from tendonff.compensator.studies.tables.figures import table_figures
-from tendonff.compensator.studies.tables.output import table_columns, write_files
 from tendonff.compensator.studies.tables.result import AngleTable, Tables
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
 from tendonff.ocp.tracking.diagnosis import law_of, reasons
-
-register_views(Tables, Views(write=write_files, columns=table_columns, figures=table_figures))
 
 
 @in_turn

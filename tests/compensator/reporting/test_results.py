@@ -1,12 +1,17 @@
 """What every result shows: a short repr, a view for notebooks, its main table, its figures."""
 
 import csv
+import re
+from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
 import tendonff as tf
+import tendonff.compensator
+from tendonff.compensator.reporting.results import Views
 
 
 @pytest.fixture(scope="module")
@@ -71,3 +76,11 @@ def test_a_choice_that_there_is_not_is_refused_with_those_there_are(examples):
         tf.simulate(system, np.full(50, 10.0), 1e-3, method="euler")
     with pytest.raises(tf.ParameterError, match='Level must be one of "elastic"'):
         tf.Level("rigid")
+
+
+def test_every_result_names_a_module_that_shows_it():
+    """All classes of the package, so that none fails at the first `.write` or `.plot`."""
+    for path in Path(tendonff.compensator.__file__).parent.rglob("*.py"):
+        if "(Result):" in (text := path.read_text(encoding="utf-8")):
+            [name] = re.findall(r'shown_by: ClassVar\[str\] = "(.*)"', text)
+            assert isinstance(import_module(f"tendonff.compensator.{name}").VIEWS, Views)

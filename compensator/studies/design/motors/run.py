@@ -18,13 +18,10 @@ from tendonff.compensator.feedback.run import design_feedback
 from tendonff.compensator.files.notices import Danger, by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.reporting.results import Views, register_views
 from tendonff.compensator.scenario.driven.finger import FingerScenario
 from tendonff.compensator.scenario.driven.finger_doubts import finger_doubts
 from tendonff.compensator.scenario.driven.joint import JointScenario, SampledJoint
 from tendonff.compensator.scenario.driven.joint_doubts import joint_doubts
-from tendonff.compensator.studies.design.motors.figures import design_figures
-from tendonff.compensator.studies.design.motors.output import profile_columns, write_files
 from tendonff.compensator.studies.design.motors.result import MotorDesign, MotorProfile
 from tendonff.models.joint.closed_form import DataSheet, GrossSliding, data_sheet, sweep_pretension
 from tendonff.models.joint.parameters import DriveKind, Mechanism
@@ -32,8 +29,6 @@ from tendonff.models.turns import in_turn
 
 LEAST_DAMPING_RATIO, LEAST_COMMANDS = 0.02, 20.0
 """A joint that damps its resonance less is shaken by commands that come less often than so many times a period [-]."""
-
-register_views(MotorDesign, Views(write=write_files, columns=profile_columns, figures=design_figures))
 
 
 @in_turn

@@ -5,6 +5,7 @@ import os
 
 from tendonff.compensator.files.writing import atomic_directory, csv_text, write_parquet, write_text
 from tendonff.compensator.reporting.page import summary_head, write_pages
+from tendonff.compensator.reporting.results import Views
 from tendonff.compensator.studies.design.sweep.figures import sweep_figures
 from tendonff.compensator.studies.design.sweep.report import sweep_report
 from tendonff.compensator.studies.design.sweep.result import QUANTILES, YIELD_PERCENT, Sweep
@@ -69,3 +70,6 @@ def summary(result: Sweep) -> dict[str, object]:
             for key, low, high, at_low, at_high in result.budget
         ],
     }
+
+
+VIEWS = Views(write=write_files, columns=sample_table, figures=sweep_figures)

@@ -5,6 +5,7 @@ import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.files.writing import atomic_file
-from tendonff.compensator.reporting.results import Result, views_of
+from tendonff.compensator.reporting.results import Result
 from tendonff.models.parameters.numbers import FACTORS
 
 YIELD_PERCENT = (0.5, 1.0, 2.0, 5.0, 10.0)  # errors whose yields are reported [% of range]
@@ -46,6 +47,8 @@ Cost = tuple[str, float, float, tuple[float, ...], tuple[float, ...]]
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Sweep(Result):
     """Scores over units."""
+
+    shown_by: ClassVar[str] = "studies.design.sweep.output"
 
     scenario: AnyScenario
     options: str  # options of the command, in words
@@ -122,7 +125,7 @@ class Sweep(Result):
         """Write `samples.csv` (and `samples.parquet`), `summary.json`, figures and `report.html`, all or nothing; makes
         the folder.
         """
-        views_of(Sweep).write(self, folder, parquet=parquet, pdf=pdf)
+        self._views.write(self, folder, parquet=parquet, pdf=pdf)
 
 
 _PLAN, _ROWS = "sweep.json", "rows.partial.csv"

@@ -12,16 +12,11 @@ from typing import Any
 from tendonff.compensator.compensators.every import AnyScenario, answering, compensator_of, problem_of
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.reporting.results import Views, register_views
-from tendonff.compensator.studies.design.sweep.figures import sweep_figures
-from tendonff.compensator.studies.design.sweep.output import sample_table, write_files
 from tendonff.compensator.studies.design.sweep.plan import Axis, Unit, grid_units, random_keys, random_units
 from tendonff.compensator.studies.design.sweep.result import Row, Store, Sweep
 from tendonff.models.errors import TendonffError
 from tendonff.models.turns import in_turn
 from tendonff.ocp.tendon.batch import run_jobs
-
-register_views(Sweep, Views(write=write_files, columns=sample_table, figures=sweep_figures))
 
 
 @contextmanager
