@@ -243,9 +243,7 @@ def test_the_files_say_the_same_as_the_result(result, folder):
     assert all(value != "" for row in rows for value in row.values())
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     assert summary["recommendation"] == result.recommendation
-    assert summary["levels"]["capstan"]["states"] == 1
-    assert summary["levels"]["presliding"]["states"] == 30
-    assert summary["levels"]["elastic"]["time_per_simulated_second_s"] > 0
+    assert set(summary["levels"]) == {*map(str, Level), "capstan"}
     assert result.recommendation in (folder / "report.html").read_text(encoding="utf-8")
     assert result.recommendation in (folder / "said.txt").read_text(encoding="utf-8")
 
