@@ -24,7 +24,7 @@ from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import parse_scenario, scenario_to_toml
 from tendonff.compensator.scenario.settings import Compare
 from tendonff.compensator.scenarios import load_scenario
-from tendonff.compensator.studies.compare.levels import level_traits, parameters_of
+from tendonff.compensator.studies.compare.levels import level_traits
 from tendonff.compensator.studies.compare.matrix import Entry, lag, recommend
 from tendonff.compensator.studies.compare.run import SIMPLE, compare
 from tendonff.models.capstan import Branch, CapstanLaw
@@ -140,13 +140,6 @@ def test_the_levels_differ_in_what_they_are_made_for(finger):
     exact = high * (1 - math.exp(-law.pull_exponent - law.release_exponent))
     assert static.deadband_N == pytest.approx(exact, rel=0.03)
     assert static.reversal_width_N <= 0.03 * high
-
-
-def test_a_level_asks_for_the_parameters_that_it_uses():
-    assert len(parameters_of(None)) == 1
-    assert "relaxation_time_s" not in parameters_of(Level.ELASTIC)
-    assert {"relaxation_time_s", "bristle_stiffness_N_per_m"} <= set(parameters_of(Level.VISCOELASTIC))
-    assert "soft_bristle_stiffness_N_per_m" in parameters_of(Level.PRESLIDING)
 
 
 def entries(**errors):
