@@ -181,8 +181,9 @@ WORKS: Mapping[str, Work] = MappingProxyType(
             by={Kind.JOINT: "studies.watch.run:watch"},
             refused=_not(
                 (Kind.TENSION, Kind.FINGER),
-                "watch is for one joint on a loop; tendonff identify with several --data reports how the values of one "
-                "tendon drift",
+                "watch follows friction and pre-tension of a closed loop by the torque of its own motor; a tension is "
+                "set by its drive, and of tendons that fingers share one torque tells of many: identify the log of "
+                "each day instead",
             ),
         ),
         "adapt": Work(

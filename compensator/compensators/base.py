@@ -140,6 +140,11 @@ class Problem:
             raise SolveError(f"{compensator.name}: {reason}")
         return self.tried(compensator).require()
 
+    def inverse_of(self, system: Transmission) -> Profile:
+        """Profile of the exact inverse of another transmission, within the limits."""
+        other = replace(self, transmission=system, model=None)
+        return Profile(force_N=self.limited(other.inversion.force_N))
+
     def tried(self, compensator: "Compensator", progress: Progress = silent) -> Profile:
         """Profile of a compensator, with travel and command; its status may be that it failed."""
         profile = _answer(compensator.profile(self, progress=progress), self)
@@ -308,6 +313,8 @@ class Compensator(ABC):
         How figures draw it.
     knows_the_level : bool
         The profile depends on the fidelity level of the design model.
+    knows_the_drive : bool
+        Of driven joints: servo lag and gear backlash are taken back.
     is_fast : bool
         Fast enough to follow a slider.
     is_swept : bool
@@ -321,6 +328,7 @@ class Compensator(ABC):
     label: str
     style: Style = Style(color=SKY, linestyle="--")
     knows_the_level: bool = True
+    knows_the_drive: bool = True
     is_fast: bool = True
     is_swept: bool = True
     is_compared: bool = True

@@ -8,8 +8,10 @@ import pytest
 import tendonff as tf
 from tendonff.compensator import door
 from tendonff.compensator.cli import run
+from tendonff.compensator.compensators.every import compensator_of, problem_of
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.kind import Kind
+from tendonff.models.parameters.numbers import with_numbers
 
 RIGS = {
     "tension": Kind.TENSION,
@@ -129,6 +131,28 @@ def test_options_of_python_are_refused_with_the_same_reasons(files):
         tf.design(joint, compensators=("static", "inverse"))
     with pytest.raises(InputError, match="give one kind at a time"):
         tf.export_c(tf.load_scenario(files["tension"]), further=(joint,))
+
+
+class Cautious(tf.Compensator):
+    """Exact inverse for a fifth less friction: one class for every kind of scenario."""
+
+    kinds = tuple(Kind)
+    name = "cautious"
+    label = "inverse for less friction"
+
+    def profile(self, problem, *, progress=None):
+        return problem.inverse_of(with_numbers(problem.system, {"mu": 0.8}))
+
+
+@pytest.mark.compiler
+@pytest.mark.parametrize("rig", ["tension", "loop", "finger"])
+def test_one_class_is_a_compensator_of_every_kind(files, rig):
+    """Less friction in the design costs more than none of the exact inverse's error, and less than no compensation."""
+    problem = problem_of(tf.load_scenario(files[rig]))
+    plain = {"tension": "none"}.get(rig, "linear")
+    exact, bare = (compensator_of(problem.kind, name) for name in ("inverse", plain))
+    errors = [problem.score(problem.answer(each)).rmse for each in (exact, Cautious(), bare)]
+    assert 2 * errors[0] < errors[1] < 0.6 * errors[2]
 
 
 def test_a_kind_is_asked_for_in_the_reader_alone():
