@@ -290,6 +290,7 @@ def identify(
     *,
     how: "Measurement | None" = None,
     say: Callable[[str], None] = ...,
+    confirm: Callable[[str], bool] | None = None,
 ) -> "JointIdentification | MotorsIdentification": ...
 @overload
 def identify(
@@ -330,7 +331,7 @@ def identify(
     say : callable, optional
         Takes lines on what was read and what comes next.
     confirm : callable, optional
-        Of a tension: asked before very long files are fitted; default: no.
+        Asked before very long files are fitted, and where a value looks like another unit; default: no.
 
     Raises
     ------

@@ -308,7 +308,7 @@ class Compensator(ABC):
     kinds : tuple of Kind
         Kinds of scenario that it is for.
     name, label : str
-        Key in files and on the command line, and name for people.
+        Key in files and on the command line, and name for people, by default the same.
     style : Style, optional
         How figures draw it.
     knows_the_level : bool
@@ -333,6 +333,11 @@ class Compensator(ABC):
     is_swept: bool = True
     is_compared: bool = True
     c_module: CModule | None = None
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if hasattr(cls, "name") and not hasattr(cls, "label"):
+            cls.label = cls.name
 
     @abstractmethod
     def profile(self, problem: Problem, *, progress: Progress = silent) -> Profile:

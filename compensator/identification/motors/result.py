@@ -200,4 +200,11 @@ def summary_lines(found: MotorsIdentification, folder: str = "") -> Sequence[str
 
 def next_step(found: MotorsIdentification, folder: str = "") -> str:
     """Next step, the fitted scenario being in `folder`; empty where nothing explains the torques."""
-    return f"tendonff design {(Path(folder) / 'fitted.toml').as_posix()}" if found.described else ""
+    if not found.described:
+        return ""
+    friction = [e for e in found.estimates if e.name.endswith(".mu_dynamic")]
+    unknown = [e for e in friction if not e.identifiable]
+    if len(unknown) == len(friction):
+        way = next((e.advice for e in unknown if e.advice), "strokes of all joints over their range, both ways")
+        return f"log {way} (identify --suggest writes such a routine): no mu is known, a design rests on the scenario's"
+    return f"tendonff design {(Path(folder) / 'fitted.toml').as_posix()}"

@@ -56,7 +56,7 @@ def watch(
     how = replace(loaded.measurement, **{key: value for key, value in given.items() if value is not None})  # type: ignore[arg-type]
     with atomic_directory(out) as folder:
         with progress("watching") as advance:
-            found = watched(loaded, data, how=how, progress=advance)
+            found = watched(loaded, data, how=how, confirm=lambda _: yes, progress=advance)
         with progress("writing"):
             found.write(folder, pdf=pdf)
     warn(*found.warnings)
