@@ -1,8 +1,8 @@
-import importlib.util
 import math
 from dataclasses import replace
 from pathlib import Path
 
+import mjcf_models as models
 import numpy as np
 import pytest
 
@@ -17,12 +17,6 @@ from tendonff.compensator.mjcf.run import Import, run_import
 from tendonff.compensator.mjcf.tabulate import tabulate
 from tendonff.models.mechanism.static import local_arms_m
 from tendonff.ocp.mechanism.compiled import CompiledMechanism
-
-_spec = importlib.util.spec_from_file_location("mjcf_models", Path(__file__).with_name("models.py"))
-assert _spec is not None
-assert _spec.loader is not None
-models = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(models)
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "tendon_finger.xml"
 
