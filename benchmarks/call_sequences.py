@@ -23,7 +23,7 @@ from tendonff.compensator.compensators.table import table_of
 from tendonff.compensator.export.host import HostCode, compile_on_host
 from tendonff.compensator.export.modules import STREAM, c_modules
 from tendonff.compensator.export.text.c_text import c_sources, table_context
-from tendonff.compensator.scenario.settings import Adaptation
+from tendonff.compensator.scenario.settings import Adaptation, Stream
 from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.adaptation.tuning import Sensor
 from tendonff.ocp.codegen.precision import Precision
@@ -117,7 +117,7 @@ class Modules:
         chosen = [known[name] for name in dict.fromkeys(("inverse", *self.names))]
         further: dict[str, object] = {}
         self.stream, self.table = None, None
-        if STREAM in chosen and (choice := choose_stream(problem, scenario.stream)) is not None:
+        if STREAM in chosen and (choice := choose_stream(problem, scenario.stream or Stream())) is not None:
             further["stream"] = self.stream = choice.picked.design
         if "table" in self.names:
             built = table_of(problem)

@@ -29,6 +29,7 @@ import numpy as np
 import tendonff as tf
 from benchmarks.safety_mutants import LIVE, RESTS, SWAPS
 from tendonff.compensator.compensators.motors.finger import FingerTask
+from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.export.joint.text import accepted_rad
 from tendonff.compensator.scenario.driven.finger import FingerScenario
 from tendonff.compensator.scenario.driven.joint import JointScenario, sample_joint
@@ -243,7 +244,7 @@ def subject(
         return JOINT_DRIVER, dict(joints.files), (*(f"-D{n}={float(v)!r}" for n, v in values), *more)
     tension = tf.sample_reference(scenario).tension_N
     profile = tension if options.random_only else None
-    exported = tf.export_c(scenario, precision=precision, profile_N=profile, force_export=True)
+    exported = export_project(scenario, precision=precision, profile_N=profile, force_export=True)
     span = (float(tension.min()), float(tension.max()), float(tension[0]))
     defines = tuple(f"-D{n}={v!r}" for n, v in zip(("LOW", "HIGH", "START"), span, strict=True))
     defines += (f"-DJOINTS={len(scenario.joints)}",)

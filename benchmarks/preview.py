@@ -12,6 +12,7 @@ from optimise_others import EXAMPLES
 
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.stream import choose_stream, over_preview
+from tendonff.compensator.scenario.settings import Stream
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.ocp.tracking.track import track
 
@@ -25,7 +26,7 @@ def main() -> None:
     task = (problem.chain, reference.tension_N, reference.step_s, problem.limits)
     whole = track(*task)
     print(f"clipped inverse {whole.clipped_rms_error_N:.3f} N, all known {whole.rms_error_N:.3f} N")
-    choice = choose_stream(problem, scenario.stream)
+    choice = choose_stream(problem, scenario.stream or Stream())
     assert choice is not None
     for preview in map(float, sys.argv[1:] or PREVIEWS_S):
         stream = over_preview(problem, choice.picked.design, [preview])

@@ -21,6 +21,7 @@ import numpy as np
 
 import tendonff as tf
 from tendonff.compensator.compensators.score import scale_of
+from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.reference import Shape, SineReference, WaypointReference
 from tendonff.compensator.scenario.settings import Adaptation, Stream
@@ -162,7 +163,7 @@ def main() -> int:
         try:
             scenario = a_scenario(chance, options.self_tuning)
             profile = tf.sample_reference(scenario).tension_N
-            exports = {p: tf.export_c(scenario, precision=p, profile_N=profile) for p in tf.Precision}
+            exports = {p: export_project(scenario, precision=p, profile_N=profile) for p in tf.Precision}
         except (InputError, ParameterError, SolveError) as error:
             refused[type(error).__name__] += 1
             continue

@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from tendonff.compensator.export.motors import ExportedMotors
     from tendonff.compensator.export.several import ExportedTensions
     from tendonff.compensator.export.unit import Fmu
-    from tendonff.compensator.files.reading import FloatArray
     from tendonff.compensator.identification.answer.result import Identification
     from tendonff.compensator.identification.joint.result import JointIdentification
     from tendonff.compensator.identification.joint.routine import MotorRoutine
@@ -56,7 +55,6 @@ if TYPE_CHECKING:
     from tendonff.compensator.studies.tables.result import Tables
     from tendonff.ocp.opti.joint import JointFormulation
     from tendonff.ocp.opti.tendon import TensionFormulation
-    from tendonff.ocp.tracking.options import TrackOptions
 
     MotorScenario = JointScenario | FingerScenario
     AnyScenario = Scenario | MotorScenario
@@ -91,15 +89,10 @@ def _not(kinds: Sequence[Kind], why: str) -> Mapping[Kind, str]:
 
 _FINGER_ALONE = "tf.Runtime and export-c give their motor angles step by step"
 _APART = "a project holds tensions, single joints or fingers; give one kind at a time"
-_LIVE = "the filter of a live reference is that of a tension; the exported inverse of a joint leads to its reference"
-_PROBES = "the optimal profile is that of a tension; joints have the exact inverse"
 _NO_CELLS = (
-    "--tension-column, --actuator-force-column and --explain are for cells at the ends of one tendon; a joint is known "
-    "by its motors, leave them out"
-)
-_IN_THE_DRIVE = (
-    "--gear-ratio and --drum-radius turn readings of a motor into tensions; those of a joint are fitted as they are, "
-    "by gear_ratio and drum_radius_m in [drive]"
+    "--tension-column, --actuator-force-column, --explain, --static, --gear-ratio and --drum-radius are for tensions, "
+    "known at both ends of one tendon; of a joint what its motors feel is fitted, friction, tendons and load at once: "
+    "leave them out"
 )
 
 WORKS: Mapping[str, Work] = MappingProxyType(
@@ -117,9 +110,6 @@ WORKS: Mapping[str, Work] = MappingProxyType(
                 Kind.JOINT: "studies.design.motors.run:design_motors",
                 Kind.FINGER: "studies.design.motors.run:design_motors",
             },
-            options={
-                "options": _not(_MOTORS, _PROBES),
-            },
         ),
         "show": Work(
             by={
@@ -127,9 +117,6 @@ WORKS: Mapping[str, Work] = MappingProxyType(
                 Kind.JOINT: "studies.design.motors.output:show",
                 Kind.FINGER: "studies.design.motors.output:show",
             }
-        ),
-        "online": Work(
-            by={Kind.TENSION: "studies.design.online:online_study"}, refused=_not(_MOTORS, f"--online: {_LIVE}")
         ),
         "check": Work(
             by={
@@ -143,9 +130,6 @@ WORKS: Mapping[str, Work] = MappingProxyType(
                 Kind.TENSION: "studies.compare.run:compare",
                 Kind.JOINT: "studies.compare.joint:compare_joint",
                 Kind.FINGER: "studies.compare.joint:compare_joint",
-            },
-            options={
-                "options": _not(_MOTORS, _PROBES),
             },
         ),
         "explore": Work(
@@ -175,12 +159,10 @@ WORKS: Mapping[str, Work] = MappingProxyType(
                 Kind.JOINT: "identification.driven:identify_one",
                 Kind.FINGER: "identification.driven:identify_several",
             },
-            options={
-                **dict.fromkeys(("tension_columns", "actuator_force_column", "explain"), _not(_MOTORS, _NO_CELLS)),
-                **dict.fromkeys(("gear_ratio", "drum_radius_m"), _not(_MOTORS, _IN_THE_DRIVE)),
-                "static_only": _not(_MOTORS, "--static: one law fits a mechanism behind motors; leave it out"),
-                "conditions": _not(_MOTORS, "--condition: fit the files of each condition by themselves"),
-            },
+            options=dict.fromkeys(
+                ("tension_columns", "actuator_force_column", "explain", "static_only", "gear_ratio", "drum_radius_m"),
+                _not(_MOTORS, _NO_CELLS),
+            ),
         ),
         "suggest": Work(
             by={
@@ -236,9 +218,6 @@ WORKS: Mapping[str, Work] = MappingProxyType(
                 Kind.TENSION: "export.several:export_tensions",
                 Kind.JOINT: "export.joint.project:export_joints",
                 Kind.FINGER: "export.finger.project:export_fingers",
-            },
-            options={
-                "profile_N": _not(_MOTORS, "profile_N is a force over time; the inverse of a joint runs live"),
             },
         ),
         "export_fmu": Work(
@@ -299,7 +278,6 @@ def design(
     scenario: "Scenario",
     *,
     compensators: "Sequence[Compensator | str] | None" = None,
-    options: "TrackOptions | None" = None,
     strict: bool = False,
     progress: Progress = silent,
 ) -> "Design": ...
@@ -316,7 +294,6 @@ def design(
     scenario: "AnyScenario",
     *,
     compensators: "Sequence[Compensator | MotorCompensator | str] | None" = None,
-    options: "TrackOptions | None" = None,
     strict: bool = False,
     progress: Progress = silent,
 ) -> "Design | MotorDesign":
@@ -329,8 +306,6 @@ def design(
     compensators : sequence of Compensator, MotorCompensator or str, optional
         By themselves or by name. Default: all. Of a tension the one named "none" is what the others are compared with;
         of joints "linear" and "inverse" must be among them.
-    options : TrackOptions, optional
-        Of a tension: what the optimal profile is optimised for; default: what the scenario asks for.
     strict : bool, optional
         Refuse a reference out of reach, beyond a stop, or for which a tendon would have to push, instead of designing
         what comes closest.
@@ -353,7 +328,7 @@ def design(
     >>> print(result.recommended.label)
     exact inverse
     """
-    found: Design | MotorDesign = function_of("design", scenario, {"compensators": compensators, "options": options})(
+    found: Design | MotorDesign = function_of("design", scenario, {"compensators": compensators})(
         scenario, strict=strict, progress=progress
     )
     return found
@@ -375,7 +350,6 @@ def compare(
     scenario: "Scenario",
     *,
     compensators: "Sequence[Compensator | str] | None" = None,
-    options: "TrackOptions | None" = None,
     progress: Progress = silent,
 ) -> "Comparison": ...
 @overload
@@ -390,7 +364,6 @@ def compare(
     scenario: "AnyScenario",
     *,
     compensators: "Sequence[Compensator | MotorCompensator | str] | None" = None,
-    options: "TrackOptions | None" = None,
     progress: Progress = silent,
 ) -> "Comparison | JointComparison":
     """Compare the fidelity levels with each other: every compensator, designed on each, simulated on each.
@@ -399,10 +372,8 @@ def compare(
     ----------
     scenario : Scenario, JointScenario or FingerScenario
     compensators : sequence of Compensator, MotorCompensator or str, optional
-        By themselves or by name. Default: the feedforwards. Of a tension "none" and "capstan" must be among them, of
-        joints "linear" and "inverse".
-    options : TrackOptions, optional
-        Of a tension: what the optimal profile is optimised for; default: what the scenario asks for.
+        By themselves or by name, one whose model depends on the level among them. Default: all but the optimal profile
+        of a tension.
     progress : callable, optional
         Callback(completed, total).
 
@@ -419,9 +390,9 @@ def compare(
     >>> comparison = tf.compare(tf.load_scenario("examples/hand_joint.toml"))  # doctest: +SKIP
     >>> print(comparison.recommendation)  # doctest: +SKIP
     """
-    found: Comparison | JointComparison = function_of(
-        "compare", scenario, {"compensators": compensators, "options": options}
-    )(scenario, progress=progress)
+    found: Comparison | JointComparison = function_of("compare", scenario, {"compensators": compensators})(
+        scenario, progress=progress
+    )
     return found
 
 
@@ -528,7 +499,6 @@ def identify(
     *,
     how: "Measurement | None" = None,
     static_only: bool = False,
-    conditions: Mapping[str, str] | None = None,
     say: Callable[[str], None] = ...,
     confirm: Callable[[str], bool] | None = None,
 ) -> "Identification": ...
@@ -549,7 +519,6 @@ def identify(
     *,
     how: "Measurement | None" = None,
     static_only: bool = False,
-    conditions: Mapping[str, str] | None = None,
     say: Callable[[str], None] = ...,
     confirm: Callable[[str], bool] | None = None,
 ) -> "Identification | JointIdentification | MotorsIdentification": ...
@@ -561,7 +530,6 @@ def identify(
     *,
     how: "Measurement | None" = None,
     static_only: bool = False,
-    conditions: Mapping[str, str] | None = None,
     say: Callable[[str], None] = lambda _: None,
     confirm: Callable[[str], bool] | None = None,
 ) -> "Identification | JointIdentification | MotorsIdentification":
@@ -579,8 +547,6 @@ def identify(
         How the files are read; default: the scenario's table [measurement], of a joint the usual names of columns.
     static_only : bool, optional
         Of a tension: fit the quasi-static laws only.
-    conditions : mapping of str to str, optional
-        Of a tension: label of a file by its name; estimates are reported by label.
     say : callable, optional
         Takes lines on what was read and what comes next.
     confirm : callable, optional
@@ -600,7 +566,7 @@ def identify(
     for name, files in (("data", data), ("validate", validate)):
         if isinstance(files, str | os.PathLike):
             raise ParameterError(f'{name} must be a list of files, got "{files}"; write ["{files}"]')
-    asked = {"how": how, "static_only": static_only, "conditions": conditions}
+    asked = {"how": how, "static_only": static_only}
     found: Identification | JointIdentification | MotorsIdentification = function_of("identify", scenario, asked)(
         scenario, data, validate, say=say, **({} if confirm is None else {"confirm": confirm})
     )
@@ -679,7 +645,6 @@ def export_c(
     precision: Precision = Precision.DOUBLE,
     prefix: str = "tff",
     level: Level | None = None,
-    profile_N: "FloatArray | None" = None,
     force_export: bool = False,
 ) -> "Exported | ExportedTensions | ExportedMotors":
     """Print a folder of C99 for the controller, with its self test.
@@ -697,9 +662,6 @@ def export_c(
         Prefix of every C name and file.
     level : Level, optional
         Fidelity level of what is exported; default: the scenario's own.
-    profile_N : ndarray, optional
-        Of a tension: profile to play [N] or, of a position drive, [m]; default: the optimal one. It is judged where it
-        has a sample for each of the reference.
     force_export : bool, optional
         Export modules all the same that are worse than no compensation.
 
@@ -717,7 +679,7 @@ def export_c(
     >>> exported = tf.export_c(knuckle, precision=tf.Precision.FLOAT)  # doctest: +SKIP
     >>> exported.write("c")  # doctest: +SKIP
     """
-    export = function_of("export_c", scenario, {"further": further, "profile_N": profile_N})
+    export = function_of("export_c", scenario, {"further": further})
     for each in further:
         if each.kind is not scenario.kind:
             raise InputError(f"{each.source.name}: {_APART}")

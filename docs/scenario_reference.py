@@ -112,7 +112,7 @@ TABLES = (
         unwritten=("spread",),
     ),
     Table(title="[optimal]", classes=(TrackOptions,), readers="`design`, and what designs within another command"),
-    Table(title="[stream]", classes=(Stream,), readers="`design --online`, `export-c`, `export-fmu`"),
+    Table(title="[stream]", classes=(Stream,), readers="`design`, `export-c`, `tf.Runtime`"),
     Table(title="[compare]", classes=(Compare,), readers="`compare`"),
     Table(title="[adaptation]", classes=(Adaptation,), readers="`adapt`, `export-c`, `export-fmu`"),
     Table(

@@ -184,18 +184,11 @@ def hand(folder):
 
 
 def knuckle_and_finger(folder):
-    """A log of a joint, and one of a finger along the suggested routine."""
-    knuckle(folder, "log.csv")
+    """Logs of a joint on several days, and one of a finger along the suggested routine."""
+    knuckle(folder, "log.csv", "monday.csv", "tuesday.csv")
     assert run(["new", "finger.toml", "--for", "finger"]) == 0
     assert run(["identify", "finger.toml", "--suggest", "--out", "plan"]) == 0
     assert run(["simulate", "finger.toml", "--force", "plan/suggested_motors.csv", "--out", "finger.csv"]) == 0
-
-
-def worn(folder):
-    """An identified joint, and logs of two days."""
-    knuckle(folder, "monday.csv", "tuesday.csv")
-    (folder / "fit").mkdir()
-    (folder / "knuckle.toml").rename(folder / "fit" / "fitted.toml")
 
 
 def fingers(folder):
@@ -235,7 +228,6 @@ NEEDED = (
     pytest.param("docs/tutorials/hand.md", hand, marks=MINUTES),
     pytest.param("docs/tutorials/fingers.md", lambda _: None, marks=MINUTES),
     pytest.param("docs/guide/identify_joint.md", knuckle_and_finger, marks=MINUTES),
-    pytest.param("docs/guide/watch_joint.md", worn, marks=MINUTES),
     pytest.param("docs/guide/joints.md", fingers, marks=MINUTES),
     pytest.param("docs/guide/import.md", models, marks=MINUTES),
     pytest.param("docs/tutorials/mjcf.md", models, marks=MINUTES),

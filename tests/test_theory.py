@@ -112,13 +112,13 @@ def test_the_stiffness_in_slip_is_the_slope_of_force_over_the_mean_tension():
 
 
 @equation("1.7")
-def test_the_dead_zone_is_the_elongation_given_back_while_the_front_runs_through():
+def test_the_deadband_is_the_elongation_given_back_while_the_front_runs_through():
     a, k = 0.63, 2e4
     law = CapstanLaw(pull_exponent=a, release_exponent=a)
     s = (np.arange(20000) + 0.5) / 20000
     given_back = 50 * np.mean(np.exp(-a * s) - math.exp(-2 * a) * np.exp(a * s)) / k
     assert 50 / (k * a) * (1 - math.exp(-a)) ** 2 == pytest.approx(given_back, rel=1e-7)
-    assert law.dead_zone_m(50.0, k, Branch.PULL) == pytest.approx(given_back, rel=1e-7)
+    assert law.deadband_m(50.0, k, Branch.PULL) == pytest.approx(given_back, rel=1e-7)
 
 
 @equation("2.1")

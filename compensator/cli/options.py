@@ -37,15 +37,22 @@ def named_numbers(
     return found
 
 
+def names_of(text: str | None) -> tuple[str, ...] | None:
+    """Names separated by commas; None where none are given."""
+    return None if text is None else tuple(name.strip() for name in text.split(","))
+
+
 ScenarioArgument = Annotated[Path, typer.Argument(metavar="SCENARIO", help="Scenario file (TOML).", show_default=False)]
-LevelOption = Annotated[
-    Level | None, option("--level", None, "Fidelity level of the chain; default: the scenario's own.")
-]
+LevelOption = Annotated[Level | None, option("--level", None, "Model level of the chain; default: the scenario's own.")]
 MethodOption = Annotated[
     Method, option("--method", None, "How to advance in time: the fixed step of tendonff, or an integrator of CasADi.")
 ]
 OutFolderOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")]
 PdfOption = Annotated[bool, typer.Option("--pdf", help="Write each figure as PDF too, for a printed page.")]
+CompensatorsOption = Annotated[
+    str | None,
+    option("--compensators", "NAME,...", "Compensators to try; default: all but what takes longest."),
+]
 PrefixOption = Annotated[str, typer.Option("--prefix", metavar="NAME", help="Prefix of every C name and file.")]
 ForceOption = Annotated[
     bool, typer.Option("--force-export", help="Export modules all the same that are worse than no compensation.")

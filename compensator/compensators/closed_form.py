@@ -46,13 +46,13 @@ class Capstan(Compensator):
     """The static inverse of the capstan law, within the actuator's limits."""
 
     name = "capstan"
-    label = "static capstan law"
+    label = "capstan law"
     style = Style(color=ORANGE, linestyle="-.")
     knows_the_level = False
-    c_module = CModule(name="capstan", content="static capstan law", knows_joints=False)
+    c_module = CModule(name="capstan", content="capstan law", knows_joints=False)
 
     def profile(self, problem: Problem, *, progress: Progress = silent) -> Profile:  # noqa: ARG002
-        """Answer by the static law; see `Compensator.profile`."""
+        """Answer by the capstan law; see `Compensator.profile`."""
         reference = problem.reference
         law = CapstanLaw.of(problem.transmission)
         start = reference.initial_tension_N

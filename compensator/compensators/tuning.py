@@ -139,12 +139,12 @@ def _change(problem: Problem, spread: Spread) -> float:
 
 
 def certified(problem: Problem) -> Certified:
-    """The interval of two plays along the reference, with what the static law leaves out as its margin.
+    """The interval of two plays along the reference, with what the capstan law leaves out as its margin.
 
     The margin is the largest over plants of 40 masses: at every corner of what friction of the two directions may be,
     as the scenario, and with tendon, load and bristles all softer or all stiffer; and with each number of [robust] at
     the ends of its interval, where the directions are apart the most. Where a plant goes slack, the force is taken to
-    be off by as much as makes the static law slack too.
+    be off by as much as makes the capstan law slack too.
     """
     start, step = problem.reference.initial_tension_N, problem.reference.step_s
     force, spread = problem.limited(problem.inversion.force_N), friction_spread(problem)
@@ -166,7 +166,7 @@ def certified(problem: Problem) -> Certified:
         [simulate(chain, force, step, initial_tension_N=start).require().output_tension_N for chain in chains]
     )
     slack = np.any(outputs + problem.transmission.friction.adhesion_N <= 0, axis=0)
-    noise_N = 0.0  # no ratio to the static law's output holds what is slack: an error of the force is admitted instead
+    noise_N = 0.0  # no ratio to the capstan law's output holds what is slack: an error of the force is admitted instead
     if float(force.min()) + problem.transmission.friction.adhesion_N <= 0 or slack.any():
         noise_N = float(force[slack].max(initial=0.0)) + _SLACK_NOISE * problem.reference.range_N
     bare = CertifiedInterval(law=CapstanLaw.of(problem.transmission), spread=spread, noise_N=noise_N)

@@ -38,6 +38,7 @@ from tendonff.compensator.export.text.c_text import (
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.files.writing import write_folder
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
+from tendonff.compensator.scenario.settings import Stream
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
@@ -119,7 +120,7 @@ def export_project(
         "profile_loops": problem.reference.periodic,
         "profile_bytes": (4 if precision is Precision.FLOAT else 8) * len(profile_N),
     }
-    choice = choose_stream(problem, scenario.stream)
+    choice = choose_stream(problem, scenario.stream or Stream())
     stream = None if choice is None else choice.picked.design
     golden = golden_vectors(problem, table, precision, stream=stream)
     observed = ObserverDesign(problem=problem)

@@ -72,7 +72,7 @@ def _context(
     initial = repr(reference.initial_tension_N)
     low, high = accepted_range(problem)
     parameters = {parameter.name: parameter for parameter in parameters_of(problem)}
-    given = Variable(name="reference", text="wanted output tension", unit="N", start=initial, low=low, high=high)
+    given = Variable(name="reference", text="reference tension", unit="N", start=initial, low=low, high=high)
     force = Variable(name="force", text="force of the actuator, within its limits", unit="N", start=initial)
     servo = scenario.transmission.actuator.drive is Drive.POSITION
     if servo:

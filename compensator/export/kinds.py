@@ -8,7 +8,7 @@ class Kind(StrEnum):
 
     INVERSE = "inverse"  # reference tension in, force out, within the actuator's limits
     PLANT = "plant"  # force in, output tension and end positions out
-    CAPSTAN = "capstan"  # as INVERSE, by the static law
+    CAPSTAN = "capstan"  # as INVERSE, by the capstan law
     TABLE = "table"  # as INVERSE, from the compensation table
     OBSERVER = "observer"  # input tension and position of the near end in, output tension with bounds out
     ADAPTIVE = "adaptive"  # reference tension and measurement in, force and present mu out

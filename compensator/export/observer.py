@@ -1,6 +1,6 @@
 """The observer in an export: the forward chain led by the measured input tension, what encloses it, golden vectors.
 
-A scenario whose friction sets in gradually (spread plays, as `identify` fits them) has the static law forward instead.
+A scenario whose friction sets in gradually (spread plays, as `identify` fits them) has the capstan law forward instead.
 """
 
 import math
@@ -97,7 +97,7 @@ class ObserverDesign:
 
     @cached_property
     def law(self) -> CapstanLaw:
-        """The static law of the whole path."""
+        """The capstan law of the whole path."""
         return CapstanLaw.of(self.problem.transmission)
 
     @cached_property
@@ -114,7 +114,7 @@ class ObserverDesign:
 
     @cached_property
     def chain(self) -> Chain:
-        """The chain behind the force cell."""
+        """The chain behind the tension cell."""
         return self.problem.chain.led_by_tension()
 
     @property

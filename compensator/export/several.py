@@ -15,7 +15,7 @@ from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.precision import Precision
 
 if TYPE_CHECKING:
-    from tendonff.compensator.files.reading import FloatArray
+    pass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,7 +76,6 @@ def export_tensions(
     precision: Precision = Precision.DOUBLE,
     prefix: str = "tff",
     level: Level | None = None,
-    profile_N: "FloatArray | None" = None,
     force_export: bool = False,
 ) -> Exported | ExportedTensions:
     """Print the folder of one tension, or a project of several; see `export_project`.
@@ -89,11 +88,8 @@ def export_tensions(
             precision=precision,
             prefix=prefix,
             level=level,
-            profile_N=profile_N,
             force_export=force_export,
         )
-    if profile_N is not None:
-        raise InputError("profile_N is one profile, and these are several tensions; export that one alone")
     every = dict[str, Scenario]()
     for each in (scenario, *further):
         name = name_of(each)

@@ -50,7 +50,7 @@ class ExcitationSummary:
 
     positions: bool  # both ends' positions
     hold_s: float  # longest hold of the input tension
-    speed_m_per_s: float  # usual top speed of the input end; 0 if not measured
+    speed_m_per_s: float  # usual top speed of the near end; 0 if not measured
     load_swing: float  # range of the output tension over its mean; of the input's where the output was not measured
     proximal: bool  # nothing was measured at the far end
     joint_rad: Mapping[str, float]  # mean angles of the joints
@@ -113,7 +113,7 @@ class _Rig:
             )
         if name in (D.STATIC_EXCESS, D.STRIBECK_VELOCITY):
             omega = transmission.friction.stribeck_velocity_m_per_s
-            speed = f" (the input end moved at up to {now.speed_m_per_s:.2g} m/s)" if now.speed_m_per_s else ""
+            speed = f" (the near end moved at up to {now.speed_m_per_s:.2g} m/s)" if now.speed_m_per_s else ""
             useless = "adding a Stribeck term does not significantly reduce the validation error"
             return (
                 f"{doubt.removesuffix('; ') if fitted else useless}{speed}; "
@@ -247,7 +247,7 @@ def _without_load(rig: _Rig, fit: StaticFit) -> Estimate:
         error,
         (value - reach, value + reach),
         identifiable=is_known(error, value),
-        why="static stage: adhesion times (e^{mu theta} - 1)",
+        why="static stage: adhesion_N times (e^{mu theta} - 1)",
     )
     return replace(found, fitted=False)
 
@@ -255,10 +255,10 @@ def _without_load(rig: _Rig, fit: StaticFit) -> Estimate:
 def _why_no_constant(chosen: bool, parameter: StaticParameter) -> str:
     if chosen:
         return (
-            "only two of adhesion, input bias and output bias can be identified from friction loops; this one is held "
-            "at the value given; read both cells with a slack tendon to identify it"
+            "only two of load-independent friction and the offsets of both cells can be identified from friction "
+            "loops; this one is held at the value given; read both cells with a slack tendon to identify it"
         )
-    what = "adhesion" if parameter is P.ADHESION else "a bias"
+    what = "load-independent friction" if parameter is P.ADHESION else "an offset"
     return f"{what} does not significantly reduce the validation error; add strokes at low tension"
 
 

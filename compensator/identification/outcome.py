@@ -63,7 +63,7 @@ def compared(
 ) -> tuple[CandidateLaw, ...]:
     """All laws on one measure: the same rows, RMS, the same range; the best is chosen.
 
-    The chain is kept where it is at least as good as the best static law where neither was fitted. Without a static
+    The chain is kept where it is at least as good as the best capstan law where neither was fitted. Without a static
     stage nothing was measured at the far end.
     """
     if chain is None:
@@ -165,7 +165,7 @@ class Fitted:
     # error of the scenario's own law, static or of the chain, simulated again [% of range]; None where none was fitted
     percent: float | None = None
     judged_percent: float | None = None  # the same on the validation files; None without
-    # what the chain of the scenario leaves where a static law was fitted [% of range]; None where nothing drives it
+    # what the chain of the scenario leaves where a capstan law was fitted [% of range]; None where nothing drives it
     chain_percent: float | None = None
 
 
@@ -206,7 +206,7 @@ def scenario_of_chain(scenario: Scenario, fit: DynamicFit, records: Sequence[Rec
 
 
 def scenario_of_static(scenario: Scenario, fit: StaticFit, records: Sequence[Record], *, static_only: bool) -> Fitted:
-    """The scenario with all values of a fitted static law, at the fidelity level whose chain comes closest."""
+    """The scenario with all values of a fitted capstan law, at the fidelity level whose chain comes closest."""
     t, values = scenario.transmission, fit.values
     f, lines = t.friction, exponent_lines(t, mean_pose(records))
     pull, release = (line.mu(a) for line, a in zip(lines, in_gross_sliding(values), strict=True))
@@ -248,7 +248,7 @@ def scenario_of_static(scenario: Scenario, fit: StaticFit, records: Sequence[Rec
 
 
 def static_law_of(fitted: Fitted, fit: StaticFit, joint_rad: Mapping[str, float] = NO_JOINTS) -> StaticFit:
-    """The static law that a fitted scenario holds, of the kind of `fit`, from its own keys; the joints' angles."""
+    """The capstan law that a fitted scenario holds, of the kind of `fit`, from its own keys; the joints' angles."""
     t, how = fitted.scenario.transmission, fitted.scenario.measurement
     law, friction = CapstanLaw.of(t, joint_rad), t.friction
     values = {

@@ -23,9 +23,9 @@ class Role(Enum):
     """When a number is free."""
 
     CORE = "always"
-    TENDON = "where the elongation, or the position of the input end, is explained"
+    TENDON = "where the elongation, or the position of the near end, is explained"
     CONSTANT = "where the data support it"
-    LOAD = "where friction that falls with the load explains more than adhesion"
+    LOAD = "where friction that falls with the load explains more than load-independent friction"
     SPEED = "where the data support a dependence on speed"
     KEPT = "never; with the number that it belongs to"
     CELL = "never; found where friction does not act"
@@ -103,7 +103,8 @@ _BIAS: dict[str, Any] = {
     "step": 0.05,
     "size": 0.05,
     "floor": TUNED.adhesion_floor,
-    "advice": "not separable from adhesion and the other cell's offset; read both cells with a slack tendon",
+    "advice": "not separable from load-independent friction and the other cell's offset; read both cells with a slack "
+    "tendon",
 }
 _NO_RELAXATION = "the holds show no relaxation beyond the noise; use larger steps before longer holds"
 
@@ -210,7 +211,7 @@ class Parameter(_Specified, Enum):
             key="friction.adhesion_N",
             static=StaticParameter.ADHESION,
             may_vanish=True,
-            effect="adhesion",
+            effect="load-independent friction",
             advice="add strokes at low tension",
         ),
     )
@@ -278,8 +279,8 @@ class Parameter(_Specified, Enum):
     )
     INPUT_GAIN = "input_gain", Spec(unit="-", role=Role.CELL)
     OUTPUT_GAIN = "output_gain", Spec(unit="-", role=Role.CELL)
-    INPUT_BIAS = "input_bias_N", Spec(**_BIAS, static=StaticParameter.INPUT_BIAS, effect="input bias")
-    OUTPUT_BIAS = "output_bias_N", Spec(**_BIAS, static=StaticParameter.OUTPUT_BIAS, effect="output bias")
+    INPUT_BIAS = "input_offset_N", Spec(**_BIAS, static=StaticParameter.INPUT_BIAS, effect="input offset")
+    OUTPUT_BIAS = "output_offset_N", Spec(**_BIAS, static=StaticParameter.OUTPUT_BIAS, effect="output offset")
 
     @property
     def signed(self) -> bool:

@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -73,7 +73,6 @@ def identify(
     *,
     how: Measurement | None = None,
     static_only: bool = False,
-    conditions: Mapping[str, str] | None = None,
     say: Callable[[str], None] = lambda _: None,
     confirm: Callable[[str], bool] = lambda _: False,
 ) -> Identification:
@@ -93,8 +92,6 @@ def identify(
         How the files are to be read, instead of that table.
     static_only : bool, optional
         Stop after the static stage.
-    conditions : mapping of str to str, optional
-        Labels by file name: estimates are reported for each label.
     say, confirm : callable, optional
         Callback for messages; also confirms a fit that takes very many steps (the default declines).
 
@@ -112,7 +109,7 @@ def identify(
     """
     scenario = scenario if how is None else replace(scenario, measurement=how)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices are small: a second thread doubles the work
-        study = _read(scenario, data, validate, static_only, conditions or {}, say, confirm)
+        study = _read(scenario, data, validate, static_only, say, confirm)
         for stage in STAGES:
             study = attempted(stage, study)
         study.pace.end()
@@ -124,7 +121,6 @@ def _read(
     data: Sequence[str | os.PathLike[str]],
     validate: Sequence[str | os.PathLike[str]],
     static_only: bool,
-    conditions: Mapping[str, str],
     say: Callable[[str], None],
     confirm: Callable[[str], bool],
 ) -> Study:
@@ -160,7 +156,6 @@ def _read(
         records=records,
         judges=everything[len(fit_files) :],
         static_only=static_only,
-        conditions=conditions,
         pace=Pace(say, announced_s),
         gains=gains,
         explain=Explain.POSITION if proximal else Explain.OUTPUT,
@@ -262,7 +257,7 @@ def _answer(study: Study) -> Identification:
     outcome = outcome_of(law, records, study.judges)
     by_file: tuple[ByFile, ...] = ()
     if chain is not None:
-        by_file, differences = between_files(chain.files, chain.values, records, study.conditions)
+        by_file, differences = between_files(chain.files, chain.values, records)
         study = study.noted(*differences)
     study = study.noted(messages.about_moments(outcome))
     sliding, failure = sliding_ratios(records), _failure(outcome)
@@ -288,7 +283,6 @@ def _answer(study: Study) -> Identification:
     return Identification(
         scenario=fitted.scenario,
         asked=scenario.measurement,
-        conditions=dict(study.conditions),
         explain=law.explain,
         described=not failure,
         estimates=estimates,
@@ -327,10 +321,10 @@ def _proximal(scenario: Scenario, records: Sequence[Record], *, static_only: boo
     if not without and scenario.measurement.explain is not Explain.POSITION:
         return False
     if static_only:
-        raise InputError("the static law needs the output tension; without it leave --static out")
+        raise InputError("the capstan law needs the output tension; without it leave --static out")
     if not all(r.has_input_position for r in records):
         raise InputError(
-            "without the output tension the position of the input end is needed; name it with --input-position-column"
+            "without the output tension the position of the near end is needed; name it with --input-position-column"
         )
     return True
 
@@ -365,13 +359,13 @@ def _with_bearings_free(scenario: Scenario) -> tuple[Scenario, str]:
 
 
 def _check_rest(records: Sequence[Record]) -> None:
-    """Refuse, for the static law, a path that joints move."""
+    """Refuse, for the capstan law, a path that joints move."""
     for record in records:
         for name, angle in joints_of([record]).items():
             low, high = np.percentile(angle, [1, 99])
             if high - low > STILL_RAD:
                 raise InputError(
-                    f"{record.name}: {name} moves by {high - low:.2g} rad, the static law holds for a path at rest; "
+                    f"{record.name}: {name} moves by {high - low:.2g} rad, the capstan law holds for a path at rest; "
                     "leave --static out, or log with the joints at rest"
                 )
 
@@ -403,7 +397,7 @@ def _start(study: Study) -> dict[Parameter, float]:
 
 
 def _biased(stage: StaticSelection, records: Sequence[Record]) -> bool:
-    """The static law wants a bias of the input cell beyond its doubt."""
+    """The capstan law wants a bias of the input cell beyond its doubt."""
     name = P.INPUT_BIAS.value
     if name not in stage.fit.solution.values:
         return False

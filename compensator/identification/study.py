@@ -1,7 +1,7 @@
 """Data passed through the stages of identification: the request, the records, and the results so far."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -38,8 +38,6 @@ class Study:
         The same, cleaned; a delay of the output is taken out of them once it is found.
     static_only : bool
         Stop after the static stage.
-    conditions : mapping of str to str
-        Labels by file name.
     pace : Pace
         Of the work; names its parts to the user.
     gains : Gains
@@ -65,7 +63,6 @@ class Study:
     records: Sequence[Record]
     judges: Sequence[Record]
     static_only: bool
-    conditions: Mapping[str, str] = field(default_factory=dict)
     pace: Pace = UNHURRIED
     gains: Gains = EXACT_GAINS
     explain: Explain = Explain.OUTPUT

@@ -252,7 +252,7 @@ def draw_plan(scenario: Scenario, plan: Plan, low_N: float, start_N: float | Non
     hold = max(LEAST_HOLD_S, plan.hold_taus * t.tendon.relaxation_time_s)
     start = min(max(middle if start_N is None else start_N, t.actuator.force_min_N), t.actuator.force_max_N)
     pen = _Pen(start, RATE_SHARE * t.actuator.force_rate_max_N_per_s)
-    pen.note("rest: bias of the cells against each other, if the tension is uniform")
+    pen.note("rest: offset of the cells against each other, if the tension is uniform")
     pen.hold(1.0)
     pen.note(f"full strokes down to {low:.3g} N: friction in either direction over the whole range of load")
     for place in plan.strokes:

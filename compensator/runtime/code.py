@@ -18,6 +18,7 @@ from tendonff.compensator.runtime.kinds import RuntimeKind
 from tendonff.compensator.scenario.driven.joint import JointScenario, sample_joint
 from tendonff.compensator.scenario.driven.reference import JointQuantity
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
+from tendonff.compensator.scenario.settings import Stream
 from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.feedback.closed_loop import samples_of
@@ -217,7 +218,7 @@ def tendon_runtime(scenario: Scenario, kind: RuntimeKind | None) -> RuntimeCode:
         raise InputError(f'{file}: a position drive has no adaptive runtime; use kind "inverse"')
     further: dict[str, object] = {}
     if kind is RuntimeKind.STREAM:
-        choice = choose_stream(problem, scenario.stream)
+        choice = choose_stream(problem, scenario.stream or Stream())
         if choice is None:
             raise InputError(f'{file}: no filter serves this reference; use kind "inverse"')
         further["stream"] = choice.picked.design

@@ -13,7 +13,7 @@ from tendonff.compensator.files.notices import Danger
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, Joint, SineJoint
 from tendonff.compensator.scenario.scenario import Scenario
-from tendonff.compensator.scenario.settings import Run
+from tendonff.compensator.scenario.settings import Run, Stream
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.parameters import Friction, Load, Path, Tendon, Transmission
 from tendonff.models.path import FURTHEST_RAD
@@ -75,10 +75,11 @@ def scenario_doubts(scenario: Scenario) -> tuple[UnitDoubt, ...]:
     given = scenario.transmission
     found = [*rope_doubts(given.path, given.tendon, given.friction, given.actuator.force_max_N)]
     found += [*_of_drive(given), *_of_load(given.load), *step_doubts(scenario.run)]
-    if scenario.stream.lag_max_s > _LONGEST_LAG_S:
-        found += [_milliseconds("stream.lag_max_s", scenario.stream.lag_max_s)]
-    if scenario.stream.preview_s > 2 * _LONGEST_LAG_S:
-        found += [_milliseconds("stream.preview_s", scenario.stream.preview_s)]
+    stream = scenario.stream or Stream()
+    if stream.lag_max_s > _LONGEST_LAG_S:
+        found += [_milliseconds("stream.lag_max_s", stream.lag_max_s)]
+    if stream.preview_s > 2 * _LONGEST_LAG_S:
+        found += [_milliseconds("stream.preview_s", stream.preview_s)]
     for name, joint in scenario.joints.items():
         found += angle_doubt(f"joints.{name}", furthest_rad(joint))
     return unaccepted(found, scenario.run)

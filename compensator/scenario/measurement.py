@@ -13,7 +13,7 @@ class Explain(StrEnum):
     AUTO = "auto"
     OUTPUT = "output"  # from the input tension's history: one driven end, a load that moves only with the tendon
     INPUT = "input"  # from output tension and input position: the output tension is imposed by something else
-    # position of the input end from its tension's history: nothing is measured at the far end
+    # position of the near end from its tension's history: nothing is measured at the far end
     POSITION = "position"
 
 
@@ -24,7 +24,7 @@ class Measurement:
     Attributes
     ----------
     time_column, input_column, output_column : str
-        Columns of the time, and of the tension at the input and at the output end.
+        Columns of the time, and of the tension at the near and at the far end.
     input_position_column, output_position_column : str
         Columns of the positions of both ends; read where they are there.
     actuator_force_column : str or None
@@ -76,7 +76,7 @@ class Measurement:
     tension_angles_rad : tuple of float or None
         Wrap angle from the actuator to each of these columns [rad].
     guide_stiffness_N_per_m, guide_zero_m : float or None
-        Of a driven output (explain = "input"), as `identify` writes them: stiffness of what pulls on the input end
+        Of a driven output (explain = "input"), as `identify` writes them: stiffness of what pulls on the near end
         beside the tendon [N/m], and position at which it does not pull [m].
     bristle_spread : float or None
         The same: s of two strands whose bristles are e^s times as stiff and as soft as

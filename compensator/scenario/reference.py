@@ -44,8 +44,8 @@ def require_waypoints(times_s: tuple[float, ...], name: str, values: tuple[float
 class Hold(StrEnum):
     """Force while the reference rests."""
 
-    EXACT = "exact"  # what the exact inverse asks for, which may let the force go through the whole dead zone
-    KEEP = "keep"  # it stays: inside the dead zone nothing need move
+    EXACT = "exact"  # what the exact inverse asks for, which may let the force go through the whole deadband
+    KEEP = "keep"  # it stays: inside the deadband nothing need move
 
 
 class Quantity(StrEnum):

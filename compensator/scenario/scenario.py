@@ -56,12 +56,12 @@ _OPTIONAL: dict[str, type] = {
     "optimal": TrackOptions,
     "experiment": Experiment,
     "measurement": Measurement,
-    "stream": Stream,
 }
 _ON_REQUEST: dict[str, type] = {
     "adaptation": Adaptation,
     "compare": Compare,
     "feedback": Feedback,
+    "stream": Stream,
 }  # tables whose absence means that there is none of it
 
 _HELD_BY_JOINT = {"mass_kg": 1e-3, "stiffness_N_per_m": 1e3, "damping_N_s_per_m": 0.0}
@@ -102,8 +102,8 @@ class Scenario:
         The two-motor test.
     measurement : Measurement
         How measured files are read.
-    stream : Stream
-        Limits of a live reference.
+    stream : Stream or None
+        Limits of a live reference, whose filters `design` draws; None: those of exported C are the usual ones.
     """
 
     kind: ClassVar[Kind] = Kind.TENSION
@@ -116,7 +116,7 @@ class Scenario:
     optimal: TrackOptions = field(default_factory=TrackOptions)
     experiment: Experiment = field(default_factory=Experiment)
     measurement: Measurement = field(default_factory=Measurement)
-    stream: Stream = field(default_factory=Stream)
+    stream: Stream | None = None
     adaptation: Adaptation | None = None
     feedback: Feedback | None = None
     compare: Compare | None = None
@@ -373,9 +373,8 @@ def scenario_to_toml(scenario: Scenario, *, folder: str | os.PathLike[str] | Non
     transmission = scenario.transmission
     tables: dict[str, object] = {key: getattr(transmission, key) for key in _TABLES if key != "run"}
     tables["reference"] = reference
-    unwritten = {"stream": Stream(), "optimal": TrackOptions()}  # defaults: so older hashes stay
     own = {key: getattr(scenario, key) for key in ("run", *_OPTIONAL, *_ON_REQUEST)}
-    tables |= {key: value for key, value in own.items() if key not in unwritten or value != unwritten[key]}
+    tables |= {key: value for key, value in own.items() if key != "optimal" or value != TrackOptions()}  # an old hash
     parts = [f"schema = {SCHEMA}\nname = {toml_value(scenario.name)}\n"]
     for table, value in tables.items():
         if value is None:

@@ -40,7 +40,7 @@ REMOVED_OPTIMAL: Mapping[str, str] = MappingProxyType(
         "tolerance_N": f"{_FOLLOW}; for less travel of the force raise travel_weight",
         "least_time": f"{_FOLLOW}; draw the transition as a waypoints reference as short as the limits allow",
         "preview_s": f"{_FOLLOW} as a whole; preview on a controller is preview_s of [stream]",
-        "static_weight": "stiffer_weight does its work: stiffer bristles instead of the static law",
+        "static_weight": "stiffer_weight does its work: stiffer bristles instead of the capstan law",
         "restarts": "the search has no random part any more",
     }
 )

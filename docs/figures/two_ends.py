@@ -53,7 +53,7 @@ def draw() -> Figure:
         panel = axes[0, 0]
         panel.fill_between(angle, low, high, color=ORANGE, alpha=0.2, label="between the cones from both ends")
         panel.plot(angle, pulled, color=GREY, label="left by pulling at the actuator")
-        panel.plot(angle, law, "--", color=VERMILION, label="law, after the load end acted")
+        panel.plot(angle, law, "--", color=VERMILION, label="law, after the far end acted")
         panel.plot(angle, drawn, "o", color=BLUE, markersize=3, label="simulated chain")
         panel.set(xlabel="wrap angle from the actuator [rad]", ylabel="ln tension / N")
         figure.legend(*panel.get_legend_handles_labels(), loc="outside lower center", ncols=2)

@@ -328,8 +328,8 @@ class CapstanLaw:
         """Elongation of the tendon in slip [m], the mean tension over the path divided by k = EA/L."""
         return (self._mean_in_slip_N(input_N, branch) - self.adhesion_N) / tendon_stiffness_N_per_m
 
-    def dead_zone_m(self, input_N: float, tendon_stiffness_N_per_m: float, branch: Branch) -> float:
-        """Travel of the input end after a reversal at T_in, where a branch ends, before the output moves [m], > 0.
+    def deadband_m(self, input_N: float, tendon_stiffness_N_per_m: float, branch: Branch) -> float:
+        """Travel of the near end after a reversal at T_in, where a branch ends, before the output moves [m], > 0.
 
         With mu_pull = mu_release and p = 0 it is (R T_in/(EA mu)) (1 - e^{-a})^2 when pulling ends, k = EA/L.
         """

@@ -3,11 +3,10 @@
 import numpy as np
 
 from tendonff.models.errors import ParameterError
-from tendonff.models.joint.parameters import DriveKind, JointTendon
+from tendonff.models.joint.parameters import DriveKind
 from tendonff.models.joint.parameters import Mechanism as JointMechanism
-from tendonff.models.mechanism.loads import Damper, DryFriction, Gravity, LoadLaw, Spring, Stops
 from tendonff.models.mechanism.mechanism import Mechanism, led_joints
-from tendonff.models.mechanism.parts import Arm, Attachment, Body, Force, Lead, Table, Tendon, Unit
+from tendonff.models.mechanism.parts import Arm, Body, Force, Lead, Unit
 from tendonff.models.path import JointMotion
 
 MOTOR = "motor"
@@ -37,7 +36,7 @@ def describe(mechanism: JointMechanism, motion: JointMotion) -> Mechanism:
         name=joint.name,
         unit=Unit.RADIAN,
         inertia=joint.inertia_kg_m2,
-        loads=_loads(mechanism, start),
+        loads=joint.loads(mechanism.tendons[0].friction, mechanism.arms_at(start)[0]),
         span=(float(angles.min()), float(angles.max())),
     )
     loop = mechanism.drive.kind is DriveKind.LOOP
@@ -48,45 +47,8 @@ def describe(mechanism: JointMechanism, motion: JointMotion) -> Mechanism:
     return Mechanism(
         bodies=(driven, *led),
         tendons=tuple(
-            Tendon(
-                name=tendon.name,
-                path=tendon.path,
-                tendon=tendon.tendon,
-                friction=tendon.friction,
-                near=Attachment(arms=(Arm(body=MOTOR if loop else tendon.name, metres_per_unit=winding),)),
-                far=Attachment(arms=(_far(tendon),)),
-            )
+            tendon.wound_on(Arm(body=MOTOR if loop else tendon.name, metres_per_unit=winding))
             for tendon, winding in zip(mechanism.tendons, per_rad, strict=True)
         ),
         drives=(Force(body=joint.name), *(Lead(body=body.name) for body in led)),
     )
-
-
-def _far(tendon: JointTendon) -> Arm | Table:
-    arm = tendon.arm
-    if arm.lengths is not None:
-        return Table(body=arm.joint, knots=arm.lengths.angle_rad, cubics=arm.lengths.travel_pieces)
-    return Arm(body=arm.joint, metres_per_unit=arm.moment_arm_m or 0.0)
-
-
-def _loads(mechanism: JointMechanism, start_rad: float) -> tuple[LoadLaw, ...]:
-    """Loads of the joint that are there; its dry friction has the bristles of the first tendon at its moment arm."""
-    joint, friction = mechanism.joint, mechanism.tendons[0].friction
-    loads: list[LoadLaw] = [
-        Damper(damping=joint.damping_N_m_s_per_rad),
-        Spring(stiffness=joint.stiffness_N_m_per_rad, rest=joint.rest_rad),
-        Gravity(amplitude_N_m=joint.gravity_N_m, zero_rad=joint.gravity_zero_rad),
-    ]
-    if joint.has_stop:
-        low, high = joint.stops_rad
-        loads.append(Stops(stiffness=joint.stop_stiffness_N_m_per_rad, low=low, high=high))
-    if joint.coulomb_N_m > 0:
-        square = mechanism.arms_at(start_rad)[0] ** 2
-        loads.append(
-            DryFriction(
-                coulomb=joint.coulomb_N_m,
-                bristle_stiffness=friction.bristle_stiffness_N_per_m * square,
-                soft_bristle_stiffness=friction.soft_bristle_stiffness_N_per_m * square,
-            )
-        )
-    return tuple(loads)

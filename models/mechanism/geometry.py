@@ -1,5 +1,6 @@
 """Lengths, wrap angles and moment arms of a mechanism's tendons by the coordinates of its bodies."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -71,6 +72,28 @@ class Geometry:
             length = -tendon.far.travel_m(places)
             rows.append(ca.horzcat(length, 0, -ca.jacobian(length, q)))
         return ca.Function("ends", [q], [ca.densify(ca.vertcat(*rows))])
+
+
+class Routed(ABC):
+    """Joints that tendons cross: lengths, wrap angles and moment arms by the angles of the joints."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def geometry(self) -> Geometry:
+        """The paths of the tendons."""
+
+    def length_m(self, angles: Array) -> Array:
+        """Length of each tendon between drum and far end, as `Geometry` [m]: (rows, joints) -> (rows, tendons)."""
+        return self.geometry().length_m(angles)
+
+    def wrap_angle_rad(self, angles: Array) -> Array:
+        """Sum of the wrap angles of each tendon [rad]: (rows, joints) -> (rows, tendons)."""
+        return self.geometry().wrap_angle_rad(angles)
+
+    def moment_arm_m(self, angles: Array) -> Array:
+        """Moment arms under a uniform tension [m]: (rows, joints) -> (rows, tendons, joints)."""
+        return self.geometry().moment_arm_m(angles)
 
 
 @in_turn

@@ -137,7 +137,7 @@ class Friction:
     reference_tension_N : float, optional
         T_0, the tension at which the coefficients hold [N], > 0; goes with load_exponent.
     pull_spread, release_spread : float, optional
-        Of the static law alone: its slip sets in gradually, over dead bands from (1 - spread) to (1 + spread) times
+        Of the capstan law alone: its slip sets in gradually, over dead bands from (1 - spread) to (1 + spread) times
         the middle one [-], 0 to 1; the chain has its bristles for that. Default: none.
     """
 
@@ -325,7 +325,7 @@ class Actuator:
 
     @property
     def law(self) -> DriveLaw:
-        """Static law of its own dry friction."""
+        """Capstan law of its own dry friction."""
         return DriveLaw(
             coulomb_N=self.coulomb_N or 0.0,
             lost_share=0.0 if self.gear_efficiency is None else 1 - self.gear_efficiency,
@@ -391,7 +391,7 @@ class Load:
             raise ParameterError(f"moment_arm_m must be finite and not 0 where a joint moves the far end, got {arm}")
         if self.joint is None and arm is not None:
             raise ParameterError(f"moment_arm_m must be left out without a joint, got {arm}; name it with joint = ...")
-        require("mass_kg", self.mass_kg, above=0, hint="use the mass of the finger, tool or force cell")
+        require("mass_kg", self.mass_kg, above=0, hint="use the mass of the finger, tool or tension cell")
         require("stiffness_N_per_m", self.stiffness_N_per_m, above=0, hint="it carries the tension at rest")
         require("damping_N_s_per_m", self.damping_N_s_per_m, least=0, hint="use 0 for none")
 

@@ -92,7 +92,7 @@ class Chain:
         )
 
     def led_by_tension(self) -> "Chain":
-        """The same chain behind a force cell: the tension measured there pulls a near end too light to matter."""
+        """The same chain behind a tension cell: the tension measured there pulls a near end too light to matter."""
         return replace(self, near=End(mass_kg=_CELL_MASS_KG, damping_N_s_per_m=0.0, stiffness_N_per_m=0.0))
 
     def with_end_stiffness(self, near_N_per_m: float, far_N_per_m: float) -> "Chain":

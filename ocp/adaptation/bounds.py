@@ -25,13 +25,13 @@ class CertifiedInterval:
     Attributes
     ----------
     law : CapstanLaw
-        Static law at the values that are known best.
+        Capstan law at the values that are known best.
     spread : float
         Relative half-width d of what mu theta may be, 0 <= d < 1.
     noise_N : float
         Largest error of the actuator's force [N], >= 0.
     margin : float
-        Margin m: what the static law leaves out, in ln(T + p), >= 0.
+        Margin m: what the capstan law leaves out, in ln(T + p), >= 0.
     """
 
     law: CapstanLaw

@@ -1,1 +1,1 @@
-"""Least-squares fits of static law, elongation and chain."""
+"""Least-squares fits of capstan law, elongation and chain."""

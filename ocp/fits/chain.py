@@ -1,6 +1,6 @@
 """The chain under a measured input tension, with exact sensitivities over what identification looks for and the input.
 
-The force cell sits between motor and tendon: the measured tension is f_1 itself. The near end is therefore a mass too
+The tension cell sits between motor and tendon: the measured tension is f_1 itself. The near end is therefore a mass too
 light to matter that the measured tension pulls::
 
     T_in(t) --> [~0] ~~f_1~~ (m_1) ~~ ... ~~ (m_N) ~~f_{N+1}~~ [m_l]--spring--|        compared: f_{N+1}, q_a - q_l
@@ -39,8 +39,8 @@ _DIFFERENCE = 1e-4  # of a parameter
 class Reading(StrEnum):
     """Numbers of a measurement beside those of the tendon: offsets of the cells [N] and their gains [-]."""
 
-    INPUT = "input_bias_N"
-    OUTPUT = "output_bias_N"
+    INPUT = "input_offset_N"
+    OUTPUT = "output_offset_N"
     INPUT_GAIN = "input_gain"
     OUTPUT_GAIN = "output_gain"
 

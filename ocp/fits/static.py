@@ -4,7 +4,7 @@ Two questions about the same friction on the path::
 
     output from input    T_out is the play of T_in: one driven end, the load moves only with the tendon. Spread
                          bounds: the mean of several plays (generalised Prandtl-Ishlinskii operator).
-    input from output    T_in is T_out plus the friction of a bristle that the measured motion of the input end strains:
+    input from output    T_in is T_out plus the friction of a bristle that the measured motion of the near end strains:
                          the output tension may be imposed by anything. One element carries the whole wrap angle, so
                          that in gross sliding T_in + p = (T_out + p) e^{+-mu theta} holds exactly, eqs. (4), (8), (9).
 
@@ -43,9 +43,9 @@ class StaticParameter(StrEnum):
     RELEASE = "release_exponent"
     ADHESION = "adhesion_N"  # p, added to the tension in the friction law [N]; also the pre-tension of a closed loop
     # INPUT_BIAS, OUTPUT_BIAS: what the cells read at zero tension [N]
-    INPUT_BIAS = "input_bias_N"
-    OUTPUT_BIAS = "output_bias_N"
-    GUIDE = "guide_stiffness_N_per_m"  # stiffness of whatever pulls on the input end beside the tendon [N/m]
+    INPUT_BIAS = "input_offset_N"
+    OUTPUT_BIAS = "output_offset_N"
+    GUIDE = "guide_stiffness_N_per_m"  # stiffness of whatever pulls on the near end beside the tendon [N/m]
     BRISTLE = "bristle_stiffness_N_per_m"  # sigma0 of the whole path [N/m]; only in the law that uses the motion
     # s: one half of the friction has a bristle e^s times as stiff, the other one e^s times as soft [-], >= 0
     BRISTLE_SPREAD = "bristle_spread"
@@ -88,7 +88,7 @@ def output_from_input(values: Mapping[StaticParameter, float], input_N: Array, f
 def input_from_output(
     values: Mapping[StaticParameter, float], output_N: Array, input_m: Array, first_input_N: float
 ) -> Response:
-    """T_in from T_out and the motion of the input end, shapes (n,); positive is towards the actuator.
+    """T_in from T_out and the motion of the near end, shapes (n,); positive is towards the actuator.
 
     The guide's force is zero at 0; the bristle starts at the input that was measured at the first sample.
     """

@@ -196,7 +196,7 @@ class Unreachable:
 
 @in_turn
 def unreachable(problem: MechanismProblem, position: Array, torque: Array, *, checks: int = 200) -> Unreachable | None:
-    """First pose of a motion whose torques no tensions give, by the static law with friction.
+    """First pose of a motion whose torques no tensions give, by the capstan law with friction.
 
     Parameters
     ----------

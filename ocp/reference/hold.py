@@ -2,7 +2,7 @@
 
 The exact inverse follows a reference down to its last micrometre. Where a move ends, the load's inertia and the links'
 damping turn the sliding round for some milliseconds, friction changes sign along the whole path, and the force falls
-(or rises) through the dead zone, although the output hardly moves. Inside the dead zone nothing need move: a kept
+(or rises) through the deadband, although the output hardly moves. Inside the deadband nothing need move: a kept
 force leaves the output within its drift, spares the actuator the way there and back, and a move that goes on in the
 same direction finds the path as it was.
 

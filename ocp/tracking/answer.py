@@ -81,7 +81,7 @@ def answer(
             f"{left}; the search ended after {effort}, when an iteration still gained {100 * gain:.2g} % of the "
             "squared error: raise max_iterations for more"
         ),
-        TrackStatus.CLIPPED: f"{left}; nothing better was found in {effort}: this is the clipped inverse or static law",
+        TrackStatus.CLIPPED: f"{left}; nothing better in {effort}: this is the clipped inverse or capstan law",
         TrackStatus.INFEASIBLE: (
             f"no profile keeps the tension in bounds; closest: {worst}; {left}; {effort}; "
             "widen the tension bounds, let the reference change more slowly, or start from another initial tension"

@@ -1,6 +1,6 @@
 """Why a reference cannot be followed within limits, in the user's terms.
 
-The numbers come from the static capstan law: what the reference needs at the actuator while the tendon slips, and how
+The numbers come from the capstan law: what the reference needs at the actuator while the tendon slips, and how
 far the force must travel at a reversal before the output moves again. They are estimates for words, not for design.
 """
 
@@ -72,7 +72,7 @@ def departures(output_N: Array, reference_N: Array, step_s: float) -> tuple[Depa
 
 
 def law_of(chain: Chain) -> CapstanLaw:
-    """Static law of a chain: the coefficients of its elements, put together again."""
+    """Capstan law of a chain: the coefficients of its elements, put together again."""
     pull, release = chain.friction.slip_coefficients
     exponent, reference = chain.elements.load_dependence
     return CapstanLaw(
@@ -166,7 +166,7 @@ def _range_reasons(law: CapstanLaw, reference: Array, step_s: float, limits: For
         found.append(
             f"the reference falls to {reference[low]:.4g} N at t = {low * step_s:.4g} s; friction holds it, so the "
             f"actuator must go down to {needed:.4g} N, force_min_N is {limits.minimum_N:.4g}: "
-            f"by the static law no release there brings the output below {least:.4g} N"
+            f"by the capstan law no release there brings the output below {least:.4g} N"
         )
     return found
 

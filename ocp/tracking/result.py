@@ -25,7 +25,7 @@ class TrackStatus(StrEnum):
     ACCEPTABLE
         Better than the clipped inverse, but the search ended before it converged.
     CLIPPED
-        The search found nothing better than the clipped inverse or the clipped static law, which is returned.
+        The search found nothing better than the clipped inverse or the clipped capstan law, which is returned.
     INFEASIBLE
         No profile was found that keeps the bounds on the tension; the one that comes closest is returned.
     FAILED

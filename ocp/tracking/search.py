@@ -115,7 +115,7 @@ def best_start(problem: TrackingProblem, wanted_N: Sequence[Array]) -> Profile:
 
 
 def starts(problem: TrackingProblem, inverse_N: Array, law_N: Array) -> tuple[Array, ...]:
-    """Profiles to start from: exact inverse, static law, the inverse early, the inverse with its jumps spread.
+    """Profiles to start from: exact inverse, capstan law, the inverse early, the inverse with its jumps spread.
 
     `inverse_N` and `law_N` have the shape (n,) and are without limits [N].
     """

@@ -44,7 +44,7 @@ def track(
     """Find the force within the limits whose response comes closest to the reference (x_c2 = f_c2 = 0).
 
     Where no limit binds that is the exact inverse. Elsewhere the profile prepares each reversal: it leaves the inverse
-    early, ramps at the largest rate through the dead zone, and meets the inverse again later.
+    early, ramps at the largest rate through the deadband, and meets the inverse again later.
 
     Parameters
     ----------
@@ -170,7 +170,7 @@ def solve_tracking(
 
 
 def _solve(problem: TrackingProblem, inversion: Inversion, options: TrackOptions, progress: Progress | None) -> Found:
-    """The best profile: of the search, or the clipped inverse or static law where that finds nothing better."""
+    """The best profile: of the search, or the clipped inverse or capstan law where that finds nothing better."""
     reference, limits, nominal = problem.reference_N, problem.limits, problem.plants[0]
     inverse, span = inversion.force_N, float(np.ptp(reference))
 

@@ -21,7 +21,7 @@ RIGS = {
 }
 """What there is, and the kind of scenario that it is to the program."""
 
-MOST_REFUSED = 13
+MOST_REFUSED = 6
 """Refusals: each reason of a whole work, and each reason of an option; they may only become fewer."""
 
 COMMANDS = {
@@ -30,17 +30,14 @@ COMMANDS = {
     "watch": ["watch", "--data", "log.csv"],
     "adapt": ["adapt"],
     "table": ["table"],
-    "online": ["design", "--online"],
 }
 """A command that asks for each work that some kind refuses."""
 
 OPTIONS = {
-    ("compare", "options"): ["compare", "--optimal"],
     ("identify", "tension_columns"): ["identify", "--data", "log.csv", "--tension-column", "a_N=1"],
     ("identify", "actuator_force_column"): ["identify", "--data", "log.csv", "--actuator-force-column", "a"],
     ("identify", "explain"): ["identify", "--data", "log.csv", "--explain", "input"],
     ("identify", "static_only"): ["identify", "--data", "log.csv", "--static"],
-    ("identify", "conditions"): ["identify", "--data", "log.csv", "--condition", "log.csv=wet"],
     ("identify", "gear_ratio"): ["identify", "--data", "log.csv", "--gear-ratio", "5"],
     ("identify", "drum_radius_m"): ["identify", "--data", "log.csv", "--drum-radius", "0.01"],
     ("export_fmu", "kind"): ["export-fmu", "--kind", "plant"],
@@ -130,8 +127,6 @@ def test_options_of_python_are_refused_with_the_same_reasons(files):
         tf.design(joint, compensators=tf.COMPENSATORS)
     with pytest.raises(InputError, match="must include linear and inverse, linear is missing"):
         tf.design(joint, compensators=("static", "inverse"))
-    with pytest.raises(InputError, match="joints have the exact inverse"):
-        tf.compare(joint, options=tf.TrackOptions())
     with pytest.raises(InputError, match="give one kind at a time"):
         tf.export_c(tf.load_scenario(files["tension"]), further=(joint,))
 

@@ -41,7 +41,7 @@ class TunedJoint:
             )
         if scenario.reference.quantity is JointQuantity.TORQUE:
             raise InputError(
-                f"{file} [adaptation]: self-tuning is for a wanted angle; where a torque is wanted leave it out"
+                f"{file} [adaptation]: self-tuning is for a reference of angle; where a torque is wanted leave it out"
             )
         start = float(sampled.angle_rad[0])
         low, high = settings.range

@@ -57,7 +57,7 @@ def build_finger_fmu(
         Variable(name=f"tension_{t}", text=f"tension of {t} at its far end", unit="N", start=repr(tension))
         for t, tension in zip(described["tendons"], problem.tension_N.tolist(), strict=True)
     ]
-    extras = [angle("angle", "wanted angle of the joint", one) for one in each[1:]]
+    extras = [angle("angle", "reference angle of the joint", one) for one in each[1:]]
     extras += [
         Variable(name=f"torque_{j}", text=f"torque of {j} on what it touches", unit="N.m", start=repr(torque))
         for j, torque in zip(joints, torques, strict=True)
@@ -72,7 +72,7 @@ def build_finger_fmu(
         "compiled": [f"{identifier}.c"],
         "description": f"inverse of the finger {described['symbol'].lower()}, level {task.level}: {name}",
         "version": __version__,
-        "input": angle("angle", "wanted angle of the joint", each[0]),
+        "input": angle("angle", "reference angle of the joint", each[0]),
         "first": angle("initial_angle", rest, each[0]),
         "outputs": outputs,
         "extras": extras,

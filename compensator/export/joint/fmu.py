@@ -65,7 +65,7 @@ def build_joint_fmu(
         "compiled": [f"{identifier}.c"],
         "description": f"inverse of the joint {mechanism.joint.name}, level {scenario.run.level}: {name}",
         "version": __version__,
-        "input": angle("angle", "wanted angle of the joint"),
+        "input": angle("angle", "reference angle of the joint"),
         "first": angle("initial_angle", "angle of the joint at rest before the start"),
         "outputs": [
             *(

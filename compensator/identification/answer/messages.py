@@ -106,8 +106,8 @@ def about_no_law(
     ]
     ratios = f"; ln(T_in/T_out) in gross sliding: {', '.join(shown)}" if shown else ""
     return (
-        f"no law explains these files: the best, {best}, has {failure}. A transmission driven at its input end "
-        "alone behaves differently: is the output end, or the path itself, driven, or the loop pre-tensioned? No value "
+        f"no law explains these files: the best, {best}, has {failure}. A transmission driven at its near end "
+        "alone behaves differently: is the far end, or the path itself, driven, or the loop pre-tensioned? No value "
         f"was taken over into the fitted scenario{ratios}{_positions_wanted(records)}"
     )
 
@@ -134,8 +134,8 @@ def about_fitted(fitted: Fitted, records: Sequence[Record], with_offsets_percent
         else:
             place = "kept in [measurement] of fitted.toml for reading files; it is no part of a design"
         found.append(
-            f"the cells' readings without tension (input_bias_N, output_bias_N): {shown}, {place}; with them the law "
-            f"has an RMS error of {with_offsets_percent:.2g} %"
+            f"the cells' readings without tension (input_offset_N, output_offset_N): {shown}, {place}; with them the "
+            f"law has an RMS error of {with_offsets_percent:.2g} %"
         )
     return found
 
@@ -147,6 +147,6 @@ def _positions_wanted(records: Sequence[Record]) -> str:
     unread = sorted({name for r in records for name in r.unread})
     offered = f" (columns not read: {', '.join(unread)})" if unread else ""
     return (
-        "; laws for a driven output need the motion of the input end, which was not read: name it with "
+        "; laws for a driven output need the motion of the near end, which was not read: name it with "
         f"--input-position-column{offered}"
     )

@@ -100,7 +100,6 @@ def identification_report(found: Identification, pictures: Mapping[str, Path]) -
         notes.append(FileNote(name="suggested_force.csv", content="a force file for the next measurement"))
     name = as_argument(found.scenario.source)
     data = "".join(f" --{'data' if f.role == 'fit' else 'validate'} {quote(f.error.name)}" for f in found.files)
-    data += "".join(f" --condition {quote(f'{file}={label}')}" for file, label in found.conditions.items())
     static = "" if any(law.stage == "dynamic" for law in found.laws) else " --static"
     return Report(
         title=f"Identification: {found.scenario.name}",

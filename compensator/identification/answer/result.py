@@ -205,8 +205,6 @@ class Identification(Result):
         The scenario with the identified values.
     asked : Measurement
         How the files were to be read.
-    conditions : dict of str to str
-        Labels by file name.
     explain : Explain
         Channel that the model explains.
     described : bool
@@ -248,7 +246,6 @@ class Identification(Result):
 
     scenario: Scenario
     asked: Measurement
-    conditions: Mapping[str, str]
     explain: Explain
     described: bool
     estimates: tuple[Estimate, ...]
@@ -298,7 +295,6 @@ class Identification(Result):
             "correlation": {"names": list(self.correlation_names), "matrix": self.correlation.tolist()},
             "by_file": {
                 f.file: {
-                    "condition": f.condition or None,
                     "started_s": f.started_s,
                     "estimates": {n: {"estimate": v, "standard_error": f.errors[n]} for n, v in f.values.items()},
                 }
@@ -420,7 +416,7 @@ def _crosstalk(found: Identification) -> str:
         return ""
     pull, release = crosstalk_shares(law.pull_exponent, law.release_exponent)
     return (
-        "no log shows crosstalk: where the output's force cell shows 1 % of the input, mu comes out "
+        "no log shows crosstalk: where the output's tension cell shows 1 % of the input, mu comes out "
         f"{-100 * pull:.2g} % too small pulling and {100 * release:.2g} % too large releasing; load one cell alone and "
         "read both"
     )

@@ -1,1 +1,1 @@
-"""Fits to cleaned measurements: static law, tendon, chain, and the choice between laws."""
+"""Fits to cleaned measurements: capstan law, tendon, chain, and the choice between laws."""

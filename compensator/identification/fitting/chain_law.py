@@ -242,7 +242,7 @@ def _is_plausible(found: ChainCandidate, extra: Parameter) -> bool:
 
 
 def visited_speeds_m_per_s(task: ChainResiduals, values: Mapping[Parameter, float]) -> tuple[float, float]:
-    """Slow and fast end of the speeds at which the tendon's input end moves [m/s]."""
+    """Slow and fast end of the speeds at which the tendon's near end moves [m/s]."""
     positions = ((task.model.predict(values, run.drive).near_m, run.record.step_s) for run in task.pieces)
     every = np.concatenate([np.abs(np.gradient(position, step_s)) for position, step_s in positions])
     slowest, fastest = np.percentile(every[every > TUNED.moving_share * every.max()], SPEED_PERCENTILES)

@@ -25,7 +25,7 @@ GAIN_OFF, PROPORTIONAL_PERCENT = 0.02, 3.0
 
 
 def check_channels(records: Sequence[Record], how: Measurement) -> None:
-    """Refuse by InputError tensions that no transmission driven at its input end can have."""
+    """Refuse by InputError tensions that no transmission driven at its near end can have."""
     near, far = (np.concatenate([r.joined(name) for r in records]) for name in ("input_N", "output_N"))
     correlation = float(np.corrcoef(near, far)[0, 1])
     files = ", ".join(r.name for r in records)
@@ -66,7 +66,7 @@ def _check_order(files: str, records: Sequence[Record], how: Measurement, own_pe
             return  # a delay explains it as well
     raise InputError(
         f"{files}: {how.output_column} explains {how.input_column} ({other:.2g} % of range), not conversely "
-        f"({own_percent:.2g} %): the columns are exchanged, or the tendon is driven at its output end; "
+        f"({own_percent:.2g} %): the columns are exchanged, or the tendon is driven at its far end; "
         f"--input-column {how.output_column} --output-column {how.input_column}"
     )
 

@@ -35,7 +35,7 @@ def drive_estimates(scenario: Scenario, raw: Sequence[RawMeasurement]) -> tuple[
     if not given:
         return ()
     if any(one.input_m is None for one in given):
-        return _kept(actuator, "the position of the input end was not read; name it with --input-position-column")
+        return _kept(actuator, "the position of the near end was not read; name it with --input-position-column")
     runs, noise_N = _smoothed(given)
     if not runs:
         return _kept(actuator, f"fewer than {_LEAST_ROWS} samples without a gap; log longer")

@@ -1,4 +1,4 @@
-"""Which channel can be explained, which static law the data supports, and how both are judged."""
+"""Which channel can be explained, which capstan law the data supports, and how both are judged."""
 
 import math
 from collections.abc import Sequence
@@ -93,7 +93,7 @@ def choose_explain(
     positions = all(r.has_input_position for r in records)
     if wanted is Explain.INPUT and not positions:
         raise InputError(
-            'explain = "input" needs the position of the input end in every file; '
+            'explain = "input" needs the position of the near end in every file; '
             "name its column with --input-position-column, or explain the output"
         )
     if wanted is Explain.INPUT:

@@ -79,7 +79,7 @@ def _ratio(branch: Branch, records: Sequence[Record]) -> SlidingRatio:
     elif refused > TUNED.most_refused * total:
         reason = (
             f"{100 * refused / total:.3g} % of the sliding rows have a reading at or below zero, where ln(T_in/T_out) "
-            "is undefined: a biased cell or signed data; zero the cells without tension and measure again"
+            "is undefined: a cell with an offset or signed data; zero the cells without tension and measure again"
         )
     else:
         ratios = np.log(near[positive] / far[positive])

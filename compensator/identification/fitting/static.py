@@ -69,7 +69,7 @@ class StaticFit:
     values: dict[StaticParameter, float]  # all of them
     solution: Solution
     unit_N: float  # of the solution's residuals
-    middle_m: float  # middle of the input end's travel in the fitted records, where the guide's force is zero
+    middle_m: float  # middle of the near end's travel in the fitted records, where the guide's force is zero
     # all values by a fit without each of the held-out parts
     without: Mapping[int, dict[StaticParameter, float]] = field(default_factory=dict)
 
@@ -106,7 +106,7 @@ class _Run:
 
 
 def middle_of(records: Sequence[Record]) -> float:
-    """Middle of the input end's travel over all records [m]; 0 without positions."""
+    """Middle of the near end's travel over all records [m]; 0 without positions."""
     if not all(r.has_input_position for r in records):
         return 0.0
     travel = np.concatenate([r.joined("input_m") for r in records])
@@ -130,8 +130,8 @@ def candidates(explain: Explain) -> tuple[StaticModel, ...]:
     plain = (
         StaticModel(name="symmetric"),
         StaticModel(name="asymmetric", asymmetric=True),
-        StaticModel(name="symmetric with adhesion", constants=True),
-        StaticModel(name="asymmetric with adhesion", asymmetric=True, constants=True),
+        StaticModel(name="symmetric with load-independent friction", constants=True),
+        StaticModel(name="asymmetric with load-independent friction", asymmetric=True, constants=True),
     )
     if explain is Explain.OUTPUT:
         return (*plain, *(replace(m, name=f"{m.name}, spread bounds", spread=True) for m in plain if m.asymmetric))

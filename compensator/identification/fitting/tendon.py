@@ -76,7 +76,7 @@ def _thinned(record: Record, piece: Piece, values: Mapping[StaticParameter, floa
 
 
 def fit_tendon(records: Sequence[Record], values: Mapping[StaticParameter, float], tendon: Tendon) -> dict[str, float]:
-    """k1, k2, tau by force and elongation of records with positions; `values` are those of the static law."""
+    """k1, k2, tau by force and elongation of records with positions; `values` are those of the capstan law."""
     runs = [_thinned(r, p, values) for r in records for p in r.pieces]
     swing = max(float(np.ptp(r.force_N)) for r in runs)
     travel = max(float(np.ptp(r.elongation_m)) for r in runs)

@@ -1,6 +1,6 @@
 """Contributions to the uncertainty of a fitted chain: other laws, the method itself, and each file on its own.
 
-Several files also say something about each other: a scatter, a drift over time, a difference between conditions.
+Several files also say something about each other: a scatter, a drift over time.
 """
 
 import math
@@ -160,8 +160,6 @@ class ByFile:
         Name of the file.
     values, errors : dict of str to float
         Estimates and standard errors by name; without those that the file does not identify.
-    condition : str
-        The label that it was given; empty without one.
     started_s : float or None
         Start of the file by its own clock, where that tells dates [s].
     """
@@ -169,7 +167,6 @@ class ByFile:
     file: str
     values: dict[str, float]
     errors: dict[str, float]
-    condition: str = ""
     started_s: float | None = None
 
 
@@ -215,11 +212,10 @@ def between_files(
     files: Sequence[ByFile],
     values: Mapping[Parameter, float],
     records: Sequence[Record],
-    conditions: Mapping[str, str],
 ) -> tuple[tuple[ByFile, ...], list[str]]:
-    """Estimates by file with their conditions and times, and messages on their differences."""
+    """Estimates by file with their times, and messages on their differences."""
     started = {r.name: r.started_s for r in records}
-    rows = tuple(replace(f, condition=conditions.get(f.file, ""), started_s=started.get(f.file)) for f in files)
+    rows = tuple(replace(f, started_s=started.get(f.file)) for f in files)
     lines = []
     for parameter in WATCHED if files else ():
         name, value = str(parameter), abs(values[parameter])
@@ -229,7 +225,7 @@ def between_files(
                 f"{name} differs between files beyond its errors: scatter {100 * scatter / value:.2g} % "
                 "(estimates by file are in fit.json); the intervals take it into account"
             )
-        lines += [line for line in (_drift(rows, name), _by_condition(rows, name)) if line]
+        lines += [line for line in (_drift(rows, name),) if line]
     return rows, lines
 
 
@@ -265,12 +261,3 @@ def _drift(files: Sequence[ByFile], name: str) -> str:
         return ""
     scale = 100 / abs(float(values.mean()))
     return f"{name} drifts by {scale * slope:+.2g} % an hour over these files (standard error {scale * error:.2g} %)"
-
-
-def _by_condition(files: Sequence[ByFile], name: str) -> str:
-    """Means by condition, where there are several."""
-    means = []
-    for label in dict.fromkeys(f.condition for f in files if f.condition and name in f.values):
-        values, weight = _identified([f for f in files if f.condition == label], name)
-        means.append(f"{label} {float((weight * values).sum() / weight.sum()):.4g} +- {1 / np.sqrt(weight.sum()):.2g}")
-    return f"{name} by condition: {', '.join(means)}" if len(means) > 1 else ""

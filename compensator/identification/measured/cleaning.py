@@ -63,16 +63,16 @@ class Piece:
     motion: JointMotion | None = None  # joint angles after the low-pass, where the path has joints
 
     def travel_m(self, *, as_read: bool = False) -> Array:
-        """Measured position of the input end, shape (n,) [m]."""
+        """Measured position of the near end, shape (n,) [m]."""
         travel = self.read_m if as_read else self.input_m
         if travel is None:
-            raise InputError("the position of the input end was not measured; name it with --input-position-column")
+            raise InputError("the position of the near end was not measured; name it with --input-position-column")
         return travel
 
     def elongation_m(self) -> Array:
         """Measured elongation with an unknown zero, shape (n,) [m]."""
         if self.output_m is None:
-            raise InputError("the position of the output end was not measured; name it with --output-position-column")
+            raise InputError("the position of the far end was not measured; name it with --output-position-column")
         return np.asarray(self.travel_m() - self.output_m)
 
     def motion_from_start(self) -> JointMotion | None:
@@ -106,7 +106,7 @@ class Record:
     # input_noise_N, output_noise_N: standard deviation of the white noise before the low-pass [N]
     input_noise_N: float
     output_noise_N: float
-    # travel_noise_m, elongation_noise_m: the same of the input end's position, and of the difference of both positions
+    # travel_noise_m, elongation_noise_m: the same of the near end's position, and of the difference of both positions
     # [m]
     travel_noise_m: float
     elongation_noise_m: float
@@ -132,7 +132,7 @@ class Record:
 
     @property
     def has_input_position(self) -> bool:
-        """The input end's position was measured."""
+        """The near end's position was measured."""
         return self.pieces[0].input_m is not None
 
     def decimated(self, longest_step_s: float) -> "Record":

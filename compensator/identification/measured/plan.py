@@ -55,7 +55,7 @@ def check_plan(
 ) -> float:
     """Say what was read, in which units, and how long a fit of it takes; ask where that is very long.
 
-    The static law simulates nothing, but a clock that may count milliseconds is asked about there too. InputError if
+    The capstan law simulates nothing, but a clock that may count milliseconds is asked about there too. InputError if
     `confirm` declines. Returns the time that was said [s].
     """
     fit_s, longest = FIT_S, 0.0
@@ -77,7 +77,7 @@ def check_plan(
         return fit_s
     guess = "is the time in milliseconds? --scale time=0.001"
     question = f"the fit takes about {fit_s / 60:.2g} min{f'; {guess}' if slow else ''}"
-    ways = "give --yes to fit all of it, --static for the static law alone, or shorter files"
+    ways = "give --yes to fit all of it, --static for the capstan law alone, or shorter files"
     if static_only:
         question, ways = f"a sample every {longest:.3g} s: {guess}", "give --yes if it is not"
     if not confirm(question):
@@ -174,7 +174,7 @@ def data_doubts(records: Sequence[Record], explain: Explain) -> tuple[str, ...]:
         if file.has_output and explain in (Explain.AUTO, Explain.OUTPUT) and swings[1] > _REVERSED * swings[0]:
             found.append(
                 f"{file.name}: the output tension swings by {swings[1]:.3g} N, the input by {swings[0]:.3g} N: are the "
-                'two columns reversed? If the output end is driven, say so with explain = "input"'
+                'two columns reversed? If the far end is driven, say so with explain = "input"'
             )
         for end in ("input", "output"):
             if getattr(file.pieces[0], f"{end}_m") is None:

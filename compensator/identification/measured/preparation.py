@@ -25,7 +25,7 @@ LONGEST_S = 1.0
 
 JUMP_SHARE, INPUT_SHARE = 0.5, 0.5
 """The jump is larger than the first share of the output's later range; the input moves by less than the second share
-of it. Driven from the input end, the output moves no more than the input, times e^{mu theta} when released."""
+of it. Driven from the near end, the output moves no more than the input, times e^{mu theta} when released."""
 
 RUNG_DOWN, QUIET_S = 0.05, 0.1
 """Ringing is over when for so long no row differs from the next by more than this share of the jump."""

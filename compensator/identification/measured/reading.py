@@ -77,7 +77,7 @@ class DataIssue(StrEnum):
     UNEVEN = "uneven clock"
     SPIKE = "spikes"
     NEGATIVE = "negative readings"
-    BIAS = "biased cell"
+    BIAS = "cell with an offset"
     SHORT = "short pieces"
     SKIPPED = "rows left out at the start"
     ONSET = "load switched on at the start"
@@ -228,7 +228,7 @@ def _guessed(table: Table, names: Mapping[str, str], findings: Findings) -> tupl
 
 
 def _proximal(table: Table, names: Mapping[str, str]) -> bool:
-    """No output tension was measured, and no column of it was requested: the input end is predicted from itself."""
+    """No output tension was measured, and no column of it was requested: the near end is predicted from itself."""
     return names["output"] == Measurement().output_column and names["input_position"] in table.columns
 
 

@@ -332,8 +332,8 @@ def _homing(scenario: JointScenario, start_rad: float, torque: bool) -> FloatArr
         return np.empty(0)
     if scenario.reference.periodic or torque:
         raise InputError(
-            f"{scenario.source.name} [drive]: homing_rad is for a wanted angle that does not repeat; a cycle forgets "
-            "its start by itself, and where something else moves the joint that must home it"
+            f"{scenario.source.name} [drive]: homing_rad is for a reference of angle that does not repeat; a cycle "
+            "forgets its start by itself, and where something else moves the joint that must home it"
         )
     quarter = max(0.3, 3 * size)  # slow enough for any drive that can follow a reference
     times = (0.0, quarter, 3 * quarter, 4 * quarter)

@@ -74,7 +74,7 @@ def _interval(interval: CertifiedInterval, picture: Picture) -> Section:
             picture,
             Text(
                 "Two plays bound the output tension with mu theta of each direction within "
-                f"{100 * interval.spread:.0f} % either way. Stretch, presliding and inertia, which the static law "
+                f"{100 * interval.spread:.0f} % either way. Stretch, presliding and inertia, which the capstan law "
                 f"leaves out, take a margin of {100 * interval.margin:.2g} % of T + p: the largest that plants of 40 "
                 "masses need on this reference, at every corner of that range, with tendon, load and bristles as the "
                 "scenario, softer and stiffer."

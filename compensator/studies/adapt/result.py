@@ -166,7 +166,7 @@ def variations(sensor: Sensor, *, moving: bool = False, load_exponent: float = 0
         *(() if moving else _other_loads(load_exponent)),
         Variation(name="sensor gain +3 %", gain=1.03),
         *(
-            (Variation(name="1 % of crosstalk from the actuator's force cell", crosstalk=0.01),)
+            (Variation(name="1 % of crosstalk from the actuator's tension cell", crosstalk=0.01),)
             if sensor is Sensor.OUTPUT_TENSION
             else ()
         ),

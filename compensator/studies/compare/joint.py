@@ -27,6 +27,7 @@ from tendonff.compensator.studies.compare.matrix import (
     entry_of,
     noise_warnings,
     recommend,
+    require_levels,
 )
 from tendonff.compensator.studies.compare.output import matrix_columns, matrix_summary, write_matrix
 from tendonff.compensator.studies.compare.report import CAPTIONS, FILES, matrix_sections
@@ -56,7 +57,7 @@ class JointComparison(MatrixData):
     plants : tuple of str
         Names of the plants.
     static : str
-        Name of the compensator by the static law.
+        Name of the compensator by the capstan law.
     compensators : tuple of Designed
         In the order in which they are shown.
     entries : tuple of Entry
@@ -106,6 +107,7 @@ def compare_joint(
     tasks = {level: task_of(scenario, level) for level in Level}
     own = tasks[Level.PRESLIDING]
     tried = chosen(own, compensators)
+    require_levels(tried)
     parts = Parts(progress, len(Level) * (len(_PLANTS) + 1))
     commands: dict[tuple[str, Level], FloatArray] = {}
     entries: list[Entry] = []

@@ -1,7 +1,7 @@
 """Differences between model levels, as numbers, and their cost.
 
 Two probes, the same for every level: a force that goes up, down, up and down at a steady rate (the loop of output over
-force, its dead zone, and how smoothly the output starts to move after a reversal), and a motor that pulls the tendon
+force, its deadband, and how smoothly the output starts to move after a reversal), and a motor that pulls the tendon
 up and then holds its position (how much tension relaxes away).
 """
 
@@ -37,7 +37,7 @@ class LevelTraits:
         Shape (n,); the closed loop: output tension over force.
     loop_area_percent : float
         Area of the loop, of the rectangle around it [%].
-    dead_zone_N : float
+    deadband_N : float
         Fall of the force, after pulling, before the output follows [N].
     reversal_width_N : float
         Further fall of the force until the output follows at its full rate [N]: 0 is a corner.
@@ -50,7 +50,7 @@ class LevelTraits:
     force_N: FloatArray
     output_N: FloatArray
     loop_area_percent: float
-    dead_zone_N: float
+    deadband_N: float
     reversal_width_N: float
     relaxation_percent: float
     hold_time_s: FloatArray
@@ -77,7 +77,7 @@ class LevelCost:
 
 
 def parameters_of(level: Level | None) -> tuple[str, ...]:
-    """Parameters that a level needs, beyond masses and geometry; None is the static law."""
+    """Parameters that a level needs, beyond masses and geometry; None is the capstan law."""
     if level is None:
         return ("mu_dynamic",)
     relaxing = ("relaxing_stiffness_N_per_m", "relaxation_time_s") if level.link_relaxes else ()
@@ -95,7 +95,7 @@ def parameters_of(level: Level | None) -> tuple[str, ...]:
 
 
 def level_cost(transmission: Transmission, level: Level | None, reference: Reference) -> LevelCost:
-    """Measure what a level costs under the reference as a force; None is the static law."""
+    """Measure what a level costs under the reference as a force; None is the capstan law."""
     force, step, start = reference.tension_N, reference.step_s, reference.initial_tension_N
     law = CapstanLaw.of(transmission)
     chain = None if level is None else Chain.of(transmission, level)
@@ -115,7 +115,7 @@ def level_cost(transmission: Transmission, level: Level | None, reference: Refer
 
 
 def level_traits(transmission: Transmission, level: Level | None, reference: Reference) -> LevelTraits:
-    """Probe a level as far as the extremes of the reference; None is the static law."""
+    """Probe a level as far as the extremes of the reference; None is the capstan law."""
     law, step, start = CapstanLaw.of(transmission), reference.step_s, reference.initial_tension_N
     low, high = _probe_forces(transmission, law, reference)
     ramp_s = max(_RAMP_S, (high - low) / (0.5 * transmission.actuator.force_rate_max_N_per_s), 20 * step)
@@ -137,7 +137,7 @@ def level_traits(transmission: Transmission, level: Level | None, reference: Ref
         force_N=force[loop],
         output_N=output[loop],
         loop_area_percent=_area_percent(force[loop], output[loop]),
-        dead_zone_N=dead,
+        deadband_N=dead,
         reversal_width_N=width,
         relaxation_percent=relaxed,
         hold_time_s=hold_time,
@@ -164,7 +164,7 @@ def _area_percent(force: FloatArray, output: FloatArray) -> float:
 
 
 def _reversal(force: FloatArray, output: FloatArray) -> tuple[float, float]:
-    """Dead zone and width of the transition while the force falls [N]."""
+    """Deadband and width of the transition while the force falls [N]."""
     fallen, followed = force[0] - force, output[0] - output
     span = float(followed[-1])
     if not span > 0:

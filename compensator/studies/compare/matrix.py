@@ -18,7 +18,7 @@ from tendonff.compensator.compensators.expectation import (
 from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.compensators.score import scale_of, score
 from tendonff.compensator.files.notices import Remark
-from tendonff.compensator.files.reading import FloatArray
+from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.reporting.colours import Style
 from tendonff.compensator.reporting.results import Result
@@ -41,7 +41,7 @@ class Entry:
     design_level : Level
         Repeats for a compensator that does not depend on it.
     plant_level : str
-        A `Level`, or of a tension "capstan" for the static law.
+        A `Level`, or of a tension "capstan" for the capstan law.
     rmse_percent_of_range, peak_error : float
         Of a simulation with a quarter of the step; the second in the unit of the reference.
     lag_s : float
@@ -150,6 +150,15 @@ SMOOTHED = "smoothed"
 _NO_MODEL = (SMOOTHED, FRICTIONLESS)  # depend on the level, but hold no model of its friction
 _LAG_ROWS = 4000
 _LAG_SHARE = 0.25  # of the duration: a lag is sought within this, either way
+
+
+def require_levels(tried: Sequence[Designed]) -> None:
+    """Refuse compensators whose models depend on no level; InputError."""
+    if not any(each.knows_the_level and each.name not in _NO_MODEL for each in tried):
+        raise InputError(
+            f"compensators must include one whose model depends on the level, got {', '.join(c.name for c in tried)}; "
+            "add inverse"
+        )
 
 
 def entry_of(

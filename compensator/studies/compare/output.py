@@ -61,7 +61,7 @@ def summary(result: Comparison) -> dict[str, object]:
             name: {
                 "relaxation_percent": traits.relaxation_percent,
                 "loop_area_percent": traits.loop_area_percent,
-                "dead_zone_N": traits.dead_zone_N,
+                "deadband_N": traits.deadband_N,
                 "reversal_width_N": traits.reversal_width_N,
                 "time_per_simulated_second_s": result.costs[name].time_per_simulated_second_s,
                 "states": result.costs[name].states,

@@ -23,7 +23,7 @@ from tendonff.models.fidelity import Level
 CAPTIONS = {
     "matrix": "RMS error of every design on every plant, % of reference range; dark is bad. Read along a row: what a "
     "design costs on a plant that it was not made for.",
-    "errors": "Below: errors of the exact inverse designed on each level, and of the static law, on the most detailed "
+    "errors": "Below: errors of the exact inverse designed on each level, and of the capstan law, on the most detailed "
     "plant; bottom: enlarged.",
 }
 FILES = (
@@ -73,7 +73,7 @@ def matrix_sections(
             for label, row in rows
         ],
     )
-    static = ", the static capstan law included" if len(result.plants) > len(Level) else ""
+    static = ", the capstan law included" if len(result.plants) > len(Level) else ""
     text = Text(
         f"A design is a profile made with one model; a plant is the model that it is simulated on{static}, here with "
         "the scenario's own parameters. Each simulation takes a quarter of the step, so that no design profits from "
@@ -93,14 +93,14 @@ def compare_report(result: Comparison, figures: dict[str, Figure]) -> Report:
     joints, moving = "", []
     if result.ignored is not None:
         joints = " Second panel: the joint angles."
-        note = "The static law as a plant takes the wrap angles with all joints at zero."
+        note = "The capstan law as a plant takes the wrap angles with all joints at zero."
         moving = [Text(f"{result.ignored.text} {note}")]
     pictures = pictures_of(figures, {**_CAPTIONS, "errors": _CAPTIONS["errors"] + joints})
     differences = Table(
         caption="Traits of the levels",
-        columns=("level", "dead zone [N]", "width of a reversal [N]", "loop area [%]", "relaxation in a hold [%]"),
+        columns=("level", "deadband [N]", "width of a reversal [N]", "loop area [%]", "relaxation in a hold [%]"),
         rows=[
-            (name, t.dead_zone_N, t.reversal_width_N, t.loop_area_percent, max(round(t.relaxation_percent, 6), 0.0))
+            (name, t.deadband_N, t.reversal_width_N, t.loop_area_percent, max(round(t.relaxation_percent, 6), 0.0))
             for name, t in result.traits.items()
         ],
     )
@@ -124,7 +124,7 @@ def compare_report(result: Comparison, figures: dict[str, Figure]) -> Report:
                     pictures["levels"],
                     differences,
                     Text(
-                        "Dead zone: how far the force falls after pulling before the output follows. Width of a "
+                        "Deadband: how far the force falls after pulling before the output follows. Width of a "
                         "reversal: how much further until it follows at its full rate; 0 is a corner. Loop area: of "
                         "the rectangle around the loop. Relaxation in a hold: fall of the tension at the actuator "
                         "while its position is held."

@@ -12,8 +12,8 @@ from tendonff.compensator.studies.compare.levels import LevelCost, LevelTraits
 from tendonff.compensator.studies.compare.matrix import MatrixData
 from tendonff.models.fidelity import Level
 
-CAPSTAN_PLANT: Literal["capstan"] = "capstan"  # name of the static law as a plant
-PLANTS = (*(level.value for level in Level), CAPSTAN_PLANT)  # names of the plants: the levels, then the static law
+CAPSTAN_PLANT: Literal["capstan"] = "capstan"  # name of the capstan law as a plant
+PLANTS = (*(level.value for level in Level), CAPSTAN_PLANT)  # names of the plants: the levels, then the capstan law
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -31,7 +31,7 @@ class Comparison(MatrixData):
     plants : tuple of str
         Names of the plants.
     static : str
-        Name of the compensator by the static law.
+        Name of the compensator by the capstan law.
     compensators : tuple of Designed
         In the order in which they are shown.
     entries : tuple of Entry
@@ -51,9 +51,9 @@ class Comparison(MatrixData):
     reference : Reference
         Desired tension, sampled.
     traits : dict of str to LevelTraits
-        Differences between the levels and the static law.
+        Differences between the levels and the capstan law.
     costs : dict of str to LevelCost
-        Cost of each level and the static law, by name.
+        Cost of each level and the capstan law, by name.
     ignored : IgnoredMotion or None
         Error if the motion of joints is ignored; None where none does.
     """

@@ -31,6 +31,7 @@ from tendonff.compensator.studies.compare.matrix import (
     entry_of,
     noise_warnings,
     recommend,
+    require_levels,
 )
 from tendonff.compensator.studies.compare.output import matrix_columns, write_files
 from tendonff.compensator.studies.compare.own import own_force
@@ -40,14 +41,13 @@ from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.models.turns import in_turn
 from tendonff.ocp.tendon.crosscheck import NUDGE
-from tendonff.ocp.tracking.options import TrackOptions
 
 FEEDFORWARDS = tuple(c for c in COMPENSATORS if not isinstance(c, Optimal))
 """Compensators compared by default: the optimal profile on each level takes longer than all the rest."""
 
 SIMPLE = (
     Simple(name="none", words="The reference applied directly"),
-    Simple(name="capstan", words="The static capstan law"),
+    Simple(name="capstan", words="The capstan law"),
     Simple(name=SMOOTHED, words="The capstan law with a smoothed sign change"),
 )
 
@@ -59,15 +59,14 @@ def compare(
     scenario: Scenario,
     *,
     compensators: Sequence[Compensator | str] = FEEDFORWARDS,
-    options: TrackOptions | None = None,
     progress: Progress = silent,
 ) -> Comparison:
-    """Compare the fidelity levels with each other and with the static law on one scenario.
+    """Compare the fidelity levels with each other and with the capstan law on one scenario.
 
-    Of the compensators "none", "capstan" and one beside "smoothed" that knows the level must be among them. Arguments
-    and errors as of `tendonff.compare`.
+    Arguments and errors as of `tendonff.compare`.
     """
     reference, tried = sample_reference(scenario), (*chosen(compensators), *own_force(scenario))
+    require_levels(tried)
     transmission = moved(scenario, float(reference.time_s[-1]), periodic=scenario.reference.periodic)
     warnings = list(reference.warnings)
     shares = sum(1 if c.is_fast else SLOW_PARTS for c in tried)
@@ -80,7 +79,7 @@ def compare(
     seen: dict[tuple[bytes, str], tuple[Entry, FloatArray]] = {}
     slack: dict[tuple[str, str], Slack] = {}
     for level in Level:
-        problem = Problem.of(scenario, level=level, reference=reference, options=options)
+        problem = Problem.of(scenario, level=level, reference=reference)
         answers = answers_of(problem, tried, parts)
         profiles, failed, refused = answers.profiles, failed | answers.failed, refused | answers.refused
         for name, profile in profiles.items():
@@ -134,7 +133,7 @@ def compare(
         expectation=expectation,
         recommended_level=best,
         recommendation=text,
-        ignored=ignored_motion(Problem.of(scenario, reference=reference, options=options)),
+        ignored=ignored_motion(Problem.of(scenario, reference=reference)),
         warnings=by_urgency(
             (
                 *warnings,
@@ -149,7 +148,7 @@ def compare(
 
 _NOT_SEARCHED = (
     "the actuator's limits change the exact inverse: the optimal profile, which is made for them, is not compared "
-    "here; add --optimal"
+    "here; --compensators none,capstan,smoothed,inverse,optimal compares it"
 )
 
 

@@ -23,6 +23,7 @@ from tendonff.compensator.reporting.plots import (
     thinned,
 )
 from tendonff.compensator.studies.design.drive_use import drive_use
+from tendonff.compensator.studies.design.online import online_figure
 from tendonff.compensator.studies.design.result import Design
 from tendonff.models.fidelity import Level
 
@@ -43,6 +44,7 @@ def design_figures(result: Design) -> dict[str, Figure]:
             "loop": loop_figure(result),
             "error": error_figure(result),
             **({} if result.feedback is None else feedback_figures(result.feedback)),
+            **({} if result.online is None else {"online": online_figure(result.online)}),
         }
 
 

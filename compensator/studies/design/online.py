@@ -1,10 +1,7 @@
-"""`tendonff design --online`: what a filter of a reference that arrives live costs and buys."""
+"""Filters of a reference that arrives live, where the scenario has [stream]: what they cost and buy."""
 
 import math
-import os
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -20,12 +17,9 @@ from tendonff.compensator.compensators.stream import (
     over_preview,
     rate_binds,
 )
-from tendonff.compensator.files.text import InputError
-from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.reporting.colours import GREY, INK
-from tendonff.compensator.reporting.plots import legend_below, new_figure, save_figure
-from tendonff.compensator.scenario.scenario import Scenario
-from tendonff.compensator.studies.design.result import Design
+from tendonff.compensator.reporting.plots import legend_below, new_figure
+from tendonff.compensator.scenario.settings import Stream
 from tendonff.models.capstan import CapstanLaw
 from tendonff.ocp.errors import SolveError
 
@@ -42,7 +36,7 @@ class Online:
     lag_max_s: float  # lag that the scenario accepts [s]
     # the picked filter with more and more preview; empty where the rate limit does not bind
     over_preview: tuple[Candidate, ...] = ()
-    jump_s: float = 0.0  # time that the rate limit needs for the static law's jump at the largest reference [s]
+    jump_s: float = 0.0  # time that the rate limit needs for the capstan law's jump at the largest reference [s]
     # RMS error of the optimal profile, which knows all of the reference [% of range]; None where it is not known
     optimum_percent: float | None = None
 
@@ -65,53 +59,34 @@ class Online:
             f"{last.score.percent} %{optimum}"
         )
 
-    def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
-        """Write `online.csv` and the figure `online` into an existing folder."""
+    @property
+    def columns(self) -> dict[str, list[float]]:
+        """Columns of `online.csv`."""
         rows = (*self.choice.candidates, *self.longer, *self.over_preview)
-        write_csv(
-            Path(folder) / "online.csv",
-            {
-                "lag_s": [c.design.filter.lag_s for c in rows],
-                "filter_s": [_length_s(c) for c in rows],
-                "ramp_s": [c.design.ahead * c.design.filter.step_s for c in rows],
-                "overshoot": [0.0 if c.design.ramp is None else c.design.ramp.overshoot for c in rows],
-                "keeps_parabolas": [int(c.design.filter.is_flat) for c in rows],
-                "rmse_percent_of_range": [c.score.rmse_percent_of_range for c in rows],
-                "force_noise_dB": [c.noise_dB for c in rows],
-                "picked": [int(c is self.choice.picked) for c in rows],
-            },
-        )
-        save_figure(online_figure(self), Path(folder) / "online", pdf=pdf)
+        return {
+            "lag_s": [c.design.filter.lag_s for c in rows],
+            "filter_s": [_length_s(c) for c in rows],
+            "ramp_s": [c.design.ahead * c.design.filter.step_s for c in rows],
+            "overshoot": [0.0 if c.design.ramp is None else c.design.ramp.overshoot for c in rows],
+            "keeps_parabolas": [int(c.design.filter.is_flat) for c in rows],
+            "rmse_percent_of_range": [c.score.rmse_percent_of_range for c in rows],
+            "force_noise_dB": [c.noise_dB for c in rows],
+            "picked": [int(c is self.choice.picked) for c in rows],
+        }
 
 
-def require_path_at_rest(scenario: Scenario) -> None:
-    """Refuse a scenario with joints, which no filter of a live reference is made for."""
-    if scenario.joints:
-        raise InputError(
-            f"{scenario.source.name} [joints]: live references are for a path at rest; `export-c` gives an inverse "
-            "that takes joint angles, and `design` without --online the profile"
-        )
-
-
-def online_study(scenario: Scenario) -> Callable[[Design], Online]:
-    """The study to be made of a design of the scenario; InputError at once where there is none."""
-    require_path_at_rest(scenario)
-
-    def study(result: Design) -> Online:
-        return study_online(scenario, result.on_level("optimal", result.level).score.rmse_percent_of_range)
-
-    return study
-
-
-def study_online(scenario: Scenario, optimum_percent: float | None = None) -> Online:
-    """Try filters on the scenario's reference with the noise of a converter; SolveError if none can be simulated.
+def study_online(problem: Problem, stream: Stream, optimum_percent: float | None = None) -> Online:
+    """Try filters on a problem's reference with the noise of a converter; SolveError if none can be simulated.
 
     Shown beside them: the RMS error of the optimal profile on the same model [% of range], where it is given.
     """
-    require_path_at_rest(scenario)
-    problem = Problem.of(scenario)
-    choice = choose_stream(problem, scenario.stream)
-    further = replace(scenario.stream, preview_s=_PREVIEW_S)
+    if problem.chain.motion is not None:
+        raise SolveError(
+            "no filter is drawn where joints move the path: it would need their future angles; the exported stream "
+            "takes present ones"
+        )
+    choice = choose_stream(problem, stream)
+    further = replace(stream, preview_s=_PREVIEW_S)
     longer = choose_stream(problem, further, with_ramps=False)
     if choice is None or longer is None:
         raise SolveError(
@@ -130,7 +105,7 @@ def study_online(scenario: Scenario, optimum_percent: float | None = None) -> On
     return Online(
         choice=choice,
         longer=longer.candidates,
-        lag_max_s=scenario.stream.lag_max_s,
+        lag_max_s=stream.lag_max_s,
         over_preview=over,
         jump_s=jump,
         optimum_percent=optimum_percent,

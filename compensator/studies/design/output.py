@@ -33,6 +33,8 @@ def write_files(
     view = interactive_panels(result) if interactive else None
     with atomic_directory(folder) as partial:
         write_csv(partial / "profile.csv", profile_columns(result))
+        if result.online is not None:
+            write_csv(partial / "online.csv", result.online.columns)
         write_pages(partial, summary(result), figures, design_report(result, figures, view), pdf=pdf)
 
 
@@ -134,6 +136,7 @@ def show(result: Design, folder: Path) -> None:
             result.headline,
             ways(result),
             *(() if result.feedback is None else (result.feedback.sentence,)),
+            *(() if result.online is None else (result.online.sentence,)),
             *(() if result.tracking is None else (f"optimal control: {result.tracking.message}",)),
             f"written to {folder}",
         ),

@@ -17,6 +17,7 @@ from tendonff.compensator.reporting.page import (
     Cell,
     FileNote,
     Interactive,
+    Picture,
     Report,
     Section,
     Table,
@@ -27,6 +28,7 @@ from tendonff.compensator.reporting.page import (
 )
 from tendonff.compensator.scenario.reference import Hold
 from tendonff.compensator.studies.design.drive_use import drive_use
+from tendonff.compensator.studies.design.online import Online
 from tendonff.compensator.studies.design.result import Design
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters.drive import Motor
@@ -45,7 +47,9 @@ _CAPTIONS = {
     "actuator; those off the scale are written.",
     "loop": "Left: the tendon's hysteresis, output over force. Right: output over reference; perfect compensation is "
     "the diagonal. Equal scales on both axes.",
-    "error": "Error on each fidelity level with the design's own parameters, on one scale; right: enlarged.",
+    "error": "Error on each model level with the design's own parameters, on one scale; right: enlarged.",
+    "online": "Filters of a reference that arrives live: error over noise in the force, a point for each length. "
+    "Below, where the rate limit binds: error over the preview.",
     "drive": "Demands on the drive, on the design level. Dashed: its limits; those off the scale are written.",
 }
 
@@ -141,8 +145,9 @@ def design_report(result: Design, figures: dict[str, Figure], view: Interactive 
             Section(title="Actuator force", blocks=(pictures["force"], *_holds(result), *_solver(result))),
             Section(title="Sizing the drive", blocks=(pictures["drive"], *_drive(result))),
             Section(title="Hysteresis", blocks=(pictures["loop"],)),
-            Section(title="Sensitivity to model fidelity", blocks=(pictures["error"],)),
+            Section(title="Sensitivity to the model level", blocks=(pictures["error"],)),
             *([] if result.feedback is None else [feedback_section(result.feedback, pictures)]),
+            *([] if result.online is None else [_live(result.online, pictures["online"])]),
             *_robust_section(result),
         ),
         provenance=provenance_of(result.scenario, "design"),
@@ -154,6 +159,12 @@ def design_report(result: Design, figures: dict[str, Figure], view: Interactive 
             FileNote(name="summary.json", content="errors, solver status and warnings for other programs"),
         ),
     )
+
+
+def _live(found: Online, picture: Picture) -> Section:
+    """Filters of a live reference; the one that is picked is what `export-c` builds in."""
+    sentence = found.sentence[:1].upper() + found.sentence[1:]
+    return Section(title="Live reference", blocks=(Text(f"{sentence}."), picture))
 
 
 def _holds(result: Design) -> tuple[Block, ...]:
@@ -171,7 +182,7 @@ def _holds(result: Design) -> tuple[Block, ...]:
     note = (
         f"While the reference rests, the force of the exact inverse still moves: {'; '.join(found)}. At the end of a "
         "move the load's inertia and the damping turn the sliding round for some milliseconds, friction changes sign, "
-        "and the force crosses the dead zone although the output hardly moves. Inside the dead zone nothing need "
+        "and the force crosses the deadband although the output hardly moves. Inside the deadband nothing need "
         'move: hold = "keep" in [reference] keeps the force, and the report states what that costs.'
     )
     return (Text(note),)

@@ -14,6 +14,7 @@ from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.reporting.results import Result, views_of
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.studies.design.online import Online
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.tendon.stability import StickSlipPrediction
@@ -50,6 +51,8 @@ class Design(Result):
         What it would cost to ignore that joints move; None where none does.
     feedback : FeedbackResult or None
         Feedback beside the feedforward, where the scenario has [feedback].
+    online : Online or None
+        Filters of a live reference, where the scenario has [stream].
     warnings : tuple of str
         What the user should know.
     """
@@ -66,6 +69,7 @@ class Design(Result):
     live: Expectation
     ignored: IgnoredMotion | None
     feedback: FeedbackResult | None
+    online: Online | None
     warnings: tuple[str, ...]
 
     @property

@@ -28,13 +28,14 @@ from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.studies.design.drive_use import drive_warnings
 from tendonff.compensator.studies.design.feedback import TensionFeedbackTask
 from tendonff.compensator.studies.design.figures import design_figures
+from tendonff.compensator.studies.design.online import study_online
 from tendonff.compensator.studies.design.output import profile_columns, write_files
 from tendonff.compensator.studies.design.result import Design
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
+from tendonff.ocp.errors import SolveError
 from tendonff.ocp.tendon.inverse import invert
 from tendonff.ocp.tendon.stability import predict_stick_slip
-from tendonff.ocp.tracking.options import TrackOptions
 
 register_views(Design, Views(write=write_files, columns=profile_columns, figures=design_figures))
 
@@ -44,7 +45,6 @@ def design(
     scenario: Scenario,
     *,
     compensators: Sequence[Compensator | str] = COMPENSATORS,
-    options: TrackOptions | None = None,
     strict: bool = False,
     progress: Progress = silent,
 ) -> Design:
@@ -52,7 +52,7 @@ def design(
 
     Arguments and errors as of `tendonff.design`.
     """
-    problem = Problem.of(scenario, reference=sample_reference(scenario, strict=strict), options=options)
+    problem = Problem.of(scenario, reference=sample_reference(scenario, strict=strict))
     reference, transmission, level = problem.reference, problem.transmission, problem.level
     compensators = chosen(compensators)
     shares = sum(1 if c.is_fast else SLOW_PARTS for c in compensators)
@@ -94,6 +94,13 @@ def design(
         file = scenario.source.name
         feedback = design_feedback(TensionFeedbackTask.of(problem, scenario.feedback, profiles, file))
         warnings += feedback.warnings
+    online = None
+    if scenario.stream is not None:
+        optimum = [v.score.rmse_percent_of_range for v in judged if v.compensator == "optimal"]
+        try:
+            online = study_online(problem, scenario.stream, next(iter(optimum), None))
+        except SolveError as error:
+            warnings.append(Remark(f"[stream]: {error}"))
     result = Design(
         scenario=scenario,
         reference=reference,
@@ -107,6 +114,7 @@ def design(
         live=expect_live(problem, usable),
         ignored=ignored_motion(problem),
         feedback=feedback,
+        online=online,
         warnings=tuple(warnings),
     )
     return replace(result, warnings=by_urgency((*result.warnings, *drive_warnings(result))))

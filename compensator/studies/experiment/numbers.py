@@ -1,6 +1,6 @@
 """Numbers of the two-motor test.
 
-The paper prints pictures of this test and no numbers, so there is nothing to compare these with but the static law and
+The paper prints pictures of this test and no numbers, so there is nothing to compare these with but the capstan law and
 the models among themselves.
 """
 
@@ -25,13 +25,13 @@ MEANINGS = {
     "travel_m": "how far the holding motor moves away from the tendon meanwhile; with a held force it is creep",
     "width_s": "after a reversal: time from 5 to 50 % of the output's change; long means a smooth transient",
     "max_slope_N_per_s": "largest rate of the output tension after a reversal; high means a sudden breakaway",
-    "two_ended_law": "difference of all tensions from the static law that is given both end tensions, RMS and largest",
-    "exponent_over_law": "ln(T_in/T_out) when a ramp ends, over mu theta; 1 is the static capstan law",
+    "two_ended_law": "difference of all tensions from the capstan law that is given both end tensions, RMS and largest",
+    "exponent_over_law": "ln(T_in/T_out) when a ramp ends, over mu theta; 1 is the capstan law",
     "profile_deviation_percent": "largest departure of ln T along the path from a straight line then, of mu theta",
     "tension_step_percent_of_range": "departure of any tension from its course as a motor changes its mode; 0 is ideal",
     "force_step_percent_of_range": "jump of a motor's pull as it changes its mode; 0 is ideal",
     "measured": "difference of a measured tension, by sensor, from the simulated one, RMS and largest",
-    "bristle_stiffness_factor": "factor on the bristles of the quasi-static run, which stands for the static law",
+    "bristle_stiffness_factor": "factor on the bristles of the quasi-static run, which stands for the capstan law",
     "refinement": "difference of seven tensions to the run with more masses, the discretisation error, RMS and largest",
 }
 """Meaning of each number of the test, in one line; most are fields of the classes below."""
@@ -76,7 +76,7 @@ class SlipProfile:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawDeviation:
-    """Difference of the tensions along the path from the two-ended static law, over all links and rows."""
+    """Difference of the tensions along the path from the two-ended capstan law, over all links and rows."""
 
     rms_percent_of_range: float
     max_percent_of_range: float
@@ -207,7 +207,7 @@ def slip_profiles(run: ExperimentRun) -> dict[str, SlipProfile]:
 
 
 def law_deviation(run: ExperimentRun) -> LawDeviation:
-    """Difference from the static law with two ends, given the run's own end tensions."""
+    """Difference from the capstan law with two ends, given the run's own end tensions."""
     tension = run.link_tension_N
     law = TwoEndedLaw.of(run.transmission, tension.shape[1] - 1)
     # inertia and viscous friction may take the ends beyond full slip: no tension is too far here

@@ -59,7 +59,7 @@ def experiment_report(result: ExperimentResult, figures: dict[str, Figure]) -> R
     )
     models = {**{level.value: run for level, run in result.runs.items()}, "quasi-static elastic": result.quasi_static}
     law = Table(
-        caption="Difference from the static law with two ends, given the two end tensions [% of range]",
+        caption="Difference from the capstan law with two ends, given the two end tensions [% of range]",
         columns=("model", "RMS", "largest"),
         rows=tuple(
             (name, off.rms_percent_of_range, off.max_percent_of_range)
@@ -99,7 +99,7 @@ def experiment_report(result: ExperimentResult, figures: dict[str, Figure]) -> R
                         f"Switching a motor changes a tension by at most {step:.2g} % of the range. "
                         f"{finer.segments} and {finer.fine_segments} masses differ by "
                         f"{finer.rms_percent_of_range:.2g} % of the range RMS. "
-                        f"{slips} one-way ramps were compared with the static law; see summary.json."
+                        f"{slips} one-way ramps were compared with the capstan law; see summary.json."
                     ),
                     Table(
                         caption="What each number of this page and of summary.json means",

@@ -121,7 +121,7 @@ class ExperimentResult(Result):
     fine : ExperimentRun
         The leading level with more masses.
     quasi_static : ExperimentRun
-        The elastic level with a stiffer bristle, no viscous friction and no Stribeck effect: nearest to the static law.
+        The elastic level with a stiffer bristle, no viscous friction, no Stribeck effect: nearest to the capstan law.
     quasi_static_factor : float
         By how much its bristle is stiffer.
     measured : MeasuredTensions or None

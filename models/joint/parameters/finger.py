@@ -6,25 +6,16 @@ from tendonff.models.errors import ParameterError, require
 from tendonff.models.joint.parameters.drive import JointDrive
 from tendonff.models.joint.parameters.joint import DrivenJoint
 from tendonff.models.joint.parameters.tendon import JointTendon
-from tendonff.models.layout import Array
 from tendonff.models.mechanism import (
     Arm,
-    Attachment,
     Body,
-    Damper,
-    DryFriction,
     Force,
-    Gravity,
     Lead,
     Mechanism,
-    Spring,
-    Stops,
-    Table,
     Tendon,
     Unit,
 )
-from tendonff.models.mechanism.geometry import Geometry
-from tendonff.models.mechanism.loads import LoadLaw
+from tendonff.models.mechanism.geometry import Geometry, Routed
 from tendonff.models.mechanism.mechanism import led_joints
 from tendonff.models.mechanism.sharing import Sharing
 from tendonff.models.path import JointMotion, TabulatedSection
@@ -73,7 +64,7 @@ class Motor:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Finger:
+class Finger(Routed):
     """Driven joints, the tendons that cross them, and their motors.
 
     Parameters
@@ -123,18 +114,6 @@ class Finger:
         """Lengths, wrap angles and moment arms by the angles of the joints."""
         return Geometry(tendons=tuple(self._tendon(tendon) for tendon in self.tendons), bodies=self.names)
 
-    def length_m(self, angles: Array) -> Array:
-        """Length of each tendon between drum and far end, as `Geometry` [m]: (rows, joints) -> (rows, tendons)."""
-        return self.geometry().length_m(angles)
-
-    def wrap_angle_rad(self, angles: Array) -> Array:
-        """Sum of the wrap angles of each tendon [rad]: (rows, joints) -> (rows, tendons)."""
-        return self.geometry().wrap_angle_rad(angles)
-
-    def moment_arm_m(self, angles: Array) -> Array:
-        """Moment arms under a uniform tension [m]: (rows, joints) -> (rows, tendons, joints)."""
-        return self.geometry().moment_arm_m(angles)
-
     def beyond_tables(self, motion: JointMotion) -> tuple[str, ...]:
         """Sections whose tables a motion leaves, where they go on straight, in words; one for each joint."""
         found: dict[str, tuple[float, str]] = {}
@@ -160,7 +139,7 @@ class Finger:
                 name=joint.name,
                 unit=Unit.RADIAN,
                 inertia=joint.inertia_kg_m2,
-                loads=self._loads(joint),
+                loads=joint.loads(self.tendons[0].friction, _BRISTLE_ARM_M),
                 span=(float(columns[joint.name].min()), float(columns[joint.name].max())),
             )
             for joint in self.joints
@@ -185,37 +164,4 @@ class Finger:
             for name, winding in zip(motor.winds, motor.winding_m, strict=True)
             if name == tendon.name
         )
-        far = tuple(
-            Arm(body=arm.joint, metres_per_unit=arm.moment_arm_m or 0.0)
-            if arm.lengths is None
-            else Table(body=arm.joint, knots=arm.lengths.angle_rad, cubics=arm.lengths.travel_pieces)
-            for arm in tendon.arms
-        )
-        return Tendon(
-            name=tendon.name,
-            path=tendon.path,
-            tendon=tendon.tendon,
-            friction=tendon.friction,
-            near=Attachment(arms=(near,)),
-            far=Attachment(arms=far),
-        )
-
-    def _loads(self, joint: DrivenJoint) -> tuple[LoadLaw, ...]:
-        loads: list[LoadLaw] = [
-            Damper(damping=joint.damping_N_m_s_per_rad),
-            Spring(stiffness=joint.stiffness_N_m_per_rad, rest=joint.rest_rad),
-            Gravity(amplitude_N_m=joint.gravity_N_m, zero_rad=joint.gravity_zero_rad),
-        ]
-        if joint.has_stop:
-            low, high = joint.stops_rad
-            loads.append(Stops(stiffness=joint.stop_stiffness_N_m_per_rad, low=low, high=high))
-        if joint.coulomb_N_m > 0:
-            friction, square = self.tendons[0].friction, _BRISTLE_ARM_M**2
-            loads.append(
-                DryFriction(
-                    coulomb=joint.coulomb_N_m,
-                    bristle_stiffness=friction.bristle_stiffness_N_per_m * square,
-                    soft_bristle_stiffness=friction.soft_bristle_stiffness_N_per_m * square,
-                )
-            )
-        return tuple(loads)
+        return tendon.wound_on(near)

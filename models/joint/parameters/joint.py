@@ -7,7 +7,8 @@ import numpy as np
 
 from tendonff.models.errors import LARGEST, ParameterError, require, require_given, require_range
 from tendonff.models.layout import Array
-from tendonff.models.mechanism.loads import NOWHERE
+from tendonff.models.mechanism.loads import NOWHERE, Damper, DryFriction, Gravity, LoadLaw, Spring, Stops
+from tendonff.models.parameters import Friction
 
 QUARTER_TURN_RAD = math.pi / 2
 
@@ -108,6 +109,26 @@ class DrivenJoint:
             least_rad - QUARTER_TURN_RAD if low <= -NOWHERE else min(low, least_rad),
             most_rad + QUARTER_TURN_RAD if high >= NOWHERE else max(high, most_rad),
         )
+
+    def loads(self, bristles: Friction, arm_m: float) -> tuple[LoadLaw, ...]:
+        """Torques that oppose the joint; its dry friction has the bristles of a tendon at a moment arm."""
+        loads: list[LoadLaw] = [
+            Damper(damping=self.damping_N_m_s_per_rad),
+            Spring(stiffness=self.stiffness_N_m_per_rad, rest=self.rest_rad),
+            Gravity(amplitude_N_m=self.gravity_N_m, zero_rad=self.gravity_zero_rad),
+        ]
+        if self.has_stop:
+            low, high = self.stops_rad
+            loads.append(Stops(stiffness=self.stop_stiffness_N_m_per_rad, low=low, high=high))
+        if self.coulomb_N_m > 0:
+            loads.append(
+                DryFriction(
+                    coulomb=self.coulomb_N_m,
+                    bristle_stiffness=bristles.bristle_stiffness_N_per_m * arm_m**2,
+                    soft_bristle_stiffness=bristles.soft_bristle_stiffness_N_per_m * arm_m**2,
+                )
+            )
+        return tuple(loads)
 
     def static_torque_N_m(self, angle_rad: Array) -> Array:
         """Torque that tendons hold at rest at an angle: spring, gravity and stops [N m]."""

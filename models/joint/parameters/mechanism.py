@@ -20,6 +20,8 @@ from tendonff.models.joint.parameters.drive import DriveKind, JointDrive
 from tendonff.models.joint.parameters.joint import DrivenJoint
 from tendonff.models.joint.parameters.tendon import JointTendon
 from tendonff.models.layout import Array
+from tendonff.models.mechanism import parts
+from tendonff.models.mechanism.geometry import Geometry, Routed
 from tendonff.models.parameters import Tendon
 from tendonff.models.path import JointMotion
 from tendonff.models.tendon.assembly import End
@@ -31,7 +33,7 @@ _LED = End(mass_kg=1.0, damping_N_s_per_m=0.0, stiffness_N_per_m=0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Mechanism:
+class Mechanism(Routed):
     """Joint, tendons and drive: everything physical about a driven joint.
 
     Parameters
@@ -95,6 +97,11 @@ class Mechanism:
         """Radius of each tendon's drum [m]."""
         given = self.drive.drum_radius_m
         return given if len(given) == len(self.tendons) else given * len(self.tendons)
+
+    def geometry(self) -> Geometry:
+        """Lengths, wrap angles and moment arms by the angle of the joint; others that sections name stand at zero."""
+        drum = parts.Arm(body="drum", metres_per_unit=0.0)
+        return Geometry(tendons=tuple(t.wound_on(drum) for t in self.tendons), bodies=(self.joint.name,))
 
     def arms_at(self, angle_rad: float) -> tuple[float, ...]:
         """Moment arm of each tendon at an angle [m].

@@ -8,6 +8,7 @@ import numpy as np
 
 from tendonff.models.errors import ParameterError
 from tendonff.models.layout import Array
+from tendonff.models.mechanism import parts
 from tendonff.models.parameters import Friction, Path, Tendon
 
 if TYPE_CHECKING:
@@ -147,6 +148,23 @@ class JointTendon:
         if len(self.arms) != 1:
             raise AttributeError(f'tendon "{self.name}" has {len(self.arms)} arms')
         return self.arms[0]
+
+    def wound_on(self, drum: parts.Arm) -> parts.Tendon:
+        """The tendon of a mechanism, from a drum to the bodies that move its far end."""
+        far = (
+            parts.Arm(body=arm.joint, metres_per_unit=arm.moment_arm_m or 0.0)
+            if arm.lengths is None
+            else parts.Table(body=arm.joint, knots=arm.lengths.angle_rad, cubics=arm.lengths.travel_pieces)
+            for arm in self.arms
+        )
+        return parts.Tendon(
+            name=self.name,
+            path=self.path,
+            tendon=self.tendon,
+            friction=self.friction,
+            near=parts.Attachment(arms=(drum,)),
+            far=parts.Attachment(arms=tuple(far)),
+        )
 
     def follows(self, joint: str) -> bool:
         """Whether a section of its path bends or gets longer with a joint."""

@@ -3,6 +3,7 @@
 import pytest
 
 import tendonff as tf
+from tendonff.compensator.export.c_project import export_project
 
 pytestmark = pytest.mark.compiler
 
@@ -15,7 +16,7 @@ def test_design_compare_export_and_runtime_expect_the_same_of_a_tension(examples
     live = tf.Runtime(scenario).expectation
     design = tf.design(scenario, compensators=(plain, inverse))
     assert design.live.error == live.error
-    exported = tf.export_c(scenario, profile_N=design.profiles["inverse"].force_N)
+    exported = export_project(scenario, profile_N=design.profiles["inverse"].force_N)
     assert exported.expectation.error == live.error
     assert f"For a reference that arrives live: Tracking error up to {live.error}" in exported.files["README.md"]
     compared = tf.compare(scenario, compensators=(plain, inverse))

@@ -146,7 +146,7 @@ def test_a_further_compensator_goes_through_design_with_force_error_and_picture(
 def test_a_further_compensator_enters_the_matrix_of_compare(quick):
     result = compare(quick, compensators=(*COMPENSATORS[:5], ConstantGain()))
     assert {e.compensator for e in result.entries} == {"none", "frictionless", "capstan", "smoothed", "inverse", "gain"}
-    # The gain is the pulling branch of the static law, so it is exact there and wrong while releasing.
+    # The gain is the pulling branch of the capstan law, so it is exact there and wrong while releasing.
     on_law = result.entry("gain", Level.ELASTIC, "capstan")
     assert on_law.rmse_percent_of_range > result.entry("capstan", Level.ELASTIC, "capstan").rmse_percent_of_range
 
@@ -154,12 +154,12 @@ def test_a_further_compensator_enters_the_matrix_of_compare(quick):
 class RenamedCapstan(Capstan):
     """A compensator with C of its own, which only these tests know."""
 
-    name, label = "slack_free", "the static law by another name"
+    name, label = "slack_free", "the capstan law by another name"
     c_module = CModule(name="slack_free", content=label, knows_joints=False)
 
 
 class RenamingLoader(jinja2.BaseLoader):
-    """The templates that are shipped, and those of the static law by another name."""
+    """The templates that are shipped, and those of the capstan law by another name."""
 
     def __init__(self, shipped):
         self.shipped = shipped

@@ -15,6 +15,7 @@ from tendonff.compensator.export.modules import c_modules
 from tendonff.compensator.export.repeat import compared, repeated_rows
 from tendonff.compensator.export.text.c_text import c_sources
 from tendonff.compensator.export.text.table_index import rounded
+from tendonff.compensator.scenario.settings import Stream
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.tendon.inverse import invert
@@ -40,7 +41,7 @@ def in_float(scenario, problem, name, reference_N, stream=None):
 def test_a_live_reference_in_float_is_smoothed_to_more_digits_than_a_float_has(finger, record_property):
     """The inverse differentiates the smoothed reference twice: rounded to a float it made 0.4 % of range of noise."""
     problem = Problem.of(finger)
-    design = choose_stream(problem, finger.stream).picked.design
+    design = choose_stream(problem, Stream()).picked.design
     wanted = problem.reference.tension_N
     rough = rounded(quantised(wanted, 1e-3 * scale_of(wanted)), Precision.FLOAT)
     rough[0] = wanted[0]

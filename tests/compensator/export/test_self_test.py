@@ -39,7 +39,7 @@ def finger(examples):
 
 @pytest.fixture(scope="module")
 def small_moves(finger):
-    """Moves within the transition of a reversal, where the static law jumps from branch to branch."""
+    """Moves within the transition of a reversal, where the capstan law jumps from branch to branch."""
     tensions = (30.0, 31.0, 30.0, 31.0, 30.0)
     moves = WaypointReference(times_s=(0.0, 0.1, 0.2, 0.3, 0.4), tensions_N=tensions, shape=Shape.SMOOTH)
     return replace(finger, reference=moves)

@@ -14,7 +14,7 @@ static tff_real reference(int k)
 }
 
 /* Largest change of the force in a sample over the next ones, and by how much it is above that of a module that lost
- * nothing: the static law jumps where the reference turns, interrupted or not. */
+ * nothing: the capstan law jumps where the reference turns, interrupted or not. */
 #define LARGEST(kind, self, first) \
     tff_##kind##_init(&never, reference((first) - 20)); \
     for (k = (first) - 20; k < (first); k++) { \

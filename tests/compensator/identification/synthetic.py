@@ -24,7 +24,7 @@ class Faults:
     ----------
     noise : float
         White noise of every channel, standard deviation as a share of the channel's range.
-    input_bias_N, output_bias_N : float
+    input_offset_N, output_offset_N : float
         What the cells read at zero tension.
     spikes : int
         Single-sample spikes in every channel.
@@ -36,8 +36,8 @@ class Faults:
     """
 
     noise: float = 0.005
-    input_bias_N: float = 0.0
-    output_bias_N: float = 0.0
+    input_offset_N: float = 0.0
+    output_offset_N: float = 0.0
     spikes: int = 0
     gaps_s: tuple[float, ...] = ()
     missing: int = 0
@@ -81,8 +81,8 @@ def write_synthetic(
     half = np.arange(int(time_s[-1] / step_s + 1e-6) * 2 + 1) * (step_s / 2)
     run = simulate(Chain.of(transmission, level, masses), np.interp(half, time_s, force_N), step_s / 2).require()
     channels = [
-        run.tension_N[::2, 0] + faults.input_bias_N,
-        run.tension_N[::2, -1] + faults.output_bias_N,
+        run.tension_N[::2, 0] + faults.input_offset_N,
+        run.tension_N[::2, -1] + faults.output_offset_N,
         *([run.near_position_m[::2], run.far_position_m[::2]] if positions else []),
     ]
     rng = np.random.default_rng(faults.seed)

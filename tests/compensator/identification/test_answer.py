@@ -29,20 +29,20 @@ def finger(examples):
     return replace(found, measurement=replace(found.measurement, cutoff_Hz=12.0))
 
 
-def log(path, *, output_bias_N=0.0, twist=0.0):
+def log(path, *, output_offset_N=0.0, twist=0.0):
     time = np.arange(0.0, 20.0, 0.01)
     force = 42 - 26 * np.cos(2.0 * time) + 10 * np.sin(0.71 * time)
     output = CapstanLaw(pull_exponent=0.5, release_exponent=0.45).output_history_N(force)
     noise = np.random.default_rng(0).normal(0, 0.02, (2, len(time)))
-    read = output + output_bias_N + twist * np.sin(31 * time) * np.ptp(output)
+    read = output + output_offset_N + twist * np.sin(31 * time) * np.ptp(output)
     write_csv(path, {"time_s": time, "input_tension_N": force + noise[0], "output_tension_N": read + noise[1]})
     return path
 
 
 @pytest.fixture(scope="module")
 def found(finger, tmp_path_factory):
-    file = log(tmp_path_factory.mktemp("a") / "run 1.csv", output_bias_N=1.0)
-    return identify(finger, [file], static_only=True, conditions={"run 1.csv": "wet"})
+    file = log(tmp_path_factory.mktemp("a") / "run 1.csv", output_offset_N=1.0)
+    return identify(finger, [file], static_only=True)
 
 
 def test_the_headline_has_friction_error_and_the_next_command(found):
@@ -73,7 +73,6 @@ def test_the_command_that_reproduces_a_fit_asks_what_was_asked(found):
     """Names with blanks survive the shell; what was found is no option."""
     words = shlex.split(identification_report(found, {}).provenance.command)
     assert words[words.index("--data") + 1] == "run 1.csv"
-    assert words[words.index("--condition") + 1] == "run 1.csv=wet"
     assert words[words.index("--cutoff") + 1] == "12"
     assert "--offset" not in words
 

@@ -10,12 +10,12 @@ from tendonff.compensator.identification.parameters import Parameter
 VALUES = {**dict.fromkeys(Parameter, 1.0), Parameter.MU_PULL: 0.2}
 
 
-def said_of(mus, conditions=()):
+def said_of(mus):
     """Files an hour apart whose coefficient is known to 0.0001."""
     errors = {"mu_dynamic": 1e-4}
     files = [ByFile(file=f"{k}.csv", values={"mu_dynamic": mu}, errors=errors) for k, mu in enumerate(mus)]
     records = [SimpleNamespace(name=f.file, started_s=1.6e9 + 3600.0 * k) for k, f in enumerate(files)]
-    return between_files(files, VALUES, records, {f.file: c for f, c in zip(files, conditions, strict=False)})
+    return between_files(files, VALUES, records)
 
 
 def test_a_trend_over_the_time_of_day_is_told_with_its_slope():
@@ -33,11 +33,6 @@ def test_scatter_without_a_trend_is_no_drift():
 
 def test_files_that_agree_say_nothing():
     assert said_of([0.2, 0.20001, 0.2, 0.19999])[1] == []
-
-
-def test_means_by_condition_are_weighted_by_the_errors():
-    _, said = said_of([0.2, 0.2002, 0.3], ("wet", "wet", "dry"))
-    assert "mu_dynamic by condition: wet 0.2001 +- 7.1e-05, dry 0.3 +- 0.0001" in said
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])

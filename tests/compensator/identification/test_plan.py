@@ -77,8 +77,6 @@ def test_the_command_says_what_it_read_before_it_refuses(examples, tmp_path, cap
         ("--offset", "time=1", 'unknown column "time"'),
         ("--tare", "2", "--tare must be FROM:TO"),
         ("--tare", "2:1", "tare_s must be from and to"),
-        ("--condition", "wet", "--condition must be FILE=LABEL"),
-        ("--condition", "y.csv=wet", '"y.csv" is not given with --data'),
     ],
 )
 def test_options_that_cannot_be_read_are_one_message(examples, tmp_path, capsys, option, value, message):
@@ -116,7 +114,7 @@ def test_reversed_tensions_and_other_units_of_positions_and_joints_are_asked_abo
     sound = record(**tensions(30 + 10 * WAVE, 30 + 7 * WAVE, input_position_m=0.01 * WAVE))
     assert data_doubts([sound], Explain.AUTO) == ()
     swapped = record(**tensions(30 + 7 * WAVE, 30 + 10 * WAVE))
-    assert data_doubts([swapped], Explain.INPUT) == ()  # the output end is driven
+    assert data_doubts([swapped], Explain.INPUT) == ()  # the far end is driven
     [doubt] = data_doubts([swapped], Explain.AUTO)
     assert doubt.startswith(
         "a.csv: the output tension swings by 20 N, the input by 14 N: are the two columns reversed?"

@@ -1,4 +1,4 @@
-"""No sensor at the far end: input tension, position of the input end, and the scenario's load."""
+"""No sensor at the far end: input tension, position of the near end, and the scenario's load."""
 
 from dataclasses import replace
 
@@ -54,7 +54,7 @@ def test_friction_is_found_without_a_sensor_at_the_far_end(found):
 
 
 def test_what_cannot_be_told_from_one_end_is_named_with_the_way_out(found):
-    for name in ("input_bias_N", "output_bias_N"):
+    for name in ("input_offset_N", "output_offset_N"):
         assert not found.estimate(name).identifiable
         assert "measure the output tension" in found.estimate(name).why
     assert any("the load is the scenario's, 3000 N/m" in w for w in found.warnings)
@@ -82,7 +82,7 @@ def test_a_file_without_output_among_others_is_refused(nominal, file, tmp_path):
 
 
 def test_the_static_law_needs_the_output(nominal, file):
-    with pytest.raises(InputError, match="the static law needs the output tension"):
+    with pytest.raises(InputError, match="the capstan law needs the output tension"):
         identify(nominal, [file], static_only=True)
 
 

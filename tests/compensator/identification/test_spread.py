@@ -31,7 +31,7 @@ VALUES = (
     estimate("mu_dynamic", 0.2, 0.004),
     estimate("mu_dynamic_release", 0.18, 0.009),
     estimate("adhesion_N", 1.0, 1.5),
-    estimate("input_bias_N", 0.2, 0.1),
+    estimate("input_offset_N", 0.2, 0.1),
 )
 
 

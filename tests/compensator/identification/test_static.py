@@ -27,11 +27,11 @@ def strokes(seconds=20.0, step_s=STEP_S):
     return time, 42 - 26 * np.cos(2.0 * time) + 10 * np.sin(0.71 * time)
 
 
-def write_play(path, law, *, input_bias_N=0.0, output_bias_N=0.0, **columns):
+def write_play(path, law, *, input_offset_N=0.0, output_offset_N=0.0, **columns):
     """What cells with biases read beside a transmission that is the play law itself."""
     time, force = strokes()
     output, rng = law.output_history_N(force), np.random.default_rng(0)
-    read = {"input_tension_N": force + input_bias_N, "output_tension_N": output + output_bias_N}
+    read = {"input_tension_N": force + input_offset_N, "output_tension_N": output + output_offset_N}
     read = {name: x + 0.02 * rng.normal(size=len(time)) for name, x in read.items()}
     write_csv(path, {"time_s": time, **read, **{name: np.full(len(time), x) for name, x in columns.items()}})
     return path
@@ -103,12 +103,12 @@ def test_the_printed_error_is_that_of_the_fitted_file(finger, tmp_path, monkeypa
     """Offsets of the cells that do not stand out from their doubt are no part of the file."""
     monkeypatch.setattr("tendonff.compensator.identification.outcome.StaticFit.stands_out", lambda *_: False)
     law = CapstanLaw(pull_exponent=0.4, release_exponent=0.4)
-    files = [write_play(tmp_path / f"{k}.csv", law, input_bias_N=2.0, output_bias_N=4.0) for k in "ab"]
+    files = [write_play(tmp_path / f"{k}.csv", law, input_offset_N=2.0, output_offset_N=4.0) for k in "ab"]
     found = identify(finger, files[:1], files[1:], static_only=True)
     assert found.replay_percent > 2 * found.fit_percent
     assert f"explains the log to {found.replay_percent:.2g} % and the validation files to" in summary_lines(found)[0]
     assert found.replay_validation_percent == pytest.approx(found.replay_percent, rel=1e-6)
-    [line] = [text for text in found.warnings if "input_bias_N" in text]
+    [line] = [text for text in found.warnings if "input_offset_N" in text]
     assert line.endswith(f"with them the law has an RMS error of {found.fit_percent:.2g} %")
 
 
@@ -118,14 +118,14 @@ def test_adhesion_that_only_the_biases_could_tell_apart_is_that_of_the_scenario(
     friction = replace(t.friction, mu_dynamic=0.2, mu_static=0.2, adhesion_N=1.5)
     scenario = replace(finger, transmission=replace(t, friction=friction))
     law = CapstanLaw.of(scenario.transmission)
-    file = write_play(tmp_path / "log.csv", law, input_bias_N=2.0, output_bias_N=4.0)
+    file = write_play(tmp_path / "log.csv", law, input_offset_N=2.0, output_offset_N=4.0)
     found = identify(scenario, [file], static_only=True)
     adhesion = found.estimate("adhesion_N")
     assert (adhesion.value, adhesion.fitted, adhesion.standing) == (1.5, False, "kept")
     assert found.scenario.transmission.friction.adhesion_N == 1.5
     how = found.scenario.measurement
     for name, bias, kept in (("input", 2.0, how.input_offset_N), ("output", 4.0, how.output_offset_N)):
-        estimate = found.estimate(f"{name}_bias_N")
+        estimate = found.estimate(f"{name}_offset_N")
         assert estimate.identifiable
         assert estimate.value == kept == pytest.approx(bias, abs=0.05)
     assert found.replay_percent == pytest.approx(found.fit_percent, rel=1e-3)
@@ -133,13 +133,13 @@ def test_adhesion_that_only_the_biases_could_tell_apart_is_that_of_the_scenario(
 
 @pytest.mark.compiler
 def test_biases_that_presliding_imitates_are_not_claimed(finger, tmp_path):
-    """Unbiased cells on a soft contact: whatever the static law says of a bias, zero is within its doubt."""
+    """Cells without offset on a soft contact: whatever the capstan law says of a bias, zero is within its doubt."""
     t = finger.transmission
     friction = replace(t.friction, adhesion_N=1.5, soft_bristle_stiffness_N_per_m=1.5e4)
     file = tmp_path / "log.csv"
     write_synthetic(file, replace(t, friction=friction), *strokes(12.0), Faults(), masses=12, step_s=STEP_S / 4)
     found = identify(replace(finger, transmission=replace(t, friction=friction)), [file], static_only=True)
-    for name in ("input_bias_N", "output_bias_N"):
+    for name in ("input_offset_N", "output_offset_N"):
         estimate = found.estimate(name)
         assert estimate.interval is None or estimate.interval[0] <= 0 <= estimate.interval[1]
         assert not estimate.identifiable

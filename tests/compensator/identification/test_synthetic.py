@@ -168,7 +168,9 @@ def test_intervals_of_the_static_law_hold_the_truth_although_it_knows_no_preslid
     ("effect", "law"),
     [
         # As `test_fitted.py` does too.
-        pytest.param({"adhesion_N": 3.0}, "asymmetric with presliding, adhesion", marks=pytest.mark.nightly),
+        pytest.param(
+            {"adhesion_N": 3.0}, "asymmetric with presliding, load-independent friction", marks=pytest.mark.nightly
+        ),
         ({"mu_static": 1.3 * MU, "mu_static_release": 1.3 * MU_RELEASE}, "asymmetric with presliding, Stribeck effect"),
     ],
 )
@@ -188,11 +190,11 @@ def test_static_constants_are_found_by_the_play_law(nominal, quantity, tmp_path)
     """A stiff bristle and slow strokes are the play law itself; adhesion and the input cell's bias act alike in it."""
     t = nominal.transmission
     friction = replace(t.friction, adhesion_N=4.0 if quantity == "adhesion" else 0.0)
-    faults = Faults(noise=0.001, input_bias_N=3.0 if quantity == "bias" else 0.0)
+    faults = Faults(noise=0.001, input_offset_N=3.0 if quantity == "bias" else 0.0)
     file = tmp_path / "rig.csv"
     write_synthetic(file, replace(t, friction=friction), *slow_strokes(), faults, level=Level.ELASTIC, step_s=5e-3)
     found = identify(nominal, [file], static_only=True)
-    assert "with adhesion" in found.law
+    assert "with load-independent friction" in found.law
     law = CapstanLaw.of(replace(t, friction=friction))
     estimate = found.estimate("mu_dynamic")
     assert estimate.value * np.pi == pytest.approx(law.pull_exponent, rel=0.02)
@@ -200,7 +202,7 @@ def test_static_constants_are_found_by_the_play_law(nominal, quantity, tmp_path)
     if quantity == "adhesion":
         assert found.estimate("adhesion_N").value == pytest.approx(4.0, abs=0.4)
     else:
-        assert found.estimate("input_bias_N").value == pytest.approx(3.0, abs=0.4)
+        assert found.estimate("input_offset_N").value == pytest.approx(3.0, abs=0.4)
 
 
 def test_the_suggested_excitation_respects_the_actuator(nominal):

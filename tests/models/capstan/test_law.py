@@ -83,19 +83,19 @@ def test_elongation_and_stiffness_are_integrals_of_the_profile(branch: Branch) -
 
 
 @pytest.mark.parametrize("branch", Branch)
-def test_the_dead_zone_is_the_travel_until_the_output_moves(branch: Branch) -> None:
+def test_the_deadband_is_the_travel_until_the_output_moves(branch: Branch) -> None:
     """Difference of elongation between the end of one branch and the start of the other, output at rest."""
     before = LAW.elongation_m(80.0, 2e4, branch)
     other = Branch.RELEASE if branch is Branch.PULL else Branch.PULL
     out = LAW.output_history_N([80.0], initial_output_N=1.0 if branch is Branch.PULL else 300.0)[0]
     after = LAW.elongation_m(LAW.input_for_N(out, other), 2e4, other)
-    assert LAW.dead_zone_m(80.0, 2e4, branch) == pytest.approx(abs(float(before - after)), rel=1e-9)
+    assert LAW.deadband_m(80.0, 2e4, branch) == pytest.approx(abs(float(before - after)), rel=1e-9)
 
 
-def test_with_one_coefficient_the_dead_zone_is_the_printed_formula() -> None:
+def test_with_one_coefficient_the_deadband_is_the_printed_formula() -> None:
     """(R T_in/(EA mu)) (1 - e^{-a})^2 with k = EA/L, L = R theta, a = mu theta."""
     law, a, k = CapstanLaw(pull_exponent=0.62, release_exponent=0.62), 0.62, 2e4
-    assert law.dead_zone_m(80.0, k, Branch.PULL) == pytest.approx(80.0 / (k * a) * (1 - math.exp(-a)) ** 2)
+    assert law.deadband_m(80.0, k, Branch.PULL) == pytest.approx(80.0 / (k * a) * (1 - math.exp(-a)) ** 2)
 
 
 def test_a_straight_path_passes_everything_on() -> None:
@@ -103,7 +103,7 @@ def test_a_straight_path_passes_everything_on() -> None:
     history = np.array([30.0, 5.0, 90.0])
     assert law.output_history_N(history) == pytest.approx(history)
     assert law.stiffness_N_per_m(2e4, Branch.PULL) == law.stiffness_N_per_m(2e4, Branch.RELEASE) == 2e4
-    assert law.dead_zone_m(50.0, 2e4, Branch.PULL) == 0.0
+    assert law.deadband_m(50.0, 2e4, Branch.PULL) == 0.0
 
 
 @pytest.mark.parametrize("name", ["pull_exponent", "release_exponent", "adhesion_N"])

@@ -46,7 +46,7 @@ def test_a_vanishing_exponent_is_the_capstan_law():
     for branch in Branch:
         assert nearly.input_for_N(25.0, branch) == pytest.approx(plain.input_for_N(25.0, branch), rel=1e-6)
         assert nearly.elongation_m(25.0, 2e4, branch) == pytest.approx(plain.elongation_m(25.0, 2e4, branch), rel=1e-5)
-        assert nearly.dead_zone_m(25.0, 2e4, branch) == pytest.approx(plain.dead_zone_m(25.0, 2e4, branch), rel=1e-5)
+        assert nearly.deadband_m(25.0, 2e4, branch) == pytest.approx(plain.deadband_m(25.0, 2e4, branch), rel=1e-5)
 
 
 def test_the_law_does_not_depend_on_the_tension_at_which_it_is_stated():

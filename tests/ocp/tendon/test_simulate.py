@@ -148,7 +148,7 @@ def test_presliding_smooths_the_reversal(generic: Transmission) -> None:
     for level in Level:
         out = simulate(Chain.of(without_stribeck(generic), level), force, STEP).require().output_tension_N
         fall = out[10_000] - out[10_000:]
-        # Share of the output's fall that is done after 6 s, four fifths of the force's dead zone.
+        # Share of the output's fall that is done after 6 s, four fifths of the force's deadband.
         moved[level] = fall[6_000] / fall[-1]
     assert abs(moved[Level.ELASTIC]) < 1e-3
     assert abs(moved[Level.VISCOELASTIC]) < 1e-3
@@ -167,8 +167,8 @@ def test_the_number_of_masses_matters_little(generic: Transmission, level: Level
     assert errors[40] < min(0.04, errors[6] / 4)
 
 
-def test_elongation_stiffness_and_dead_zone_are_those_of_the_closed_forms(generic: Transmission) -> None:
-    """Slow pull to 90 N and release on N = 100: within 0.2 %, the dead zone within 0.7 % (its end is a threshold)."""
+def test_elongation_stiffness_and_deadband_are_those_of_the_closed_forms(generic: Transmission) -> None:
+    """Slow pull to 90 N and release on N = 100: within 0.2 %, the deadband within 0.7 % (its end is a threshold)."""
     rig = without_stribeck(generic, bristle_stiffness_N_per_m=1e8)
     law, k = CapstanLaw.of(rig), 2e4
     force = np.concatenate([np.linspace(30, 90, 10_000), np.linspace(90, 20, 10_000)])
@@ -181,7 +181,7 @@ def test_elongation_stiffness_and_dead_zone_are_those_of_the_closed_forms(generi
     turn = 10_000
     moves = turn + int(np.argmax(run.output_tension_N[turn:] < run.output_tension_N[turn] - 0.02))
     travel = elongation[turn] - elongation[moves]
-    assert travel == pytest.approx(law.dead_zone_m(90.0, k, Branch.PULL), rel=7e-3)
+    assert travel == pytest.approx(law.deadband_m(90.0, k, Branch.PULL), rel=7e-3)
 
 
 def test_a_slack_tendon_is_reported_and_takes_up_again(generic: Transmission) -> None:

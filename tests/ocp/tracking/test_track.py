@@ -83,7 +83,7 @@ def test_where_no_limit_binds_the_optimum_is_the_exact_inverse(generic: Transmis
 def test_where_the_rate_binds_the_optimum_leaves_less_on_a_finer_plant(
     generic: Transmission, level: Level, rate: float
 ) -> None:
-    """At most 0.6 of the better of clipped inverse and clipped static law, on N = 40 at a tenth of the step."""
+    """At most 0.6 of the better of clipped inverse and clipped capstan law, on N = 40 at a tenth of the step."""
     rig, bounds = steady(generic), limits(rate)
     chain = Chain.of(rig, level)
     found = track(chain, reference(), STEP, bounds)
@@ -213,7 +213,7 @@ def test_the_descent_gains_on_the_best_start(generic: Transmission) -> None:
 
 @pytest.mark.compiler
 def test_a_start_that_cannot_be_simulated_leaves_the_others(generic: Transmission) -> None:
-    """A step of 1e200 N is beyond any solver, and no limit forbids it; the static law is a start too."""
+    """A step of 1e200 N is beyond any solver, and no limit forbids it; the capstan law is a start too."""
     chain = Chain.of(steady(generic), Level.ELASTIC)
     wild = ForceLimits(minimum_N=0.0, maximum_N=1e300, rate_N_per_s=1e300)
     force = np.full(200, 30.0)

@@ -31,9 +31,6 @@ def design(
     strict: Annotated[
         bool, typer.Option("--strict", help="Refuse a reference out of reach instead of coming closest to it.")
     ] = False,
-    online: Annotated[
-        bool, typer.Option("--online", help="Also draw and pick the filter of a reference that arrives live.")
-    ] = False,
     interactive: Annotated[
         bool, typer.Option("--interactive", help="Put a view that zooms into the report; needs Bokeh, 1 MB more.")
     ] = False,
@@ -51,25 +48,19 @@ def design(
     folder each and one report over all.
     """
     if len(scenarios) > 1:
-        if online or interactive or check is not None:
-            raise InputError("--online, --interactive and --check are for one scenario; design that one alone")
+        if interactive or check is not None:
+            raise InputError("--interactive and --check are for one scenario; design that one alone")
         return _design_all(scenarios, out, strict=strict, pdf=pdf, yes=yes)
     scenario = scenarios[0]
     with opened(scenario, out, strict=strict, yes=yes) as (loaded, folder):
         from tendonff.compensator import door
 
-        study_online = door.function_of("online", loaded)(loaded) if online else None
         if check is not None:
             door.function_of("check", loaded)
         with progress("designing") as advance:
             result = door.design(loaded, strict=strict, progress=advance)
         with progress("writing"):
             result.write(folder, interactive=interactive, pdf=pdf)
-        if study_online is not None:
-            with progress("filters of a live reference"):
-                study = study_online(result)
-                study.write(folder, pdf=pdf)
-            say(study.sentence)
     warn(*result.warnings)
     door.show(result, out)
     if check is not None:

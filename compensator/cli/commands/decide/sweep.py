@@ -7,11 +7,13 @@ from typing import Annotated
 import typer
 
 from tendonff.compensator.cli.options import (
+    CompensatorsOption,
     OutFolderOption,
     PdfOption,
     ScenarioArgument,
     YesOption,
     looked_at,
+    names_of,
     option,
 )
 from tendonff.compensator.cli.progress import progress, say
@@ -29,9 +31,7 @@ def sweep(
     source: Annotated[
         str, typer.Option("--from", metavar="TABLE", help="Where the units' uncertainty is stated: robust.")
     ] = "robust",
-    compensators: Annotated[
-        str | None, option("--compensators", "NAME,...", "Compensators to score; default: all but the table.")
-    ] = None,
+    compensators: CompensatorsOption = None,
     scheduler: Annotated[
         str | None,
         option(
@@ -61,11 +61,16 @@ def sweep(
     if parquet:
         require_parquet()
     axes = [Axis.parse(text) for text in over or []]
-    names = () if compensators is None else tuple(name.strip() for name in compensators.split(","))
     try:
         with executor_of(scheduler) as executor, progress("sweeping") as advance:
             result = run_sweep(
-                loaded, out, over=axes, samples=samples, compensators=names, executor=executor, progress=advance
+                loaded,
+                out,
+                over=axes,
+                samples=samples,
+                compensators=names_of(compensators) or (),
+                executor=executor,
+                progress=advance,
             )
             result.write(out, parquet=parquet, pdf=pdf)
     except KeyboardInterrupt:

@@ -42,7 +42,6 @@ _TORQUE_CONSTANT = "Torque over current of the motor, in N m/A: a column of the 
 _DRUM_RADIUS = "Radius of the drum, in m: columns may be torques in N m or mN m, angles in rad or deg, speeds in rpm."
 _GEAR_RATIO = "Revolutions of the motor for one of the drum: torque, current and angle of the input are the motor's."
 _CUTOFF = "Cut-off of the low-pass over all channels, in Hz; default: found from the noise."
-_LABEL = "Label of a measured file, such as wet or worn: estimates are reported by label"
 
 
 def _column(name: str, what: str) -> Any:
@@ -68,8 +67,8 @@ def identify(
     time_column: Annotated[str | None, _column("time", "time")] = None,
     input_column: Annotated[str | None, _column("input", "the input tension")] = None,
     output_column: Annotated[str | None, _column("output", "the output tension")] = None,
-    input_position_column: Annotated[str | None, _column("input-position", "the input end's position")] = None,
-    output_position_column: Annotated[str | None, _column("output-position", "the output end's position")] = None,
+    input_position_column: Annotated[str | None, _column("input-position", "the near end's position")] = None,
+    output_position_column: Annotated[str | None, _column("output-position", "the far end's position")] = None,
     actuator_force_column: Annotated[str | None, _column("actuator-force", "the actuator's force")] = None,
     tension_column: Annotated[list[str] | None, _several("--tension-column", "NAME=ANGLE_RAD", _CELLS)] = None,
     columns: Annotated[str | None, option("--columns", "A,B,C", _COLUMNS)] = None,
@@ -85,7 +84,6 @@ def identify(
         Explain | None, option("--explain", None, "Tension to predict from the other; default: chosen from the data.")
     ] = None,
     static_only: Annotated[bool, typer.Option("--static", help="Fit the quasi-static laws only.")] = False,
-    condition: Annotated[list[str] | None, _several("--condition", "FILE=LABEL", _LABEL)] = None,
     yes: Annotated[bool, typer.Option("--yes", help=_YES)] = False,
     pdf: PdfOption = False,
 ) -> None:
@@ -125,7 +123,6 @@ def identify(
         "explain": explain,
     }
     door.require_options("identify", loaded, {**names, "tension_columns": tension_column, "tare_s": tare})
-    labels = _labels(condition or [], [path.name for path in data])
 
     def confirm(question: str) -> bool:
         return yes or (sys.stdin.isatty() and typer.confirm(f"{question}. Go on?", err=True))
@@ -148,7 +145,6 @@ def identify(
                     validate or [],
                     how=how,
                     static_only=static_only,
-                    conditions=labels,
                     say=_say_files,
                     confirm=confirm,
                 )
@@ -177,19 +173,6 @@ def _say_files(line: str) -> None:
         say(line)
     elif line.startswith(DOUBT):
         warn(line.removeprefix(DOUBT))
-
-
-def _labels(options: list[str], names: list[str]) -> dict[str, str]:
-    """Labels by file name from `--condition`."""
-    found = {}
-    for text in options:
-        name, equals, label = text.rpartition("=")
-        if not equals or not label:
-            raise InputError(f'--condition must be FILE=LABEL, got "{text}"; --condition run3.csv=wet')
-        if Path(name).name not in names:
-            raise InputError(f'--condition: "{name}" is not given with --data{suggestion(Path(name).name, names)}')
-        found[Path(name).name] = label
-    return found
 
 
 def _of_columns(how: Measurement, name: str, texts: list[str], known: tuple[str, ...], example: str) -> Measurement:

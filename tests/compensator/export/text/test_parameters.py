@@ -129,7 +129,7 @@ def test_a_change_of_friction_in_motion_is_no_jump_in_the_inverse(play, record_p
     record_property(
         "figure",
         f"5 % more friction in motion: {max(bumps):.2g} N a sample at most in the inverse, "
-        f"which ends {max(ends):.2g} N higher; {jump:.2g} N in the static law",
+        f"which ends {max(ends):.2g} N higher; {jump:.2g} N in the capstan law",
     )
     assert max(ends) > 1
     assert max(bumps) < 0.3

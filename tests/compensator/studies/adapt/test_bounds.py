@@ -82,7 +82,7 @@ def test_plants_that_robust_states_stay_inside_also_where_the_tendon_goes_slack(
 
 
 def test_a_tendon_that_goes_slack_while_the_force_pulls_has_an_interval_that_holds(finger):
-    """Inertia empties it at a quick reversal: there no ratio to the static law's output is enough."""
+    """Inertia empties it at a quick reversal: there no ratio to the capstan law's output is enough."""
     quick = SineReference(
         initial_tension_N=30.0, amplitudes_N=(29.9,), frequencies_Hz=(3.0,), duration_s=1.0, fade_in_s=0.5
     )

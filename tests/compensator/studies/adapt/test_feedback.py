@@ -62,7 +62,7 @@ def random_loops(share: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_no_limit_cycle_in_ten_thousand_random_loops_inside_the_certificate():
-    """Errors die out in all of them; what is left waits for the dead zone to be crossed once more."""
+    """Errors die out in all of them; what is left waits for the deadband to be crossed once more."""
     middle, end = random_loops(0.95)
     assert middle.max() < 0.1
     assert end.max() < 0.03

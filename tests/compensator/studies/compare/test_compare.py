@@ -130,14 +130,14 @@ def test_the_levels_differ_in_what_they_are_made_for(finger):
     elastic, viscoelastic, presliding = (level_traits(t, level, reference) for level in Level)
     static = level_traits(t, None, reference)
     assert elastic.relaxation_percent < 0.5 < viscoelastic.relaxation_percent
-    assert presliding.dead_zone_N < 0.7 * elastic.dead_zone_N
+    assert presliding.deadband_N < 0.7 * elastic.deadband_N
     assert presliding.reversal_width_N > 5 * elastic.reversal_width_N
     assert elastic.loop_area_percent == pytest.approx(static.loop_area_percent, abs=2)
-    # The static law in closed form: the output moves when the force has fallen by 1 - e^{-2 mu theta}.
+    # The capstan law in closed form: the output moves when the force has fallen by 1 - e^{-2 mu theta}.
     law = CapstanLaw.of(t)
     high = float(law.input_for_N(float(reference.tension_N.max()), Branch.PULL))
     exact = high * (1 - math.exp(-law.pull_exponent - law.release_exponent))
-    assert static.dead_zone_N == pytest.approx(exact, rel=0.03)
+    assert static.deadband_N == pytest.approx(exact, rel=0.03)
     assert static.reversal_width_N <= 0.03 * high
 
 
@@ -204,7 +204,7 @@ def band(percent):
         ),
         (
             {"none": 20, "capstan": 0.3, "elastic": 0.2, "viscoelastic": 0.2, "presliding": 0.1},
-            "The static capstan law is enough here",
+            "The capstan law is enough here",
         ),
         (
             {"none": 0.4, "capstan": 0.3, "elastic": 0.2, "viscoelastic": 0.2, "presliding": 0.1},
@@ -216,7 +216,7 @@ def band(percent):
         ),
         (  # a large error is not called enough
             {"none": 40, "capstan": 15, "elastic": 20, "viscoelastic": 20, "presliding": 15},
-            "The static capstan law is as good as any here: RMS error 15 %",
+            "The capstan law is as good as any here: RMS error 15 %",
         ),
     ],
 )
@@ -268,7 +268,7 @@ def test_where_limits_bind_it_is_said_that_the_optimal_profile_is_not_compared(e
     scenario = short(load_scenario(examples / f"{name}.toml"))
     quick = [compensator(each) for each in ("none", "capstan", "inverse")]
     said = " ".join(compare(scenario, compensators=quick).warnings)
-    assert ("the optimal profile, which is made for them, is not compared here; add --optimal" in said) == is_said
+    assert ("the optimal profile, which is made for them, is not compared here; --compensators " in said) == is_said
 
 
 @pytest.mark.compiler

@@ -359,7 +359,7 @@ def test_the_motor_of_the_exosuit_is_sized(exosuit, tmp_path):
     page = (tmp_path / "report.html").read_text()
     assert "The drive suffices for these profiles; smallest margin:" in page
     assert "Not judged, since not given: the torque-speed line" in page
-    assert "Inside the dead zone nothing need move" not in page  # the ankle moves
+    assert "Inside the deadband nothing need move" not in page  # the ankle moves
     drive = summary["drive"]["inverse"]
     motor = exosuit.transmission.actuator.motor
     assert 0.5 * motor.torque_max_N_m < drive["peak_torque_N_m"] <= motor.torque_max_N_m

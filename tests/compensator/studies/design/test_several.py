@@ -23,7 +23,7 @@ def test_a_hand_gets_a_folder_a_joint_and_one_report(examples, tmp_path):
         assert found["headline"].split(", with")[0] in page
 
 
-@pytest.mark.parametrize("option", [["--online"], ["--interactive"], ["--check", "cvodes"]])
+@pytest.mark.parametrize("option", [["--interactive"], ["--check", "cvodes"]])
 def test_what_is_for_one_scenario_is_refused_for_several(examples, tmp_path, capsys, option):
     files = [str(examples / f"{name}.toml") for name in ("hand_joint", "instrument_pair")]
     assert run(["design", *files, "--out", str(tmp_path / "out"), *option]) == 2

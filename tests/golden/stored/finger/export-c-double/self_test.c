@@ -833,7 +833,7 @@ static void test_inverse(void)
         same = same && is_near((double)self.own.friction_mu_dynamic_release, (double)other.own.friction_mu_dynamic_release);
         tff_inverse_set_mu(&other, (tff_real)NAN);
         same = same && is_near((double)tff_inverse_mu(&other), 0.18000000000000002);
-        expect("inverse: another mu scales friction both ways and leaves adhesion and limits", same);
+        expect("inverse: another mu scales friction both ways and leaves the other parameters", same);
     }
     {
         tff_parameters given;

@@ -3,7 +3,7 @@
  * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 6b567c7d1473e421, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * The licence of tendonff does not cover what it writes: this file is yours.
- * (force + p) = (reference + p) e^{+mu theta} while the reference rises, e^{-mu theta} while it falls, p the adhesion.
+ * (force + p) = (reference + p) e^{+mu theta} while the reference rises, e^{-mu theta} while it falls, p the load-independent friction.
  */
 #ifndef TFF_CAPSTAN_H
 #define TFF_CAPSTAN_H

@@ -18,7 +18,7 @@ extern "C" {
 #define TFF_INVERSE_COUNT 6
 #define TFF_INVERSE_REALS 30
 
-/* What a mass's law takes from tff_parameters: equivalent coefficients [-] and adhesion [N]. */
+/* What a mass's law takes from tff_parameters: equivalent coefficients [-] and load-independent friction [N]. */
 typedef struct {
     tff_real piece_adhesion_N;
     tff_real friction_mu_dynamic_pull;

@@ -5,9 +5,9 @@
  * The licence of tendonff does not cover what it writes: this file is yours.
  * presliding chain with 6 masses, forward: the measured input tension pulls its near end.
  * From the measured position of the near end it follows a far end that something else moves.
- * By the static law the output tension lies between `low` and `high` for all time and for any input, if mu theta of each
+ * By the capstan law the output tension lies between `low` and `high` for all time and for any input, if mu theta of each
  * direction is within 20 % of the scenario's value and the far end moves with the tendon only: this is proven. What the
- * static law leaves out takes a margin of 9.6 % of the tension: the largest that simulated plants of 40 masses
+ * capstan law leaves out takes a margin of 9.6 % of the tension: the largest that simulated plants of 40 masses
  * need along the scenario's reference, with stiffness 20 % lower and higher. After lost samples, and while something else
  * moves the far end, they are what any history admits.
  */
@@ -49,7 +49,7 @@ typedef struct {
     tff_real far_before; /* one sample earlier [m] */
     tff_entry entry;  /* last input tension, and the way back to one that was lost */
     tff_real force;   /* input tension that the chain is under [N] */
-    tff_real low_memory;  /* plays that enclose the output, in tension plus adhesion [N] */
+    tff_real low_memory;  /* plays that enclose the output, in tension plus load-independent friction [N] */
     tff_real high_memory;
     tff_real waiting; /* time too short for a step of its own [s] */
     int32_t blind;         /* the history is not known */

@@ -4,7 +4,7 @@
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * The licence of tendonff does not cover what it writes: this file is yours.
  * The branch and the tension travelled since the last reversal come from the reference alone, never from a measured
- * velocity. Bilinear in the reference and in (tension since the reversal)/(reference + adhesion). A reversal out of an
+ * velocity. Bilinear in the reference and in (tension since the reversal)/(reference + p). A reversal out of an
  * unfinished transition goes on where the new branch has the present force.
  */
 #ifndef TFF_TABLE_H
@@ -26,7 +26,7 @@ typedef struct {
     tff_real last;   /* reference of the last sample [N] */
     tff_real wanted; /* force before the limits [N] */
     tff_real turn;   /* where the reference turned, or would have to have turned [N] */
-    tff_real ratio;  /* (force + adhesion)/(reference + adhesion) before the limits [-] */
+    tff_real ratio;  /* (force + p)/(reference + p) before the limits [-] */
     tff_entry entry; /* last reference, and the way back to one that was lost */
     tff_real waiting; /* time too short for a step of its own [s] */
     int32_t branch;       /* 1 pull, -1 release, 0 not moved yet */
@@ -41,7 +41,7 @@ void tff_table_init_at(tff_table *self, tff_real tension, tff_real force);
 /* So many calls were missed: the next one leads back to the reference instead of jumping. */
 void tff_table_missed(tff_table *self, int32_t samples);
 
-/* Other limits from the next sample on; 0 where the parameters are not good and nothing changes. Friction and adhesion are
+/* Other limits from the next sample on; 0 where the parameters are not good and nothing changes. Both kinds of friction are
  * in the table: those of the record are not looked at. */
 int32_t tff_table_use(tff_table *self, const tff_parameters *given);
 

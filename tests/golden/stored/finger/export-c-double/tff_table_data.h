@@ -21,7 +21,7 @@
 #define TFF_TABLE_LAST_N 48.648805148730055
 #define TFF_TABLE_CELLS_PER_N 0.11027269168720266
 
-/* pull: nodes of (tension since the reversal)/(reference + adhesion) [-], and (force + adhesion)/(reference + adhesion)
+/* pull: nodes of (tension since the reversal)/(reference + p) [-], and (force + p)/(reference + p)
  * [-], one row per reference node. */
 static const double tff_table_pull_share[TFF_TABLE_PULL_SHARES] = { NUMBERS };
 static const double tff_table_pull_ratio[TFF_TABLE_REFERENCES * TFF_TABLE_PULL_SHARES] = { NUMBERS };
@@ -36,7 +36,7 @@ static const uint8_t tff_table_pull_cell[129] = {
     17u, 17u, 17u, 17u, 18u, 18u, 18u, 18u, 18u, 18u, 18u, 18u, 18u, 18u
 };
 
-/* release: nodes of (tension since the reversal)/(reference + adhesion) [-], and (force + adhesion)/(reference + adhesion)
+/* release: nodes of (tension since the reversal)/(reference + p) [-], and (force + p)/(reference + p)
  * [-], one row per reference node. */
 static const double tff_table_release_share[TFF_TABLE_RELEASE_SHARES] = { NUMBERS };
 static const double tff_table_release_ratio[TFF_TABLE_REFERENCES * TFF_TABLE_RELEASE_SHARES] = { NUMBERS };
