@@ -25,7 +25,7 @@ from tendonff.compensator.scenario.driven.finger import FingerScenario
 Array = NDArray[np.float64]
 
 SETTLE_TOL = 1e-6
-"""Of the tension, at which Newton stops relaxing a tendon in a step; its default of 1e-3 leaves up to 2 % of range."""
+"""Of the tension, at which Newton stops relaxing a tendon in a step; its default is 1e-3."""
 
 _TOUCHING_M, _ASIDE_M = 1e-5, 1e-3
 
