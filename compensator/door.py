@@ -28,7 +28,7 @@ from tendonff.ocp.opti.choices import Collocation
 if TYPE_CHECKING:
     from tendonff.compensator.compensators.base import Compensator
     from tendonff.compensator.compensators.method_check import MethodCheck
-    from tendonff.compensator.compensators.motors.registry import MotorCompensator
+    from tendonff.compensator.compensators.motors.task import MotorCompensator
     from tendonff.compensator.export.c_project import Exported
     from tendonff.compensator.export.motors import ExportedMotors
     from tendonff.compensator.export.several import ExportedTensions
@@ -45,7 +45,6 @@ if TYPE_CHECKING:
     from tendonff.compensator.scenario.scenario import Scenario
     from tendonff.compensator.studies.adapt.joint import JointAdaptationStudy
     from tendonff.compensator.studies.adapt.result import AdaptationStudy
-    from tendonff.compensator.studies.compare.joint import JointComparison
     from tendonff.compensator.studies.compare.result import Comparison
     from tendonff.compensator.studies.design.motors.result import MotorDesign
     from tendonff.compensator.studies.design.result import Design
@@ -128,8 +127,8 @@ WORKS: Mapping[str, Work] = MappingProxyType(
         "compare": Work(
             by={
                 Kind.TENSION: "studies.compare.run:compare",
-                Kind.JOINT: "studies.compare.joint:compare_joint",
-                Kind.FINGER: "studies.compare.joint:compare_joint",
+                Kind.JOINT: "studies.compare.run:compare",
+                Kind.FINGER: "studies.compare.run:compare",
             },
         ),
         "explore": Work(
@@ -345,27 +344,13 @@ def check(result: "Design | MotorDesign", method: Method) -> "MethodCheck":
     return found
 
 
-@overload
-def compare(
-    scenario: "Scenario",
-    *,
-    compensators: "Sequence[Compensator | str] | None" = None,
-    progress: Progress = silent,
-) -> "Comparison": ...
-@overload
-def compare(
-    scenario: "MotorScenario",
-    *,
-    compensators: "Sequence[MotorCompensator | str] | None" = None,
-    progress: Progress = silent,
-) -> "JointComparison": ...
 @in_turn
 def compare(
     scenario: "AnyScenario",
     *,
     compensators: "Sequence[Compensator | MotorCompensator | str] | None" = None,
     progress: Progress = silent,
-) -> "Comparison | JointComparison":
+) -> "Comparison":
     """Compare the fidelity levels with each other: every compensator, designed on each, simulated on each.
 
     Parameters
@@ -390,9 +375,7 @@ def compare(
     >>> comparison = tf.compare(tf.load_scenario("examples/hand_joint.toml"))  # doctest: +SKIP
     >>> print(comparison.recommendation)  # doctest: +SKIP
     """
-    found: Comparison | JointComparison = function_of("compare", scenario, {"compensators": compensators})(
-        scenario, progress=progress
-    )
+    found: Comparison = function_of("compare", scenario, {"compensators": compensators})(scenario, progress=progress)
     return found
 
 

@@ -21,9 +21,10 @@ if TYPE_CHECKING:
     from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).resolve().parents[1]
-_NAMES = re.compile(r"<!-- names: (.+?) -->")
+_NAMES = re.compile(r"^Names: (.+)$", re.MULTILINE)
 _OTHERS = "the others"
 _KEYS = "<!-- keys of a scenario -->"
+_CODE = re.compile(r"<!-- code: (\S+) -->")
 _MATHS = "assets/mathjax/tex-svg.js"
 
 
@@ -57,6 +58,7 @@ def on_page_markdown(markdown: str, **_: object) -> str:
     markdown : str
     """
     markdown = _NAMES.sub(lambda found: _directives(found[1]), markdown)
+    markdown = _CODE.sub(lambda found: _script(found[1]), markdown)
     return markdown.replace(_KEYS, _keys()) if _KEYS in markdown else markdown
 
 
@@ -102,11 +104,17 @@ def on_post_build(config: "MkDocsConfig") -> None:
 def _directives(names: str) -> str:
     """Directives for public names; on the last page, for those that no other page has."""
     if names != _OTHERS:
-        return "\n".join(f"::: tendonff.{name}\n" for name in names.split())
+        return "\n".join(f"::: tendonff.{name}\n" for name in re.findall(r"`(\w+)`", names))
     pages = " ".join(page.read_text(encoding="utf-8") for page in (ROOT / "docs" / "api").glob("*.md"))
-    taken = {name for found in _NAMES.findall(pages) for name in found.split()}
+    taken = {name for found in _NAMES.findall(pages) for name in re.findall(r"`(\w+)`", found)}
     left = [name for name in tf.__all__ if not name.startswith("_") and name not in taken]
     return "\n".join(f"::: tendonff.{name}\n" for name in left) or "There are none at present."
+
+
+def _script(name: str) -> str:
+    """A script of the repository without its docstring, which the page replaces."""
+    code = (ROOT / name).read_text(encoding="utf-8")
+    return "```python\n" + re.sub(r'^""".*?"""\n+', "", code, flags=re.DOTALL) + "```"
 
 
 def _keys() -> str:

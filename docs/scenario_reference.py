@@ -1,7 +1,13 @@
-"""The reference of scenario files, made from the classes behind their tables: key, unit, default and meaning."""
+"""The reference of scenario files, made from the classes behind their tables: key, unit, default and meaning.
 
+`python docs/scenario_reference.py` writes `docs/scenario_keys.csv`, which code hosts show as a table.
+"""
+
+import csv
 import dataclasses
 import inspect
+import io
+import pathlib
 import re
 from collections.abc import Iterator
 from enum import StrEnum
@@ -211,8 +217,18 @@ def described(cls: type) -> dict[str, str]:
     for each in reversed(cls.__mro__):
         for part in griffe.Docstring(inspect.cleandoc(each.__doc__ or "")).parse("numpy", warnings=False):
             if part.kind.value in ("parameters", "attributes"):
-                found |= {name.strip(): entry.description for entry in part.value for name in entry.name.split(",")}
+                texts = {name.strip(): entry.description for entry in part.value for name in entry.name.split(",")}
+                found |= {name: text for name, text in texts.items() if not text.startswith("As in `")}
     return found
+
+
+def as_csv() -> str:
+    """All keys as text: table, key, unit, default, meaning."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(("table", "key", "unit", "default", "meaning"))
+    writer.writerows((table.title, *row) for table in TABLES for row in rows(table))
+    return text.getvalue()
 
 
 _UNIT = re.compile(r" ?\[([^\[\]]*)\](?!\()")
@@ -255,3 +271,7 @@ def _text(value: object) -> str:
     if isinstance(value, str):
         return f'"{value}"'
     return str(value).lower() if isinstance(value, bool) else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+if __name__ == "__main__":
+    pathlib.Path(__file__).with_name("scenario_keys.csv").write_text(as_csv(), encoding="utf-8")

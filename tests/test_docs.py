@@ -230,13 +230,12 @@ NEEDED = (
     pytest.param("docs/guide/identify_joint.md", knuckle_and_finger, marks=MINUTES),
     pytest.param("docs/guide/joints.md", fingers, marks=MINUTES),
     pytest.param("docs/guide/import.md", models, marks=MINUTES),
-    pytest.param("docs/tutorials/mjcf.md", models, marks=MINUTES),
     pytest.param("docs/guide/observe.md", tool),
 )
 """What the commands of a page take as given."""
 
 # The first reference of an imported hand is beyond the quasi-static law, so `design` leaves it out and ends with 1.
-LEAVES_OUT_A_COMPENSATOR = {"docs/guide/import.md", "docs/tutorials/mjcf.md"}
+LEAVES_OUT_A_COMPENSATOR = {"docs/guide/import.md"}
 BY_OTHER_TESTS = {f"docs/tutorials/{name}.md" for name in ("bowden", "finger", "identify")}
 
 
@@ -279,7 +278,7 @@ def run_commands_of(tmp_path, monkeypatch, unpainted):
 
 
 @pytest.mark.compiler
-@pytest.mark.slow
+@pytest.mark.nightly  # the first tutorial identifies too
 def test_the_commands_of_the_identification_tutorial_find_the_friction(tmp_path, run_commands_of):
     run_commands_of((ROOT / "docs" / "tutorials" / "identify.md").read_text(encoding="utf-8"))
     found = load_scenario(tmp_path / "fit" / "fitted.toml").transmission.friction

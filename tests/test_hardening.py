@@ -318,7 +318,7 @@ def compiled(examples, tmp_path_factory):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="limits of Linux")
-@pytest.mark.parametrize("limit_bytes", [2_000, 60_000])
+@pytest.mark.parametrize("limit_bytes", [2_000, pytest.param(60_000, marks=pytest.mark.nightly)])
 def test_a_full_disk_leaves_nothing_and_says_so(examples, tmp_path, compiled, limit_bytes):
     """A limit on the size of files stands for a disk that runs full: while the CSV, or the report, is written."""
     force = tmp_path / "f.csv"

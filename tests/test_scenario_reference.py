@@ -36,6 +36,15 @@ def test_every_key_has_a_meaning_and_its_own_default(table) -> None:
         assert (default == "required") == missing, key
 
 
+def test_the_stored_table_of_keys_is_that_of_the_code() -> None:
+    """After a change: python docs/scenario_reference.py."""
+    assert (ROOT / "docs" / "scenario_keys.csv").read_text(encoding="utf-8") == PAGE["as_csv"]()
+
+
+def test_no_meaning_refers_to_a_class() -> None:
+    assert [row for table in PAGE["TABLES"] for row in PAGE["rows"](table) if row[3].startswith("As in")] == []
+
+
 def test_units_stand_in_their_own_column() -> None:
     path = next(table for table in PAGE["TABLES"] if table.title == "[friction]")
     rows = {key: (unit, meaning) for key, unit, _, meaning in PAGE["rows"](path)}

@@ -5,23 +5,29 @@ then know it. `export-c` also needs its C template, named by `c_module`.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
-from tendonff.compensator.compensators.plant import Plant
-from tendonff.compensator.compensators.profile import FloatArray, Profile
+from tendonff.compensator.compensators.expectation import ErrorBand, Expectation, error_bands, expectation_of
+from tendonff.compensator.compensators.plant import FINE_SEGMENTS, Plant, Slack, delivered_of, followed
+from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
+from tendonff.compensator.compensators.score import Score, slack_warnings, verify
 from tendonff.compensator.compensators.sent import sent
 from tendonff.compensator.compensators.uncertain import Doubt
 from tendonff.compensator.files.notices import Remark
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.reporting.colours import SKY, Style
+from tendonff.compensator.scenario.kind import Kind
 from tendonff.compensator.scenario.reference import Hold
 from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.scenario.unit import Unit
 from tendonff.models.cached import cached_property
+from tendonff.models.capstan import CapstanLaw, behind_drive_N
 from tendonff.models.errors import ParameterError, TendonffError
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
@@ -36,6 +42,11 @@ from tendonff.ocp.tendon.simulate import Outcome
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.motion import limit_motion
 from tendonff.ocp.tracking.options import TrackOptions
+
+K = TypeVar("K", bound=Hashable)
+
+CAPSTAN_PLANT = "capstan"
+"""Name of the capstan law as a plant."""
 
 
 @dataclass(frozen=True, kw_only=True)  # without slots: what is computed once is kept in the instance
@@ -59,6 +70,7 @@ class Problem:
         What was to be delivered, sampled.
     """
 
+    kind: ClassVar[Kind] = Kind.TENSION
     transmission: Transmission
     level: Level
     reference: Reference
@@ -86,6 +98,111 @@ class Problem:
             uncertainty=scenario.robust,
             options=options or scenario.optimal,
         )
+
+    @property
+    def system(self) -> Transmission:
+        """The transmission."""
+        return self.transmission
+
+    @property
+    def wanted(self) -> FloatArray:
+        """Values that the output is compared with, shape (n,)."""
+        return self.reference.wanted
+
+    @property
+    def unit(self) -> Unit:
+        """Unit of what is wanted."""
+        return self.reference.unit
+
+    @property
+    def share_of(self) -> str:
+        """The range, in words, that relative errors are a share of."""
+        return self.reference.share_of
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Where the reference was changed."""
+        return self.reference.warnings
+
+    @property
+    def time_s(self) -> FloatArray:
+        """Instants of `wanted`, shape (n,) [s]."""
+        return self.reference.time_s
+
+    @property
+    def plants(self) -> tuple[str, ...]:
+        """Names of what profiles are compared on: the levels, then the capstan law."""
+        return (*(level.value for level in Level), CAPSTAN_PLANT)
+
+    def answer(self, compensator: "Compensator") -> Profile:
+        """Profile of a compensator, with travel and command; SolveError where it has none."""
+        if reason := compensator.refusal(self):
+            raise SolveError(f"{compensator.name}: {reason}")
+        return self.tried(compensator).require()
+
+    def tried(self, compensator: "Compensator", progress: Progress = silent) -> Profile:
+        """Profile of a compensator, with travel and command; its status may be that it failed."""
+        profile = _answer(compensator.profile(self, progress=progress), self)
+        return with_motion(self, compensator.name, profile)
+
+    def given(self, profile: Profile) -> bytes:
+        """Identity of what a profile commands."""
+        return profile.force_N.tobytes() + profile.given.tobytes()
+
+    def fault(self, profile: Profile) -> str:
+        """Message of a profile whose status is not good."""
+        return "" if profile.status is ProfileStatus.GOOD else profile.message
+
+    def is_usable(self, profile: Profile) -> bool:
+        """The profile may be sent to an actuator."""
+        return profile.status is not ProfileStatus.FAILED
+
+    def output_on(
+        self, plant: str, profile: Profile, *, refinement: int = 1, factor: float = 1.0
+    ) -> tuple[FloatArray, Slack | None]:
+        """Output on a plant, shape (n,), and where the tendon goes slack; commands times a factor.
+
+        SolveError if the simulation fails.
+        """
+        reference, start = self.reference, self.reference.initial_tension_N
+        if plant == CAPSTAN_PLANT:  # exact for a force that is linear between rows: nothing to refine
+            return self._output_by_capstan(profile), None
+        if factor != 1.0:
+            profile = replace(
+                profile,
+                force_N=start + (profile.force_N - start) * factor,
+                command_m=None if profile.command_m is None else profile.command_m * factor,
+                command_N=None if profile.command_N is None else start + (profile.command_N - start) * factor,
+            )
+        found = Plant(self.transmission, Level(plant), refinement=refinement).respond(profile, reference).require()
+        return found.delivered(reference), found.slack
+
+    def _output_by_capstan(self, profile: Profile) -> FloatArray:
+        actuator, reference = self.transmission.actuator, self.reference
+        start, force = reference.initial_tension_N, profile.command_N is not None
+        rows = followed(actuator, profile.given, reference) if force else profile.force_N
+        if reference.periodic:  # the second period is that of the steady state
+            rows = np.concatenate([rows[:-1], rows])
+        pulled = behind_drive_N(actuator.law, rows, start)
+        tension = CapstanLaw.of(self.transmission).output_history_N(pulled, start)[-len(profile.force_N) :]
+        return delivered_of(self.transmission.load, tension, reference)
+
+    def slack_notes(self, slack: Mapping[tuple[str, str], Slack], recommended: str) -> list[str]:
+        """Messages on slack by compensator and plant."""
+        return slack_warnings(slack, recommended)
+
+    def score(self, profile: Profile) -> Score:
+        """Error of a profile on the plant that profiles are judged on; SolveError if the simulation fails."""
+        plant = Plant(self.transmission, self.level, FINE_SEGMENTS)
+        return verify(plant, "", profile, self.reference).score
+
+    def bands(self, profiles: Mapping[K, Profile]) -> dict[K, ErrorBand]:
+        """Errors of profiles on all transmissions that may be the real one."""
+        return error_bands(self.doubt, self.level, profiles, self.reference)
+
+    def expect(self, profiles: Mapping[str, Profile]) -> Expectation:
+        """Try profiles, by name of the compensator, on all transmissions that may be the real one."""
+        return expectation_of(self.doubt, self.level, self.bands(profiles), self.share_of, self.unit)
 
     @cached_property
     def chain(self) -> Chain:
@@ -138,7 +255,7 @@ class Problem:
         return steady_inverse(self.chain, self.reference.tension_N, self.reference.step_s)
 
     @property
-    def unsettled(self) -> tuple[str, ...]:
+    def notes(self) -> tuple[str, ...]:
         """A warning where the exact inverse of a reference that repeats does not repeat itself."""
         if not self.reference.periodic or self._steady_inverse[1].converged:
             return ()
@@ -183,6 +300,8 @@ class Compensator(ABC):
 
     Attributes
     ----------
+    kinds : tuple of Kind
+        Kinds of scenario that it is for.
     name, label : str
         Key in files and on the command line, and name for people.
     style : Style, optional
@@ -191,13 +310,20 @@ class Compensator(ABC):
         The profile depends on the fidelity level of the design model.
     is_fast : bool
         Fast enough to follow a slider.
+    is_swept : bool
+        Tried by a sweep by default.
+    is_compared : bool
+        Tried by a comparison by default: on every level in less time than all the others.
     """
 
+    kinds: ClassVar[tuple[Kind, ...]] = (Kind.TENSION,)
     name: str
     label: str
     style: Style = Style(color=SKY, linestyle="--")
     knows_the_level: bool = True
     is_fast: bool = True
+    is_swept: bool = True
+    is_compared: bool = True
     c_module: CModule | None = None
 
     @abstractmethod
@@ -218,15 +344,15 @@ class Answers:
 
     Attributes
     ----------
-    profiles : dict of str to Profile
-        By name of the compensator, with travel and command; only of those that have an answer.
+    profiles : dict of str to Profile, or to commands of motors
+        By name of the compensator; only of those that have an answer.
     refused : dict of str to str
         Why others have none for a problem of this kind, by name.
     failed : dict of str to str
         What ended the computation of others, by name.
     """
 
-    profiles: dict[str, Profile]
+    profiles: dict[str, Any]
     refused: dict[str, str]
     failed: dict[str, str]
 
@@ -241,8 +367,8 @@ class Answers:
         return [*notes, *(f"{name}: {reason}" for name, reason in self.failed.items()), *refused]
 
 
-def answers_of(problem: Problem, compensators: Sequence[Compensator], parts: Parts) -> Answers:
-    """Profiles of all compensators that have an answer; one that fails does not keep the others from theirs.
+def answers_of(problem: Any, compensators: Sequence[Any], parts: Parts) -> Answers:
+    """Profiles of all compensators that have an answer to a Problem or MotorTask; one that fails ends no other.
 
     A slow compensator counts as `SLOW_PARTS` of the progress. SolveError where none has an answer.
     """
@@ -253,8 +379,7 @@ def answers_of(problem: Problem, compensators: Sequence[Compensator], parts: Par
             found.refused[each.name] = reason
         else:
             try:
-                profile = _answer(each.profile(problem, progress=parts.inside(share)), problem)
-                found.profiles[each.name] = with_motion(problem, each.name, profile)
+                found.profiles[each.name] = problem.tried(each, parts.inside(share))
             except (TendonffError, ArithmeticError, np.linalg.LinAlgError) as error:
                 reason = str(error) if isinstance(error, TendonffError) else f"{type(error).__name__}: {error}"
                 found.failed[each.name] = f"failed: {reason}"

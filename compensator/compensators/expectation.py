@@ -218,14 +218,6 @@ def two_digits(value: float) -> str:
     return f"{rounded:.{max(0, 1 - math.floor(math.log10(rounded)))}f}"
 
 
-def expect(
-    doubt: Doubt[Transmission], level: Level, profiles: Mapping[str, Profile], reference: Reference
-) -> Expectation:
-    """Try profiles, by name of the compensator, on all transmissions that may be the real one, at a fidelity level."""
-    bands = error_bands(doubt, level, profiles, reference)
-    return expectation_of(doubt, level, bands, reference.share_of, reference.unit)
-
-
 def expectation_of(
     doubt: Doubt[Any],
     level: Level,

@@ -40,6 +40,7 @@ class Optimal(Compensator):
     label = "optimal profile"
     style = Style(color=VERMILION, linestyle="--")
     is_fast = False
+    is_compared = False
     c_module = CModule(name="profile", content="optimal profile", plays_back=True)
 
     def profile(self, problem: Problem, *, progress: Progress = silent) -> Profile:

@@ -1,7 +1,5 @@
 """All compensators, in the order in which they are shown."""
 
-from collections.abc import Sequence
-
 from tendonff.compensator.compensators.base import Compensator
 from tendonff.compensator.compensators.closed_form import Capstan, Frictionless, Inverse, Uncompensated
 from tendonff.compensator.compensators.optimal import Optimal
@@ -27,12 +25,3 @@ def compensator(name: str) -> Compensator:
         if each.name == name:
             return each
     raise InputError(f'there is no compensator "{name}"{suggestion(name, [c.name for c in COMPENSATORS])}')
-
-
-def chosen(given: Sequence[Compensator | str]) -> tuple[Compensator, ...]:
-    """Compensators of a tension, given by themselves or by name; InputError for others."""
-    found = tuple(compensator(each) if isinstance(each, str) else each for each in given)
-    for each in found:
-        if not isinstance(each, Compensator):
-            raise InputError(f"{each} is no compensator of a tension; {', '.join(c.name for c in COMPENSATORS)} are")
-    return found

@@ -47,6 +47,7 @@ class CompensationTable(Compensator):
     label = "compensation table"
     style = Style(color=GREEN, linestyle=":")
     is_fast = False
+    is_swept = False
     c_module = CModule(name="table", content="compensation table", headers=("table_data",), knows_joints=False)
 
     table: LookupTable | None = None  # one that exists already; default: made for the problem

@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tendonff.compensator.compensators.every import compensator_of
 from tendonff.compensator.compensators.motors.drive import driven
 from tendonff.compensator.compensators.motors.joint import JointTask
-from tendonff.compensator.compensators.motors.registry import motor_compensator
 from tendonff.compensator.compensators.motors.task import verifying_masses
 from tendonff.compensator.feedback.task import FeedbackTask
 from tendonff.compensator.files.reading import FloatArray, InputError
@@ -99,7 +99,7 @@ def _course(task: JointTask, name: str, cycles: int) -> Course:
     """Reference and commands behind the drive, without the play of its gear; of a cycle several."""
     scenario, sampled = task.scenario, task.sampled
     step, drive = scenario.run.step_s, replace(task.mechanism.drive, backlash_rad=0.0)
-    command = driven(drive, motor_compensator(task, name).command_rad(task), step)
+    command = driven(drive, task.answer(compensator_of(task.kind, name)), step)
     others = np.column_stack([sampled.angle_rad, *sampled.others(task.mechanism.joint.name).values()])
 
     def repeated(rows: FloatArray) -> FloatArray:

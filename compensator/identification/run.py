@@ -12,9 +12,7 @@ from threadpoolctl import threadpool_limits
 from tendonff.compensator.files.progress import DOUBT
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.answer import messages
-from tendonff.compensator.identification.answer.figures import identification_figures
-from tendonff.compensator.identification.answer.output import write_files
-from tendonff.compensator.identification.answer.result import Identification, estimate_columns
+from tendonff.compensator.identification.answer.result import Identification
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.estimates import estimates_of, of_gains, summarise_excitation
 from tendonff.compensator.identification.fitting import tendon
@@ -42,7 +40,6 @@ from tendonff.compensator.identification.pace import Pace
 from tendonff.compensator.identification.parameters import Parameter
 from tendonff.compensator.identification.spread import with_spread
 from tendonff.compensator.identification.study import Stage, Study, attempted
-from tendonff.compensator.reporting.results import Views, register_views
 from tendonff.compensator.scenario.measurement import Explain, Measurement
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import exponent_lines
@@ -54,15 +51,6 @@ P, D = StaticParameter, Parameter
 
 STILL_RAD = 0.05
 """A joint whose angle has less range than this is at rest."""
-
-register_views(
-    Identification,
-    Views(
-        write=write_files,
-        columns=lambda found: estimate_columns(found.estimates),
-        figures=identification_figures,
-    ),
-)
 
 
 @in_turn

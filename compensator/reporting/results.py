@@ -1,6 +1,6 @@
-"""Results: what every one of them can show, and the functions that a study registers to show it.
+"""Results: what every one of them can show.
 
-A result knows its numbers; the study that makes it registers what writes its files, draws its figures and lists its
+A result knows its numbers and the module that shows them, whose `VIEWS` write its files, draw its figures and list its
 main table.
 """
 
@@ -8,7 +8,8 @@ import base64
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from html import escape
-from typing import TYPE_CHECKING, Any
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from tendonff.compensator.files.notices import Remark
 from tendonff.compensator.files.typeset import typeset
@@ -28,35 +29,14 @@ class Views:
     figures: Callable[[Any], Mapping[str, "Figure"]]
 
 
-_VIEWS: dict[type, Views] = {}
-
-
-def register_views(kind: type, views: Views) -> None:
-    """State what writes and shows results of a kind; `write` takes the result, the folder and options by keyword."""
-    _VIEWS[kind] = views
-
-
-def views_of(kind: type) -> Views:
-    """Return what writes and shows results of a kind.
-
-    Raises
-    ------
-    TypeError
-        If the study that makes them was not imported, as where a result was unpickled.
-    """
-    if kind not in _VIEWS:
-        raise TypeError(
-            f"cannot write or show a {kind.__name__}: the function that makes one was not imported; "
-            "import it from tendonff first"
-        )
-    return _VIEWS[kind]
-
-
 class Result:
     """Result of a study: a short `repr`, a view for notebooks, its main table and its figures.
 
     Attributes
     ----------
+    shown_by : str
+        Module below this package with its `VIEWS`, imported where something is shown: a loop over many results imports
+        no figures.
     scenario
         The scenario it was made for.
     headline : str
@@ -64,6 +44,8 @@ class Result:
     """
 
     __slots__ = ()
+
+    shown_by: ClassVar[str]
 
     if TYPE_CHECKING:
 
@@ -75,6 +57,11 @@ class Result:
         def headline(self) -> str:
             """The finding in a sentence or two."""
 
+    @property
+    def _views(self) -> Views:
+        found: Views = import_module(f"tendonff.compensator.{self.shown_by}").VIEWS
+        return found
+
     def __repr__(self) -> str:
         return f"<{type(self).__name__} of {self._name!r}: {self.headline}>"
 
@@ -82,7 +69,7 @@ class Result:
         """Headline, what asks for action, and the first figure, as Jupyter shows it."""
         notes = [note for note in getattr(self, "warnings", ()) if not isinstance(note, Remark)]
         lines = "".join(f"<li>{escape(typeset(note))}</li>" for note in notes)
-        figures = views_of(type(self)).figures(self)
+        figures = self._views.figures(self)
         return (
             f"<p><strong>{escape(type(self).__name__)}: {escape(self._name)}</strong></p>"
             f"<p>{escape(typeset(self.headline))}</p>{f'<ul>{lines}</ul>' if lines else ''}"
@@ -93,7 +80,7 @@ class Result:
         """The main table, as its file has it: a profile, a matrix, estimates, ...; units are in the column names."""
         import pandas as pd
 
-        return pd.DataFrame(views_of(type(self)).columns(self))
+        return pd.DataFrame(self._views.columns(self))
 
     def plot(self, name: str | None = None) -> "Figure":
         """A figure of the report.
@@ -108,7 +95,7 @@ class Result:
         ParameterError
             If there is no figure of that name.
         """
-        figures = views_of(type(self)).figures(self)
+        figures = self._views.figures(self)
         chosen = next(iter(figures), None) if name is None else name
         if chosen is None or chosen not in figures:
             raise ParameterError(f"name must be one of {', '.join(figures) or 'none'}, got {name!r}")

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from tendonff._version import __version__
 from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.every import problem_of
 from tendonff.compensator.compensators.expectation import Expectation
 from tendonff.compensator.compensators.live import expect_live
-from tendonff.compensator.compensators.motors.registry import task_of
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.runtime.core import RuntimeCore, of_joint, of_several_joints, of_tension
 from tendonff.compensator.runtime.kinds import RuntimeKind, RuntimeStatus
@@ -205,7 +205,8 @@ _CORES: Mapping[Kind, Callable[[Any, RuntimeKind | None, float | None], RuntimeC
 
 
 def _of_motors(scenario: JointScenario | FingerScenario) -> Expectation:
-    return task_of(scenario).expect_live()
+    found: Expectation = problem_of(scenario).expect_live()
+    return found
 
 
 def _of_tension(scenario: Scenario) -> Expectation:

@@ -234,7 +234,7 @@ class CsvReference(Request):
     initial_tension_N : float, optional
         Tension at rest before the start [N], > 0; default: the first sample.
     time_column, tension_column, position_column : str, optional
-        Columns of the file; default: time_s and tension_N (position_m), or what their names and units tell.
+        Columns of the file; default: time_s and tension_N (position_m), or as their names and units suggest.
     interpolation : Interpolation, optional
         Course between the samples: monotone (default) or linear.
     quantity, periodic, hold, least_tension_N, range_N

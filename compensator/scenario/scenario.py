@@ -10,10 +10,11 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from tendonff.compensator.files.reading import InputError, read_text, suggestion
 from tendonff.compensator.scenario.experiment import Experiment
+from tendonff.compensator.scenario.goal import Goal
 from tendonff.compensator.scenario.joints import KINDS as JOINT_KINDS
 from tendonff.compensator.scenario.joints import Joint, read_joints
 from tendonff.compensator.scenario.kind import Kind
@@ -122,6 +123,15 @@ class Scenario:
     compare: Compare | None = None
     joints: dict[str, Joint] = field(default_factory=dict)
     source: Path = Path("scenario.toml")
+
+    @property
+    def goal(self) -> Goal:
+        """Goal: the tension at the far end, or the load's position."""
+        return Goal(quantity=self.reference.output, unit=self.reference.unit, names=("output",))
+
+    def with_system(self, system: Any, changed: Mapping[str, float]) -> "Scenario":  # noqa: ARG002  all is written out
+        """The scenario with another transmission, in which these numbers differ."""
+        return replace(self, transmission=system)
 
     @property
     def inputs(self) -> tuple[Path, ...]:

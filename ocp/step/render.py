@@ -155,6 +155,7 @@ class StepCode:
     weigh: FoldedLaw | None = None  # what depends on the weight H, where that may be known at run time only
     core: Core | None = None  # of bodies and tendons
     lean: bool = False  # of those the inverse is all that is wanted
+    inputs: tuple[str, ...] = INPUT_NAMES  # that its laws take
     lengths: tuple[str, ...] = ("",)  # of its rows of one weight: C text of the ratio that each kind of link has
 
     def call(
@@ -303,7 +304,7 @@ class StepCode:
             state_text=", ".join(name for name, _, _ in states.blocks),
             link_states=states.link_states,
             friction_states=states.friction_states,
-            input_names=INPUT_NAMES,
+            input_names=self.inputs,
             held=self.held,
             joint_numbers=self.joint_numbers,
             record=self.record,

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from tendonff.models.layout import fields_of
+from tendonff.models.layout import INPUT_NAMES, fields_of
 from tendonff.models.tendon.chain import Chain
 from tendonff.models.tendon.friction import COEFFICIENT_FLOOR
 from tendonff.ocp.codegen.partial_evaluation import FoldedLaw, PartialEvaluator
@@ -25,6 +25,7 @@ from tendonff.ocp.step.scheme import RESIDUAL_ROUNDING, RESIDUAL_TOLERANCE_N
 from tendonff.ocp.step.target_joints import Contact, contact_code
 
 _KINDS = 2
+_ARGUMENTS = {"force_N": "f_c", "rest_m": "x_c"}  # of an end's balance, by what the input of an end is called
 _OF_LINKS = (
     "/* What depends on the weight H [s] of the scheme: two rows for the first step (implicit Euler), two for",
     " * every later step (second-order backward differences; `carry` is the share of the last change in the base),",
@@ -54,10 +55,11 @@ class ChainCode:
     free: tuple[str, ...] = ()  # numbers of the chain that the inverse takes as arguments
     reweigh: str = ""  # function that gives the rows for a step of any length; of the inverse
     kinds: int = 1  # rows of one weight
+    inputs: tuple[str, ...] = ()  # names of the inputs of a time step, in their order
 
 
 def controller_limits(precision: Precision) -> Limits:
-    """Loop bounds of an exported plant, and the balance that its real type can reach."""
+    """Loop bounds of an exported model, and the balance that its real type can reach."""
     single = precision is Precision.FLOAT
     return Limits(
         iterations=20,
@@ -69,8 +71,11 @@ def controller_limits(precision: Precision) -> Limits:
 
 
 def plant_limits(precision: Precision) -> Limits:
-    """Loop bounds of an exported plant with a ceiling for the work of one call, whatever the force."""
-    return replace(controller_limits(precision), evaluations=60)
+    """Loop bounds of an exported plant with a ceiling for the work of one call, whatever the force.
+
+    A step is not split: under this ceiling no split step has ever been solved, but starting over is (`FAILED`).
+    """
+    return replace(controller_limits(precision), splits=0, evaluations=60)
 
 
 SETTABLE = (
@@ -135,6 +140,10 @@ def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision, *
         *((folder.fold(laws.link_gain()),) if contact else ()),
     )
     code = step_code(chain, folder.prefix, precision, folded, limits=limits, contact=contact)
+    ends = {"near": folded[4], "far": folded[5]}
+    split = {name: name.split("_", 1) for name in INPUT_NAMES}
+    taken = tuple(name for name, (end, what) in split.items() if _ARGUMENTS[what] in ends[end].inputs)
+    code = replace(code, inputs=taken)
     return ChainCode(
         header=code.render("types.h.j2") + code.render("target.h.j2"),
         record=_record(folder, weights),
@@ -142,6 +151,7 @@ def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision, *
         body=(code.render("moving_target.c.j2") if contact else "") + code.render("kernel.c.j2"),
         rest=_rest(chain, precision),
         contact=contact.record if contact else "",
+        inputs=code.inputs,
     )
 
 

@@ -123,7 +123,7 @@ def test_what_is_refused_says_why_and_writes_nothing(files, tmp_path, monkeypatc
 
 def test_options_of_python_are_refused_with_the_same_reasons(files):
     joint = tf.load_scenario(files["loop"])
-    with pytest.raises(InputError, match="no compensator of these joints; linear, static, inverse are"):
+    with pytest.raises(InputError, match="no compensator of this scenario; linear, stretch, static,"):
         tf.design(joint, compensators=tf.COMPENSATORS)
     with pytest.raises(InputError, match="must include linear and inverse, linear is missing"):
         tf.design(joint, compensators=("static", "inverse"))

@@ -76,7 +76,7 @@ def cost(toolbox, examples, tmp_path, shipped_flags):
     return instructions
 
 
-@pytest.mark.parametrize("count", [pytest.param(6, marks=pytest.mark.nightly), 40])
+@pytest.mark.parametrize("count", [6, pytest.param(40, marks=pytest.mark.nightly)])
 def test_a_step_on_a_moving_path_costs_at_most_thirteen_tenths_of_one_at_rest(cost, count, record_property):
     rest, moving = cost(count, False), cost(count, True)
     record_property("figure", f"step at N = {count}: {rest:.0f} instructions at rest, {moving:.0f} on a moving path")

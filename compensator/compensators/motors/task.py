@@ -1,17 +1,22 @@
 """A reference of driven joints and the mechanism that designs know, as compensators and studies see them."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Hashable, Mapping
-from typing import Any, Self, TypeVar
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 
 from tendonff.compensator.compensators.expectation import ErrorBand, Expectation, bands_of, expectation_of
 from tendonff.compensator.compensators.motors.drive import commanded, known_by_ratio
 from tendonff.compensator.compensators.motors.response import MotorResponse
+from tendonff.compensator.compensators.score import Score, score
 from tendonff.compensator.compensators.uncertain import Doubt
+from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import FloatArray, InputError
+from tendonff.compensator.reporting.colours import Style
 from tendonff.compensator.scenario.goal import Goal
+from tendonff.compensator.scenario.kind import Kind
 from tendonff.compensator.scenario.unit import Unit
 from tendonff.models.cached import cached_property
 from tendonff.models.errors import ParameterError
@@ -69,6 +74,53 @@ class MotorTask(ABC):
     @abstractmethod
     def with_system(self, system: Any) -> Self:
         """The same for another mechanism."""
+
+    @property
+    def kind(self) -> Kind:
+        """Kind of its scenario."""
+        found: Kind = self.scenario.kind
+        return found
+
+    def answer(self, compensator: "MotorCompensator") -> FloatArray:
+        """Commands of a compensator, shape (rows, motors) [rad]; SolveError or InputError where it has none."""
+        return self.commanded(compensator.motor_rad(self), by_ratio=not compensator.knows_the_drive)
+
+    def tried(self, compensator: "MotorCompensator", progress: Progress = silent) -> FloatArray:  # noqa: ARG002
+        """Commands of a compensator; see `answer`."""
+        return self.answer(compensator)
+
+    @property
+    def plants(self) -> tuple[str, ...]:
+        """Names of what commands are compared on: the levels."""
+        return tuple(level.value for level in Level)
+
+    def given(self, command_rad: FloatArray) -> bytes:
+        """Identity of commands."""
+        return command_rad.tobytes()
+
+    def fault(self, command_rad: FloatArray) -> str:  # noqa: ARG002
+        """Empty: commands have no status."""
+        return ""
+
+    def is_usable(self, command_rad: FloatArray) -> bool:
+        """Whether commands are finite."""
+        return bool(np.isfinite(command_rad).all())
+
+    def output_on(
+        self, plant: str, command_rad: FloatArray, *, refinement: int = 1, factor: float = 1.0
+    ) -> tuple[FloatArray, str]:
+        """Output on a level, shape (n,), and which tendon goes slack; commands times a factor; errors of `respond`."""
+        found = self.respond(self.system, factor * command_rad, level=Level(plant), refinement=refinement)
+        return self.values_of(found), found.slack
+
+    def slack_notes(self, slack: Mapping[tuple[str, str], str], recommended: str) -> list[str]:  # noqa: ARG002
+        """Messages on slack by compensator and plant."""
+        return [f"{name} on {plant}: {text}" for (name, plant), text in slack.items()]
+
+    def score(self, command_rad: FloatArray) -> Score:
+        """Error of commands, shape (rows, motors), on the verifying mechanism; SolveError if the simulation fails."""
+        response = self.respond(self.system, command_rad, masses=self.masses)
+        return score(self.wanted, self.values_of(response))
 
     @property
     def goal(self) -> Goal:
@@ -250,6 +302,43 @@ class MotorTask(ABC):
             return self.values_of(found), not found.is_taut
 
         return bands_of(self.doubt, self.wanted, commands, respond, np.ndarray.tobytes)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotorCompensator:
+    """Map from what is wanted of driven joints to the commands of their motors.
+
+    Attributes
+    ----------
+    kinds : tuple of Kind
+        Kinds of scenario that it is for.
+    name, label : str
+        Key in files and on the command line, and name for people.
+    style : Style
+    motor_rad : callable
+        Angles of the motors behind their drives for a task, shape (rows, motors) [rad].
+    knows_the_level : bool
+        They depend on the fidelity level of the design model.
+    knows_the_drive : bool
+        Servo lag and gear backlash are taken back.
+    refusal : callable
+        Why it has no meaning for a task; empty where it has one.
+    """
+
+    kinds: ClassVar[tuple[Kind, ...]] = (Kind.JOINT, Kind.FINGER)
+    is_fast: ClassVar[bool] = True
+    is_swept: ClassVar[bool] = True
+    is_compared: ClassVar[bool] = True
+    name: str
+    label: str
+    style: Style
+    motor_rad: Callable[[MotorTask], FloatArray]
+    knows_the_level: bool = True
+    knows_the_drive: bool = True
+    refusal: Callable[[MotorTask], str] = lambda _: ""
+
+    def __str__(self) -> str:
+        return self.name
 
 
 def verifying_masses(mechanism: Mechanism | Finger) -> int:

@@ -4,12 +4,13 @@ import os
 from pathlib import Path
 
 from tendonff.compensator.files.writing import atomic_directory, write_csv, write_json, write_text
-from tendonff.compensator.identification.answer.figures import draw, draw_suggestion
+from tendonff.compensator.identification.answer.figures import draw, draw_suggestion, identification_figures
 from tendonff.compensator.identification.answer.report import identification_report
-from tendonff.compensator.identification.answer.result import Identification
+from tendonff.compensator.identification.answer.result import Identification, estimate_columns
 from tendonff.compensator.identification.servo import write_chirp
 from tendonff.compensator.identification.suggest import Excitation, suggest
 from tendonff.compensator.reporting.page import write_report
+from tendonff.compensator.reporting.results import Views
 from tendonff.compensator.scenario.sampled.sampling import initial_tension
 from tendonff.compensator.scenario.scenario import Scenario, scenario_to_toml
 from tendonff.models.parameters.drive import Drive
@@ -53,3 +54,10 @@ def _write_chirp(scenario: Scenario, folder: Path) -> None:
 def _write_excitation(excitation: Excitation, folder: Path, *, pdf: bool) -> Path:
     write_csv(folder / "suggested_force.csv", {"time_s": excitation.time_s, "force_N": excitation.force_N})
     return draw_suggestion(excitation, folder, pdf=pdf)
+
+
+VIEWS = Views(
+    write=write_files,
+    columns=lambda found: estimate_columns(found.estimates),
+    figures=identification_figures,
+)

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.errors import FileError
@@ -14,7 +14,7 @@ from tendonff.compensator.identification.fitting.sliding import SectionFriction,
 from tendonff.compensator.identification.fitting.uncertainty import ByFile
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.reading import Finding
-from tendonff.compensator.reporting.results import Result, views_of
+from tendonff.compensator.reporting.results import Result
 from tendonff.compensator.scenario.measurement import Explain, Measurement
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import CapstanLaw
@@ -244,6 +244,8 @@ class Identification(Result):
         The tensions are of the scenario's size; else no excitation is suggested.
     """
 
+    shown_by: ClassVar[str] = "identification.answer.output"
+
     scenario: Scenario
     asked: Measurement
     explain: Explain
@@ -315,7 +317,7 @@ class Identification(Result):
         """Write `fitted.toml`, `fit.json`, figures, the suggested excitation and `report.html`, all or nothing; makes
         the folder.
         """
-        views_of(Identification).write(self, folder, pdf=pdf)
+        self._views.write(self, folder, pdf=pdf)
 
 
 def _file(result: FileResult, unit: str) -> dict[str, Any]:

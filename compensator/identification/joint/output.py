@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 from tendonff.compensator.files.writing import atomic_directory, write_csv, write_json, write_text
+from tendonff.compensator.identification.answer.result import estimate_columns
 from tendonff.compensator.identification.joint.figures import identification_figures, routine_figure
 from tendonff.compensator.identification.joint.fitted import moved_files
 from tendonff.compensator.identification.joint.report import identification_report
@@ -12,6 +13,7 @@ from tendonff.compensator.identification.joint.routine import MotorRoutine, sugg
 from tendonff.compensator.identification.servo import write_chirp
 from tendonff.compensator.reporting.page import write_report
 from tendonff.compensator.reporting.plots import save_figure
+from tendonff.compensator.reporting.results import Views
 from tendonff.compensator.scenario.driven.joint import JointScenario
 
 _CHIRP_RAD = 0.1
@@ -44,3 +46,10 @@ def write_routine(scenario: JointScenario, folder: Path, *, pdf: bool = False) -
 
 def _write_routine(routine: MotorRoutine, folder: Path) -> None:
     write_csv(folder / "suggested_motor.csv", {"time_s": routine.time_s, "motor_rad": routine.motor_rad})
+
+
+VIEWS = Views(
+    write=write_files,
+    columns=lambda found: estimate_columns(found.estimates),
+    figures=lambda found: identification_figures(found, None),
+)

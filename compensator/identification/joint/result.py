@@ -4,7 +4,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from tendonff.compensator.identification.joint.sensor import SensorFit
 from tendonff.compensator.identification.joint.torque import TorqueFit
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.reading import Finding
-from tendonff.compensator.reporting.results import Result, views_of
+from tendonff.compensator.reporting.results import Result
 from tendonff.compensator.scenario.driven.joint import JointScenario, parse_joint_scenario
 
 DESCRIBED_PERCENT = 10.0
@@ -111,6 +111,8 @@ class JointIdentification(Result):
     inputs : tuple of Path
         The measured files.
     """
+
+    shown_by: ClassVar[str] = "identification.joint.output"
 
     asked: JointScenario
     text: str
@@ -208,7 +210,7 @@ class JointIdentification(Result):
         """Write `fitted.toml`, `fit.json`, figures, the suggested routine and `report.html`, all or nothing; makes the
         folder.
         """
-        views_of(JointIdentification).write(self, folder, pdf=pdf)
+        self._views.write(self, folder, pdf=pdf)
 
 
 def _shown(estimate: Estimate, label: str, unit: str, scale: float) -> str:

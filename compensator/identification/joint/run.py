@@ -9,7 +9,6 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.identification.answer.result import estimate_columns
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.joint.alternatives import (
     STEPS,
@@ -20,7 +19,6 @@ from tendonff.compensator.identification.joint.alternatives import (
     with_alternatives,
 )
 from tendonff.compensator.identification.joint.estimates import Found, estimates_of
-from tendonff.compensator.identification.joint.figures import identification_figures
 from tendonff.compensator.identification.joint.first_look import FirstLook, look
 from tendonff.compensator.identification.joint.fitted import fitted_text, observer_text
 from tendonff.compensator.identification.joint.log import JointLog, read_logs
@@ -30,7 +28,6 @@ from tendonff.compensator.identification.joint.mechanism_law import (
     covariance_of,
     gains,
 )
-from tendonff.compensator.identification.joint.output import write_files
 from tendonff.compensator.identification.joint.parameters import (
     ANGLE_OR_PUSH,
     EXTRAS,
@@ -42,7 +39,6 @@ from tendonff.compensator.identification.joint.parameters import (
 from tendonff.compensator.identification.joint.result import DESCRIBED_PERCENT, JointComparison, JointIdentification
 from tendonff.compensator.identification.joint.sensor import SensorFit, fit_sensor
 from tendonff.compensator.identification.joint.torque import TorqueFit, fit_torque
-from tendonff.compensator.reporting.results import Views, register_views
 from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenario.driven.observer_table import ObserverTable
 from tendonff.compensator.scenario.measurement import Measurement
@@ -73,15 +69,6 @@ FIRST_STEPS, FINE_STEPS = 5, 4
 _ONE_FILE = (
     "one file was fitted: the interval of [observer] is that of its parts, and another load may miss the joint's angle "
     "by several times as much; give files of other loads too"
-)
-
-register_views(
-    JointIdentification,
-    Views(
-        write=write_files,
-        columns=lambda found: estimate_columns(found.estimates),
-        figures=lambda found: identification_figures(found, None),
-    ),
 )
 
 

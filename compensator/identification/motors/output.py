@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.files.writing import atomic_directory, write_csv, write_json, write_text
-from tendonff.compensator.identification.answer.result import reasons_of
+from tendonff.compensator.identification.answer.result import estimate_columns, reasons_of
 from tendonff.compensator.identification.joint.fitted import moved_files
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.motors.result import MotorsComparison, MotorsIdentification, next_step
@@ -18,6 +18,7 @@ from tendonff.compensator.identification.motors.routine import MotorsRoutine
 from tendonff.compensator.reporting.colours import BLUE, INK, VERMILION
 from tendonff.compensator.reporting.page import FileNote, Provenance, Report, Section, Table, pictures_of, write_report
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure, save_figure, thinned
+from tendonff.compensator.reporting.results import Views
 
 _CAPTIONS = {
     "torque": "Torque of each motor: measured, and by the model from the motors' angles.",
@@ -165,3 +166,10 @@ def identification_report(found: MotorsIdentification, figures: Mapping[str, Fig
             FileNote(name="fit.json", content="estimates, intervals, correlations and errors for other programs"),
         ),
     )
+
+
+VIEWS = Views(
+    write=write_files,
+    columns=lambda found: estimate_columns(found.estimates),
+    figures=identification_figures,
+)

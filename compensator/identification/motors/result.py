@@ -4,13 +4,13 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from tendonff.compensator.identification.answer.result import Estimate
 from tendonff.compensator.identification.measured import Array, Mask
-from tendonff.compensator.reporting.results import Result, views_of
+from tendonff.compensator.reporting.results import Result
 from tendonff.compensator.scenario.driven.finger import FingerScenario, parse_finger_scenario
 from tendonff.compensator.scenario.driven.joint import JointScenario, parse_joint_scenario
 from tendonff.compensator.scenario.kind import Kind
@@ -84,6 +84,8 @@ class MotorsIdentification(Result):
     inputs : tuple of Path
         The measured files.
     """
+
+    shown_by: ClassVar[str] = "identification.motors.output"
 
     asked: FingerScenario | JointScenario
     text: str
@@ -170,7 +172,7 @@ class MotorsIdentification(Result):
 
     def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
         """Write `fitted.toml`, `fit.json`, figures and `report.html`, all or nothing; makes the folder."""
-        views_of(MotorsIdentification).write(self, folder, pdf=pdf)
+        self._views.write(self, folder, pdf=pdf)
 
 
 _PARSE: Mapping[Kind, Callable[[str, Path], FingerScenario | JointScenario]] = {

@@ -13,21 +13,19 @@ from threadpoolctl import threadpool_limits
 
 from tendonff.compensator.compensators.motors.task import ASSUMED_SPREAD
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.identification.answer.result import Estimate, estimate_columns, is_known
+from tendonff.compensator.identification.answer.result import Estimate, is_known
 from tendonff.compensator.identification.constants import TUNED, with_torque_constant
 from tendonff.compensator.identification.joint.fitted import set_keys, to_toml
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.motors.law import Lacking, MotorsLaw
 from tendonff.compensator.identification.motors.log import MotorsLog, read_logs
 from tendonff.compensator.identification.motors.numbers import Number, numbers_of, put_into, scenarios_own
-from tendonff.compensator.identification.motors.output import identification_figures, write_files
 from tendonff.compensator.identification.motors.result import (
     DESCRIBED_PERCENT,
     MotorsComparison,
     MotorsIdentification,
 )
 from tendonff.compensator.identification.motors.routine import MotorsRoutine, suggest_motors
-from tendonff.compensator.reporting.results import Views, register_views
 from tendonff.compensator.scenario.driven.base import with_base
 from tendonff.compensator.scenario.driven.finger import FingerScenario, SampledFinger, sample_finger
 from tendonff.compensator.scenario.driven.joint import JointScenario, sample_joint
@@ -47,15 +45,6 @@ FIRST_STEPS, STEPS = 8, 12
 
 FINE_PARTS = 2
 """Steps of the last simulation in one row."""
-
-register_views(
-    MotorsIdentification,
-    Views(
-        write=write_files,
-        columns=lambda found: estimate_columns(found.estimates),
-        figures=identification_figures,
-    ),
-)
 
 
 @in_turn

@@ -6,9 +6,9 @@ import math
 import os
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -78,6 +78,7 @@ class FingerScenario:
     """
 
     kind: ClassVar[Kind] = Kind.FINGER
+    compare: ClassVar[None] = None  # no command of the user's own is compared
     drive_table: ClassVar[str] = "drive"  # where its drives stand in the file
     name: str
     mechanism: Finger
@@ -114,6 +115,10 @@ class FingerScenario:
         """Wanted angles."""
         names = self.mechanism.names[: self.wanted]
         return Goal(quantity="joint angle", unit=RADIAN, names=names, is_named=True)
+
+    def with_system(self, system: Any, changed: Mapping[str, float]) -> "FingerScenario":
+        """The scenario with another mechanism, in which these numbers differ."""
+        return replace(self, mechanism=system, changed={**self.changed, **changed})
 
     def to_toml(self) -> str:
         """The text of the file, and as comments what was changed since."""

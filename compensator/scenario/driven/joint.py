@@ -8,7 +8,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -78,6 +78,7 @@ class JointScenario:
     """
 
     kind: ClassVar[Kind] = Kind.JOINT
+    compare: ClassVar[None] = None  # no command of the user's own is compared
     drive_table: ClassVar[str] = "drive"  # where its drives stand in the file
     name: str
     mechanism: Mechanism
@@ -125,6 +126,10 @@ class JointScenario:
     def system(self) -> Mechanism:
         """Everything physical about it."""
         return self.mechanism
+
+    def with_system(self, system: Any, changed: Mapping[str, float]) -> "JointScenario":
+        """The scenario with another mechanism, in which these numbers differ."""
+        return replace(self, mechanism=system, changed={**self.changed, **changed})
 
     def to_toml(self) -> str:
         """The text of the file, and as comments what was changed since."""

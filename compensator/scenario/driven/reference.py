@@ -38,16 +38,16 @@ class _JointRequest:
 
     @property
     def shown(self) -> Unit:
-        """Unit of the wanted quantity, as figures and tables have it."""
+        """Unit of the reference, as figures and tables have it."""
         return _UNIT[self.quantity]
 
     @property
     def unit(self) -> str:
-        """Unit of the wanted quantity, as names of keys and columns have it."""
+        """Unit of the reference, as names of keys and columns have it."""
         return self.shown.key
 
     def _one_of(self, stem: str) -> tuple[float, ...]:
-        """The series of the wanted quantity; that of the other one is refused."""
+        """The series of the reference; that of the other one is refused."""
         other = next(unit.key for unit in _UNIT.values() if unit.key != self.unit)
         names = {"rad": f"{stem}_rad" if stem == "amplitudes" else "angles_rad"}
         names["N_m"] = f"{stem}_N_m" if stem == "amplitudes" else "torques_N_m"
@@ -81,7 +81,7 @@ class JointSine(_JointRequest):
     fade_in_s : float, optional
         Time in which the oscillation grows to its full amplitude [s], >= 0.
     amplitudes_rad, amplitudes_N_m : tuple of float
-        Amplitude of each sine, of the wanted quantity.
+        Amplitude of each sine, of the reference.
     offset_rad, offset_N_m : float, optional
         Angle or torque at the start and in the middle.
     """
@@ -130,7 +130,7 @@ class JointWaypoints(_JointRequest):
     times_s : tuple of float
         Times of the waypoints [s], rising from 0.
     angles_rad, torques_N_m : tuple of float
-        Values there, of the wanted quantity.
+        Values there, of the reference.
     shape : Shape, optional
         Course between them: smooth (default) or linear.
     """

@@ -2,6 +2,7 @@
 
 import os
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -24,7 +25,7 @@ from tendonff.compensator.reporting.page import (
     write_pages,
 )
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure, thinned
-from tendonff.compensator.reporting.results import Result, Views, register_views
+from tendonff.compensator.reporting.results import Result, Views
 from tendonff.compensator.runtime.kinds import RuntimeKind, RuntimeStatus
 from tendonff.compensator.runtime.runtime import Runtime
 from tendonff.compensator.scenario.driven.joint import JointScenario, SampledJoint, sample_joint
@@ -138,6 +139,8 @@ class JointAdaptationStudy(Result):
         What the user should know.
     """
 
+    shown_by: ClassVar[str] = "studies.adapt.joint"
+
     scenario: JointScenario
     tuning: JointTuning
     time_s: FloatArray
@@ -186,7 +189,7 @@ def _figures(study: JointAdaptationStudy) -> dict[str, Figure]:
         return {"overview": _overview(study), "friction": _course(study)}
 
 
-register_views(JointAdaptationStudy, Views(write=JointAdaptationStudy.write, columns=_columns, figures=_figures))
+VIEWS = Views(write=JointAdaptationStudy.write, columns=_columns, figures=_figures)
 
 
 @in_turn

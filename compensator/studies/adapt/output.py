@@ -7,6 +7,7 @@ from pathlib import Path
 
 from tendonff.compensator.files.writing import atomic_directory, atomic_file
 from tendonff.compensator.reporting.page import summary_head, write_pages
+from tendonff.compensator.reporting.results import Views
 from tendonff.compensator.studies.adapt.figures import adaptation_figures
 from tendonff.compensator.studies.adapt.report import adaptation_report
 from tendonff.compensator.studies.adapt.result import AdaptationStudy, Scheme
@@ -87,3 +88,6 @@ def summary(result: AdaptationStudy) -> dict[str, object]:
         },
         "warnings": list(result.warnings),
     }
+
+
+VIEWS = Views(write=write_files, columns=estimate_table, figures=adaptation_figures)

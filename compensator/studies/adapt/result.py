@@ -3,12 +3,13 @@
 import os
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import ClassVar
 
 import numpy as np
 
 from tendonff.compensator.compensators.certificate import FeedbackCertificate
 from tendonff.compensator.compensators.profile import FloatArray
-from tendonff.compensator.reporting.results import Result, views_of
+from tendonff.compensator.reporting.results import Result
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.ocp.adaptation.bounds import CertifiedInterval
@@ -279,6 +280,8 @@ class AdaptationStudy(Result):
         What the user should know.
     """
 
+    shown_by: ClassVar[str] = "studies.adapt.output"
+
     scenario: Scenario
     reference: Reference
     tuning: Tuning
@@ -298,4 +301,4 @@ class AdaptationStudy(Result):
 
     def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
         """Write `estimate.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
-        views_of(AdaptationStudy).write(self, folder, pdf=pdf)
+        self._views.write(self, folder, pdf=pdf)

@@ -19,12 +19,9 @@ from tendonff.compensator.compensators.tuning import (
 )
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.reporting.results import Views, register_views
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenario.settings import Adaptation
-from tendonff.compensator.studies.adapt.figures import adaptation_figures
-from tendonff.compensator.studies.adapt.output import estimate_table, write_files
 from tendonff.compensator.studies.adapt.result import (
     SETTLED_S,
     WINDOW_S,
@@ -52,8 +49,6 @@ _SEGMENTS_OF_A_DRIFT = 120
 _VARIED = (Tunable.MU_PULL, Tunable.MU_RELEASE, Tunable.TENDON_STIFFNESS, Tunable.LOAD_STIFFNESS)
 _STRETCHES_S = 0.5  # time in which a tendon gets longer
 _POSTURE_S = 4.0  # period of a load that changes with posture
-
-register_views(AdaptationStudy, Views(write=write_files, columns=estimate_table, figures=adaptation_figures))
 
 
 @in_turn

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
+from tendonff.compensator.compensators.base import CAPSTAN_PLANT
 from tendonff.compensator.reporting.colours import BLUE, GREEN, INK, VERMILION
 from tendonff.compensator.reporting.plots import (
     bode_figure,
@@ -16,8 +17,8 @@ from tendonff.compensator.reporting.plots import (
     new_figure,
     thinned,
 )
-from tendonff.compensator.studies.compare.matrix import Entry, MatrixData
-from tendonff.compensator.studies.compare.result import CAPSTAN_PLANT, Comparison
+from tendonff.compensator.studies.compare.matrix import Entry
+from tendonff.compensator.studies.compare.result import Comparison
 from tendonff.models.fidelity import Level
 from tendonff.models.mechanism.linearise import Lineariser
 from tendonff.models.path import JointMotion
@@ -34,12 +35,11 @@ def compare_figures(result: Comparison) -> dict[str, Figure]:
         return {
             "matrix": matrix_figure(result),
             "errors": errors_figure(result, None if result.ignored is None else result.ignored.motion),
-            "levels": levels_figure(result),
-            "bode": small_signal_figure(result),
+            **({"levels": levels_figure(result), "bode": small_signal_figure(result)} if result.traits else {}),
         }
 
 
-def matrix_figure(result: MatrixData) -> Figure:
+def matrix_figure(result: Comparison) -> Figure:
     """Error of every design on every plant, as numbers on colours."""
     rows = result.rows
     values = np.array([[entry.rmse_percent_of_range for entry in row] for _, row in rows])
@@ -61,7 +61,7 @@ def matrix_figure(result: MatrixData) -> Figure:
     return figure
 
 
-def cell_texts(result: MatrixData) -> list[list[str]]:
+def cell_texts(result: Comparison) -> list[list[str]]:
     """Error and, where it matters, spread of each cell, all with the same decimals [% of range]."""
     cells = [row for _, row in result.rows]
     decimals = 2 if max(entry.rmse_percent_of_range for row in cells for entry in row) >= _COARSE else 3
@@ -74,8 +74,8 @@ def cell_texts(result: MatrixData) -> list[list[str]]:
     return [[text(entry) for entry in row] for row in cells]
 
 
-def errors_figure(result: MatrixData, motion: JointMotion | None = None) -> Figure:
-    """Reference, and error over time of the exact inverse designed on each level, on the most detailed plant.
+def errors_figure(result: Comparison, motion: JointMotion | None = None) -> Figure:
+    """Reference, and error over time of a compensator designed on each level, on the most detailed plant.
 
     Joints that move have a panel of their own.
     """
@@ -87,9 +87,12 @@ def errors_figure(result: MatrixData, motion: JointMotion | None = None) -> Figu
     if motion is not None:
         draw_joints(under[0], motion, time)
     wanted.plot(time[rows], shown.factor * result.wanted[rows], color=INK, label="reference")
-    errors = {level: shown.factor * (result.outputs["inverse", level, plant] - result.wanted) for level in Level}
-    static = shown.factor * (result.outputs[result.static, next(iter(Level)), plant] - result.wanted)
-    label_of_static = next(c.label for c in result.compensators if c.name == result.static)
+    errors = {level: shown.factor * (result.outputs[result.exact, level, plant] - result.wanted) for level in Level}
+    statics = [
+        (shown.factor * (result.outputs[c.name, next(iter(Level)), plant] - result.wanted), c.label)
+        for c in result.compensators
+        if c.name == result.static
+    ]
     hidden = coinciding({level.value: error for level, error in errors.items()}, float(np.ptp(errors[Level.ELASTIC])))
     for panel in (whole, zoom):
         for level, error in errors.items():
@@ -99,7 +102,8 @@ def errors_figure(result: MatrixData, motion: JointMotion | None = None) -> Figu
             label = f"designed on {level}"
             label += f" (= {hidden[level]})" if level in hidden else ""
             panel.plot(time[rows], error[rows], label=label, **style)
-        panel.plot(time[rows], static[rows], color="0.55", linewidth=0.9, label=label_of_static)
+        for static, label in statics:
+            panel.plot(time[rows], static[rows], color="0.55", linewidth=0.9, label=label)
     limit = 1.15 * max(float(np.max(np.abs(error))) for error in errors.values())
     if limit > 0:
         zoom.set_ylim(-limit, limit)
@@ -129,7 +133,8 @@ def levels_figure(result: Comparison) -> Figure:
 
 def small_signal_figure(result: Comparison) -> Figure:
     """Small changes of the force around rest, where the tendon sticks: Bode plot from force to output tension."""
-    transmission, start = result.scenario.transmission, result.reference.initial_tension_N
+    transmission: Any = result.scenario.system
+    start = result.initial_tension_N
     frequencies, gains = np.geomspace(0.1, 1000, 400), {}
     for level in Level:
         chain = Chain.of(transmission, level)

@@ -11,18 +11,13 @@ from numpy.typing import NDArray
 from tendonff.compensator.compensators.expectation import (
     FRICTIONLESS,
     ErrorBand,
-    Expectation,
     two_digits,
     unfit_for,
 )
-from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.compensators.score import scale_of, score
 from tendonff.compensator.files.notices import Remark
 from tendonff.compensator.files.reading import FloatArray, InputError
-from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.reporting.colours import Style
-from tendonff.compensator.reporting.results import Result
-from tendonff.compensator.scenario.document import Document
 from tendonff.compensator.scenario.unit import NEWTON, Unit
 from tendonff.models.fidelity import Level
 
@@ -97,50 +92,6 @@ class Simple:
 
     name: str
     words: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class MatrixData(Result):
-    """Every design on every plant. `Comparison` and `JointComparison` document its fields."""
-
-    scenario: Document
-    time_s: FloatArray
-    wanted: FloatArray
-    unit: Unit
-    plants: tuple[str, ...]
-    static: str
-    compensators: tuple[Designed, ...]
-    entries: tuple[Entry, ...]
-    outputs: dict[tuple[str, Level, str], FloatArray]
-    bands: dict[tuple[str, Level], ErrorBand]
-    expectation: Expectation
-    recommended_level: Level
-    recommendation: str
-    warnings: tuple[str, ...]
-
-    @property
-    def headline(self) -> str:
-        """Expected error on a rig of the best design on the recommended level, and the next command."""
-        best = next(c for c in self.compensators if c.name == self.expectation.recommended)
-        file = as_argument(self.scenario.source)
-        then = next_step(self.expectation, file, f"tendonff design {file} --out out")
-        return self.expectation.headline(best.label, then)
-
-    def entry(self, name: str, design_level: Level, plant_level: str) -> Entry:
-        """Cell of the matrix."""
-        wanted = (name, design_level, plant_level)
-        return next(e for e in self.entries if (e.compensator, e.design_level, e.plant_level) == wanted)
-
-    @property
-    def rows(self) -> list[tuple[str, list[Entry]]]:
-        """Rows by label, without the repetitions of what does not depend on the design level."""
-        first = next(iter(Level))
-        found = []
-        for each in self.compensators:
-            for level in tuple(Level) if each.knows_the_level else (first,):
-                label = f"{each.name}, {level}" if each.knows_the_level else each.name
-                found.append((label, [self.entry(each.name, level, plant) for plant in self.plants]))
-        return found
 
 
 REFINEMENTS = (4, 2, 1)

@@ -2,14 +2,14 @@
 
 import math
 import os
-from pathlib import Path
 
 import numpy as np
 
 from tendonff.compensator.files.writing import atomic_directory, csv_text, write_text
 from tendonff.compensator.reporting.page import summary_head, write_pages
+from tendonff.compensator.reporting.results import Views
 from tendonff.compensator.studies.compare.figures import compare_figures
-from tendonff.compensator.studies.compare.matrix import ENOUGH_PERCENT, MatrixData
+from tendonff.compensator.studies.compare.matrix import ENOUGH_PERCENT
 from tendonff.compensator.studies.compare.report import compare_report
 from tendonff.compensator.studies.compare.result import Comparison
 
@@ -18,24 +18,19 @@ def write_files(result: Comparison, folder: str | os.PathLike[str], *, pdf: bool
     """Write the files of `Comparison.write`."""
     figures = compare_figures(result)
     with atomic_directory(folder) as partial:
-        write_matrix(partial, result)
+        columns = matrix_columns(result)
+        write_text(partial / "matrix.csv", csv_text(columns, zip(*columns.values(), strict=True)))
         write_pages(partial, summary(result), figures, compare_report(result, figures), pdf=pdf)
 
 
-def matrix_columns(result: MatrixData) -> dict[str, list[str | float]]:
+def matrix_columns(result: Comparison) -> dict[str, list[str | float]]:
     """The columns of `matrix.csv`."""
     rows = [entry.named(result.unit) for entry in result.entries]
     return {name: [row[name] for row in rows] for name in rows[0]}
 
 
-def write_matrix(folder: Path, result: MatrixData) -> None:
-    """Write `matrix.csv` into a folder."""
-    columns = matrix_columns(result)
-    write_text(folder / "matrix.csv", csv_text(columns, zip(*columns.values(), strict=True)))
-
-
-def matrix_summary(result: MatrixData) -> dict[str, object]:
-    """The contents of `summary.json` that every comparison has, but for its warnings."""
+def summary(result: Comparison) -> dict[str, object]:
+    """The contents of `summary.json`."""
     return {
         **summary_head(result.scenario),
         f"reference_range_{result.unit.key}": float(np.ptp(result.wanted)),
@@ -49,25 +44,26 @@ def matrix_summary(result: MatrixData) -> dict[str, object]:
         ],
         "enough_percent_of_range": ENOUGH_PERCENT,
         "matrix": [entry.named(result.unit) for entry in result.entries],
-    }
-
-
-def summary(result: Comparison) -> dict[str, object]:
-    """The contents of `summary.json`."""
-    return {
-        **matrix_summary(result),
         **({} if result.ignored is None else {"ignored_motion": result.ignored.named(result.unit)}),
-        "levels": {
-            name: {
-                "relaxation_percent": traits.relaxation_percent,
-                "loop_area_percent": traits.loop_area_percent,
-                "deadband_N": traits.deadband_N,
-                "reversal_width_N": traits.reversal_width_N,
-                "time_per_simulated_second_s": result.costs[name].time_per_simulated_second_s,
-                "states": result.costs[name].states,
-                "parameters_to_identify": list(result.costs[name].parameters),
-            }
-            for name, traits in result.traits.items()
-        },
+        **({"levels": _levels(result)} if result.traits else {}),
         "warnings": list(result.warnings),
     }
+
+
+def _levels(result: Comparison) -> dict[str, object]:
+    """Traits and costs of the levels, by name."""
+    return {
+        name: {
+            "relaxation_percent": traits.relaxation_percent,
+            "loop_area_percent": traits.loop_area_percent,
+            "deadband_N": traits.deadband_N,
+            "reversal_width_N": traits.reversal_width_N,
+            "time_per_simulated_second_s": result.costs[name].time_per_simulated_second_s,
+            "states": result.costs[name].states,
+            "parameters_to_identify": list(result.costs[name].parameters),
+        }
+        for name, traits in result.traits.items()
+    }
+
+
+VIEWS = Views(write=write_files, columns=matrix_columns, figures=compare_figures)

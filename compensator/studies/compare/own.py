@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 from tendonff.compensator.compensators.base import Compensator, Problem
+from tendonff.compensator.compensators.every import AnyScenario
 from tendonff.compensator.compensators.profile import Profile
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.studies.simulate.run import ForceProfile, read_force
 from tendonff.models.parameters.drive import Drive
 
@@ -30,11 +30,12 @@ class OwnForce(Compensator):
         return Profile(force_N=self.force.at(problem.reference.time_s))
 
 
-def own_force(scenario: Scenario) -> tuple[OwnForce, ...]:
+def own_force(scenario: AnyScenario) -> tuple[OwnForce, ...]:
     """The user's own force, where the scenario names one; InputError where it cannot be compared."""
-    given, file = scenario.compare, scenario.source.name
-    if given is None:
+    file = scenario.source.name
+    if scenario.compare is None:
         return ()
+    given = scenario.compare
     if scenario.transmission.actuator.drive is Drive.POSITION:
         raise InputError(f"{file} [compare]: force is for a force drive, this one takes positions; leave it out")
     force = read_force(scenario.source.parent / given.force, given.column)

@@ -16,21 +16,15 @@ from tendonff.compensator.reporting.page import (
     provenance_of,
 )
 from tendonff.compensator.studies.compare.figures import cell_texts
-from tendonff.compensator.studies.compare.matrix import Designed, MatrixData
+from tendonff.compensator.studies.compare.matrix import Designed
 from tendonff.compensator.studies.compare.result import Comparison
 from tendonff.models.fidelity import Level
 
-CAPTIONS = {
+_CAPTIONS = {
     "matrix": "RMS error of every design on every plant, % of reference range; dark is bad. Read along a row: what a "
     "design costs on a plant that it was not made for.",
     "errors": "Below: errors of the exact inverse designed on each level, and of the capstan law, on the most detailed "
     "plant; bottom: enlarged.",
-}
-FILES = (
-    FileNote(name="matrix.csv", content="the matrix, one row for each design and plant"),
-    FileNote(name="summary.json", content="everything on this page for other programs"),
-)
-_CAPTIONS = CAPTIONS | {
     "levels": "Left: output over force in a slow cycle; the width of the loop is friction, its corners are the "
     "reversals. Right: stress relaxation while the actuator holds its position.",
     "bode": "From small changes of the force to small changes of the output tension, around rest. A sticking tendon "
@@ -38,7 +32,7 @@ _CAPTIONS = CAPTIONS | {
 }
 
 
-def _expected(result: MatrixData) -> Table:
+def _expected(result: Comparison) -> Table:
     """Worst error of every design over what may be the real system."""
     first = next(iter(Level))
 
@@ -54,8 +48,8 @@ def _expected(result: MatrixData) -> Table:
     )
 
 
-def matrix_sections(
-    result: MatrixData, pictures: Mapping[str, Picture], more: Sequence[Block] = ()
+def _matrix_sections(
+    result: Comparison, pictures: Mapping[str, Picture], more: Sequence[Block] = ()
 ) -> tuple[Section, ...]:
     """Sections of every comparison: expected errors with more below them, matrix, errors over time."""
     rows, unit = result.rows, result.unit
@@ -96,6 +90,24 @@ def compare_report(result: Comparison, figures: dict[str, Figure]) -> Report:
         note = "The capstan law as a plant takes the wrap angles with all joints at zero."
         moving = [Text(f"{result.ignored.text} {note}")]
     pictures = pictures_of(figures, {**_CAPTIONS, "errors": _CAPTIONS["errors"] + joints})
+    return Report(
+        title=f"Comparison of levels: {result.scenario.name}",
+        summary=f"{result.recommendation} {result.headline}",
+        warnings=result.warnings,
+        sections=(
+            *_matrix_sections(result, pictures, moving),
+            *(_level_sections(result, pictures) if result.traits else ()),
+        ),
+        provenance=provenance_of(result.scenario, "compare"),
+        files=(
+            FileNote(name="matrix.csv", content="the matrix, one row for each design and plant"),
+            FileNote(name="summary.json", content="everything on this page for other programs"),
+        ),
+    )
+
+
+def _level_sections(result: Comparison, pictures: Mapping[str, Picture]) -> tuple[Section, ...]:
+    """Differences between the levels, and their costs."""
     differences = Table(
         caption="Traits of the levels",
         columns=("level", "deadband [N]", "width of a reversal [N]", "loop area [%]", "relaxation in a hold [%]"),
@@ -112,30 +124,22 @@ def compare_report(result: Comparison, figures: dict[str, Figure]) -> Report:
             for name, c in result.costs.items()
         ],
     )
-    return Report(
-        title=f"Comparison of levels: {result.scenario.name}",
-        summary=f"{result.recommendation} {result.headline}",
-        warnings=result.warnings,
-        sections=(
-            *matrix_sections(result, pictures, moving),
-            Section(
-                title="How the levels differ",
-                blocks=(
-                    pictures["levels"],
-                    differences,
-                    Text(
-                        "Deadband: how far the force falls after pulling before the output follows. Width of a "
-                        "reversal: how much further until it follows at its full rate; 0 is a corner. Loop area: of "
-                        "the rectangle around the loop. Relaxation in a hold: fall of the tension at the actuator "
-                        "while its position is held."
-                    ),
-                    pictures["bode"],
+    return (
+        Section(
+            title="How the levels differ",
+            blocks=(
+                pictures["levels"],
+                differences,
+                Text(
+                    "Deadband: how far the force falls after pulling before the output follows. Width of a "
+                    "reversal: how much further until it follows at its full rate; 0 is a corner. Loop area: of "
+                    "the rectangle around the loop. Relaxation in a hold: fall of the tension at the actuator "
+                    "while its position is held."
                 ),
+                pictures["bode"],
             ),
-            Section(title="Computing time and parameters", blocks=(costs,)),
         ),
-        provenance=provenance_of(result.scenario, "compare"),
-        files=FILES,
+        Section(title="Computing time and parameters", blocks=(costs,)),
     )
 
 

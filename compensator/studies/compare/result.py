@@ -1,28 +1,30 @@
-"""Result of a comparison of levels for a tension."""
+"""Result of a comparison of levels."""
 
+import math
 import os
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, field
+from typing import ClassVar
 
-from tendonff.compensator.compensators.score import IgnoredMotion
-from tendonff.compensator.reporting.results import views_of
-from tendonff.compensator.scenario.sampled.sampling import Reference
-from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.compensators.expectation import ErrorBand, Expectation
+from tendonff.compensator.compensators.ignored import IgnoredMotion
+from tendonff.compensator.compensators.next_step import next_step
+from tendonff.compensator.files.reading import FloatArray
+from tendonff.compensator.files.text import as_argument
+from tendonff.compensator.reporting.results import Result
+from tendonff.compensator.scenario.document import Document
+from tendonff.compensator.scenario.unit import Unit
 from tendonff.compensator.studies.compare.levels import LevelCost, LevelTraits
-from tendonff.compensator.studies.compare.matrix import MatrixData
+from tendonff.compensator.studies.compare.matrix import Designed, Entry
 from tendonff.models.fidelity import Level
-
-CAPSTAN_PLANT: Literal["capstan"] = "capstan"  # name of the capstan law as a plant
-PLANTS = (*(level.value for level in Level), CAPSTAN_PLANT)  # names of the plants: the levels, then the capstan law
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Comparison(MatrixData):
+class Comparison(Result):
     """All compensators on all levels.
 
     Attributes
     ----------
-    scenario : Scenario
+    scenario : Scenario, JointScenario or FingerScenario
         The scenario it was made for.
     time_s, wanted : numpy.ndarray, shape (n,)
         Reference.
@@ -48,22 +50,67 @@ class Comparison(MatrixData):
         One sentence.
     warnings : tuple of str
         What the user should know before relying on it, one sentence each.
-    reference : Reference
-        Desired tension, sampled.
     traits : dict of str to LevelTraits
-        Differences between the levels and the capstan law.
+        Differences between the levels and the capstan law; empty where there is more than one tendon.
     costs : dict of str to LevelCost
-        Cost of each level and the capstan law, by name.
+        Cost of each level and the capstan law, by name; empty as the traits are.
+    initial_tension_N : float
+        Tension before the start, around which small changes are shown [N].
     ignored : IgnoredMotion or None
-        Error if the motion of joints is ignored; None where none does.
+        Error if the motion of joints on the path is ignored; None where none does.
     """
 
-    scenario: Scenario
-    reference: Reference
-    traits: dict[str, LevelTraits]
-    costs: dict[str, LevelCost]
-    ignored: IgnoredMotion | None
+    shown_by: ClassVar[str] = "studies.compare.output"
+
+    scenario: Document
+    time_s: FloatArray
+    wanted: FloatArray
+    unit: Unit
+    plants: tuple[str, ...]
+    static: str
+    compensators: tuple[Designed, ...]
+    entries: tuple[Entry, ...]
+    outputs: dict[tuple[str, Level, str], FloatArray]
+    bands: dict[tuple[str, Level], ErrorBand]
+    expectation: Expectation
+    recommended_level: Level
+    recommendation: str
+    warnings: tuple[str, ...]
+    traits: dict[str, LevelTraits] = field(default_factory=dict)
+    costs: dict[str, LevelCost] = field(default_factory=dict)
+    initial_tension_N: float = math.nan
+    ignored: IgnoredMotion | None = None
+
+    @property
+    def headline(self) -> str:
+        """Expected error on a rig of the best design on the recommended level, and the next command."""
+        best = next(c for c in self.compensators if c.name == self.expectation.recommended)
+        file = as_argument(self.scenario.source)
+        then = next_step(self.expectation, file, f"tendonff design {file} --out out")
+        return self.expectation.headline(best.label, then)
+
+    def entry(self, name: str, design_level: Level, plant_level: str) -> Entry:
+        """Cell of the matrix."""
+        wanted = (name, design_level, plant_level)
+        return next(e for e in self.entries if (e.compensator, e.design_level, e.plant_level) == wanted)
+
+    @property
+    def rows(self) -> list[tuple[str, list[Entry]]]:
+        """Rows by label, without the repetitions of what does not depend on the design level."""
+        first = next(iter(Level))
+        found = []
+        for each in self.compensators:
+            for level in tuple(Level) if each.knows_the_level else (first,):
+                label = f"{each.name}, {level}" if each.knows_the_level else each.name
+                found.append((label, [self.entry(each.name, level, plant) for plant in self.plants]))
+        return found
+
+    @property
+    def exact(self) -> str:
+        """Compensator whose designs on each level are drawn over time: the exact inverse, or the first with a model."""
+        names = [c.name for c in self.compensators if c.knows_the_level]
+        return "inverse" if "inverse" in names else names[-1]
 
     def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
         """Write `matrix.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
-        views_of(Comparison).write(self, folder, pdf=pdf)
+        self._views.write(self, folder, pdf=pdf)

@@ -2,26 +2,15 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
-import numpy as np
-
-from tendonff.compensator.compensators.base import SLOW_PARTS, Compensator, Problem, answers_of
-from tendonff.compensator.compensators.expectation import (
-    error_bands,
-    expectation_of,
-)
-from tendonff.compensator.compensators.optimal import Optimal
-from tendonff.compensator.compensators.plant import Plant, Slack, delivered_of, followed
-from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
-from tendonff.compensator.compensators.registry import COMPENSATORS, chosen
-from tendonff.compensator.compensators.score import ignored_motion, slack_warnings
+from tendonff.compensator.compensators.base import CAPSTAN_PLANT, SLOW_PARTS, Problem, answers_of
+from tendonff.compensator.compensators.every import EVERY, AnyCompensator, AnyScenario, answering, chosen, problem_of
+from tendonff.compensator.compensators.expectation import expectation_of
+from tendonff.compensator.compensators.ignored import ignored_motion
 from tendonff.compensator.files.notices import Remark, by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
-from tendonff.compensator.reporting.results import Views, register_views
-from tendonff.compensator.scenario.sampled.joint_motion import moved
-from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
-from tendonff.compensator.scenario.scenario import Scenario
-from tendonff.compensator.studies.compare.figures import compare_figures
+from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.studies.compare.levels import level_cost, level_traits
 from tendonff.compensator.studies.compare.matrix import (
     REFINEMENTS,
@@ -33,117 +22,120 @@ from tendonff.compensator.studies.compare.matrix import (
     recommend,
     require_levels,
 )
-from tendonff.compensator.studies.compare.output import matrix_columns, write_files
 from tendonff.compensator.studies.compare.own import own_force
-from tendonff.compensator.studies.compare.result import CAPSTAN_PLANT, PLANTS, Comparison
-from tendonff.models.capstan import CapstanLaw, behind_drive_N
+from tendonff.compensator.studies.compare.result import Comparison
 from tendonff.models.fidelity import Level
-from tendonff.models.parameters import Transmission
 from tendonff.models.turns import in_turn
 from tendonff.ocp.tendon.crosscheck import NUDGE
-
-FEEDFORWARDS = tuple(c for c in COMPENSATORS if not isinstance(c, Optimal))
-"""Compensators compared by default: the optimal profile on each level takes longer than all the rest."""
 
 SIMPLE = (
     Simple(name="none", words="The reference applied directly"),
     Simple(name="capstan", words="The capstan law"),
     Simple(name=SMOOTHED, words="The capstan law with a smoothed sign change"),
+    Simple(name="linear", words="The ratio alone"),
+    Simple(name="static", words="The quasi-static law"),
 )
-
-register_views(Comparison, Views(write=write_files, columns=matrix_columns, figures=compare_figures))
+_STATIC = ("capstan", "static", "linear")  # what the exact inverse is drawn beside, the first that there is
 
 
 @in_turn
 def compare(
-    scenario: Scenario,
+    scenario: AnyScenario,
     *,
-    compensators: Sequence[Compensator | str] = FEEDFORWARDS,
+    compensators: Sequence[AnyCompensator | str] | None = None,
     progress: Progress = silent,
 ) -> Comparison:
-    """Compare the fidelity levels with each other and with the capstan law on one scenario.
-
-    Arguments and errors as of `tendonff.compare`.
-    """
-    reference, tried = sample_reference(scenario), (*chosen(compensators), *own_force(scenario))
+    """Compare the fidelity levels with each other on one scenario; arguments and errors as of `tendonff.compare`."""
+    problems = {level: problem_of(scenario, level) for level in Level}
+    own = problems[Level.PRESLIDING]
+    tried = _usual(own) if compensators is None else chosen(scenario.kind, compensators)
+    tried = (*tried, *own_force(scenario))
     require_levels(tried)
-    transmission = moved(scenario, float(reference.time_s[-1]), periodic=scenario.reference.periodic)
-    warnings = list(reference.warnings)
     shares = sum(1 if c.is_fast else SLOW_PARTS for c in tried)
-    parts = Parts(progress, len(Level) * (shares + len(PLANTS) + 2))
+    more = 2 if CAPSTAN_PLANT in own.plants else 0
+    parts = Parts(progress, len(Level) * (shares + len(own.plants) + more))
+    warnings = list(own.warnings)
     entries: list[Entry] = []
     outputs: dict[tuple[str, Level, str], FloatArray] = {}
-    usable: dict[tuple[str, Level], Profile] = {}
+    usable: dict[tuple[str, Level], Any] = {}
     failed: dict[str, str] = {}
     refused: dict[str, str] = {}
     seen: dict[tuple[bytes, str], tuple[Entry, FloatArray]] = {}
-    slack: dict[tuple[str, str], Slack] = {}
-    for level in Level:
-        problem = Problem.of(scenario, level=level, reference=reference)
+    slack: dict[tuple[str, str], Any] = {}
+    for level, problem in problems.items():
         answers = answers_of(problem, tried, parts)
         profiles, failed, refused = answers.profiles, failed | answers.failed, refused | answers.refused
         for name, profile in profiles.items():
-            if profile.status is not ProfileStatus.GOOD:
-                warnings.append(f"{name} designed on {level}: {profile.message}")
-            if profile.status is not ProfileStatus.FAILED:
+            if fault := problem.fault(profile):
+                warnings.append(f"{name} designed on {level}: {fault}")
+            if problem.is_usable(profile):
                 usable[name, level] = profile
-        warnings += [f"designed on {level}: {note}" for note in problem.unsettled]
-        if _is_bound(profiles) and not any(isinstance(c, Optimal) for c in tried):
+        warnings += [f"designed on {level}: {note}" for note in problem.notes]
+        if _is_bound(profiles) and not any(c.name == "optimal" for c in tried):
             warnings.append(Remark(_NOT_SEARCHED))
-        for plant in PLANTS:
+        for plant in own.plants:
             for name, profile in profiles.items():
-                key = (profile.force_N.tobytes() + profile.given.tobytes(), plant)
-                if key not in seen:  # none and capstan do not depend on the design level
-                    replays = _outputs(transmission, plant, profile, reference, (name, plant), slack)
-                    seen[key] = entry_of(
-                        replays, reference.wanted, reference.step_s, name=name, level=level, plant=plant
-                    )
+                key = (problem.given(profile), plant)
+                if key not in seen:  # what does not know the level is simulated once
+                    replays = _outputs(problem, plant, profile, (name, plant), slack)
+                    seen[key] = entry_of(replays, own.wanted, scenario.run.step_s, name=name, level=level, plant=plant)
                 found, outputs[name, level, plant] = seen[key]
                 entries.append(replace(found, compensator=name, design_level=level, plant_level=plant))
             parts.done()
-    bands = error_bands(problem.doubt, Level.PRESLIDING, usable, reference)  # on the most detailed level
+    bands = own.bands(usable)  # on the most detailed level
     shown = [c for c in tried if c.name not in failed | refused]
+    require_levels(shown)
     entries = [entry for entry in entries if entry.compensator not in failed | refused]
-    text, best = recommend(entries, shown, bands, str(problem.doubt), SIMPLE)
+    text, best = recommend(entries, shown, bands, str(own.doubt), SIMPLE, own.unit)
     on_level = {name: band for (name, level), band in bands.items() if level is best}
-    expectation = expectation_of(problem.doubt, Level.PRESLIDING, on_level, reference.share_of, reference.unit)
-    traits, costs = {}, {}
-    for model in (*Level, None):
-        name = CAPSTAN_PLANT if model is None else model.value
-        traits[name] = level_traits(transmission, model, reference)
-        costs[name] = level_cost(transmission, model, reference)
-        if model is not None:
-            parts.done(2)
+    expectation = expectation_of(own.doubt, Level.PRESLIDING, on_level, own.share_of, own.unit)
     order = {c.name: k for k, c in enumerate(shown)}
     entries.sort(key=lambda e: order[e.compensator])  # stable: levels and plants keep their order
     return Comparison(
         scenario=scenario,
-        time_s=reference.time_s,
-        wanted=reference.wanted,
-        unit=reference.unit,
-        plants=PLANTS,
-        static="capstan",
-        reference=reference,
+        time_s=own.time_s,
+        wanted=own.wanted,
+        unit=own.unit,
+        plants=own.plants,
+        static=next((name for name in _STATIC if name in order), ""),
         compensators=tuple(shown),
         entries=tuple(entries),
         outputs=outputs,
-        traits=traits,
-        costs=costs,
         bands=bands,
         expectation=expectation,
         recommended_level=best,
         recommendation=text,
-        ignored=ignored_motion(Problem.of(scenario, reference=reference)),
         warnings=by_urgency(
             (
                 *warnings,
                 *(f"{n}: {why}" for n, why in failed.items()),
                 *(Remark(f"{n}: {why}") for n, why in refused.items()),
-                *slack_warnings(slack, expectation.recommended),
+                *own.slack_notes(slack, expectation.recommended),
                 *noise_warnings(entries),
             )
         ),
+        **(_of_one_tendon(own, parts) if CAPSTAN_PLANT in own.plants else {}),
     )
+
+
+def _usual(problem: Any) -> tuple[Any, ...]:
+    """Compensators that are compared by default; of a tension those that refuse, whose reason is a remark, too."""
+    if CAPSTAN_PLANT in problem.plants:
+        return tuple(c for c in EVERY if problem.kind in c.kinds and c.is_compared)
+    return answering(problem)
+
+
+def _of_one_tendon(problem: Problem, parts: Parts) -> dict[str, Any]:
+    """Traits and costs of the levels, and what it costs to ignore the motion of joints."""
+    traits, costs = {}, {}
+    for model in (*Level, None):
+        name = CAPSTAN_PLANT if model is None else model.value
+        traits[name] = level_traits(problem.transmission, model, problem.reference)
+        costs[name] = level_cost(problem.transmission, model, problem.reference)
+        if model is not None:
+            parts.done(2)
+    start = problem.reference.initial_tension_N
+    return {"traits": traits, "costs": costs, "initial_tension_N": start, "ignored": ignored_motion(problem)}
 
 
 _NOT_SEARCHED = (
@@ -152,46 +144,20 @@ _NOT_SEARCHED = (
 )
 
 
-def _is_bound(profiles: Mapping[str, Profile]) -> bool:
+def _is_bound(profiles: Mapping[str, Any]) -> bool:
     """Whether limits, or a push that no tendon gives, keep the exact inverse from what it would do."""
-    inverse = profiles.get("inverse")
-    return inverse is not None and bool(inverse.warnings)
+    return bool(getattr(profiles.get("inverse"), "warnings", ()))
 
 
 def _outputs(
-    transmission: Transmission,
-    plant: str,
-    profile: Profile,
-    reference: Reference,
-    what: tuple[str, str],
-    slack: dict[tuple[str, str], Slack],
+    problem: Any, plant: str, profile: Any, what: tuple[str, str], slack: dict[tuple[str, str], Any]
 ) -> Iterator[FloatArray]:
-    """Response of a plant with ever larger steps, then with a force that is a little different."""
-    if plant == CAPSTAN_PLANT:
-        # Exact for a force that is linear between rows: nothing to refine.
-        law, start = CapstanLaw.of(transmission), reference.initial_tension_N
-        force = profile.command_N is not None
-        rows = followed(transmission.actuator, profile.given, reference) if force else profile.force_N
-        if reference.periodic:  # the second period is that of the steady state
-            rows = np.concatenate([rows[:-1], rows])
-        pulled = behind_drive_N(transmission.actuator.law, rows, start)
-        tension = law.output_history_N(pulled, start)[-len(profile.force_N) :]
-        yield delivered_of(transmission.load, tension, reference)
-        return
-    level = Level(plant)
-    for refinement in REFINEMENTS:
-        run = Plant(transmission, level, refinement=refinement).respond(profile, reference).require()
-        if refinement == REFINEMENTS[0] and run.slack is not None:
-            slack[what] = run.slack
-        yield run.delivered(reference)
-    # Steps are solved to rounding, so a tolerance is the last digits: the answer must not depend on them.
-    start = reference.initial_tension_N
-    nudged = replace(
-        profile,
-        force_N=start + (profile.force_N - start) * (1 + NUDGE),
-        command_m=None if profile.command_m is None else profile.command_m * (1 + NUDGE),
-        command_N=None if profile.command_N is None else start + (profile.command_N - start) * (1 + NUDGE),
-    )
-    yield (
-        Plant(transmission, level, refinement=REFINEMENTS[0]).respond(nudged, reference).require().delivered(reference)
-    )
+    """Response of a plant with ever larger steps, then with commands that are a little different."""
+    for refinement in REFINEMENTS if plant != CAPSTAN_PLANT else REFINEMENTS[:1]:
+        output, gone = problem.output_on(plant, profile, refinement=refinement)
+        if refinement == REFINEMENTS[0] and gone:
+            slack[what] = gone
+        yield output
+    if plant != CAPSTAN_PLANT:
+        # Steps are solved to rounding, so a tolerance is the last digits: the answer must not depend on them.
+        yield problem.output_on(plant, profile, refinement=REFINEMENTS[0], factor=1 + NUDGE)[0]

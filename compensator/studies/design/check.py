@@ -24,7 +24,7 @@ def check_driven(result: MotorDesign, method: Method) -> MethodCheck:
     SolveError if a simulation fails.
     """
     task, unit = result.task, result.goal.unit
-    command = result.recommended.command_rad(task)
+    command = task.answer(result.recommended)
     first, second = (
         unit.factor * task.values_of(task.respond(task.system, command, method=each)) for each in (Method.BDF2, method)
     )

@@ -15,6 +15,7 @@ from tendonff.compensator.compensators.score import Verified
 from tendonff.compensator.feedback.result import feedback_summary
 from tendonff.compensator.files.writing import atomic_directory, write_csv
 from tendonff.compensator.reporting.page import summary_head, write_pages
+from tendonff.compensator.reporting.results import Views
 from tendonff.compensator.reporting.terminal import print_scores
 from tendonff.compensator.scenario.sampled.joint_motion import sample_joints
 from tendonff.compensator.studies.design.drive_use import drive_columns, drive_summary
@@ -141,3 +142,6 @@ def show(result: Design, folder: Path) -> None:
             f"written to {folder}",
         ),
     )
+
+
+VIEWS = Views(write=write_files, columns=profile_columns, figures=design_figures)

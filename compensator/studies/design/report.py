@@ -193,6 +193,8 @@ def _drive(result: Design) -> tuple[Block, ...]:
     actuator = result.scenario.transmission.actuator
     motor, used = actuator.motor, drive_use(result)
     labels = {c.name: c.label for c in result.compensators}
+    if not used:
+        return (Text("Travel, speed and power are those of the exact inverse, which is not among the compensators."),)
     rows: list[tuple[Cell, ...]] = []
     asked: dict[str, float] = {}
 

@@ -3,15 +3,17 @@
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 from tendonff.compensator.compensators.base import Compensator
 from tendonff.compensator.compensators.expectation import Expectation
+from tendonff.compensator.compensators.ignored import IgnoredMotion
 from tendonff.compensator.compensators.next_step import limited_by, next_step, within_reach
 from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
-from tendonff.compensator.compensators.score import IgnoredMotion, Score, Verified
+from tendonff.compensator.compensators.score import Score, Verified
 from tendonff.compensator.feedback.result import FeedbackResult
 from tendonff.compensator.files.text import as_argument
-from tendonff.compensator.reporting.results import Result, views_of
+from tendonff.compensator.reporting.results import Result
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.studies.design.online import Online
@@ -56,6 +58,8 @@ class Design(Result):
     warnings : tuple of str
         What the user should know.
     """
+
+    shown_by: ClassVar[str] = "studies.design.output"
 
     scenario: Scenario
     reference: Reference
@@ -129,4 +133,4 @@ class Design(Result):
 
         An interactive report has a view with zoom, hover and a legend that hides curves, and needs Bokeh.
         """
-        views_of(Design).write(self, folder, interactive=interactive, pdf=pdf)
+        self._views.write(self, folder, interactive=interactive, pdf=pdf)

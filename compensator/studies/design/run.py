@@ -4,15 +4,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from tendonff.compensator.compensators.base import SLOW_PARTS, Compensator, Problem, answers_of
-from tendonff.compensator.compensators.expectation import expect
+from tendonff.compensator.compensators.every import chosen
+from tendonff.compensator.compensators.ignored import ignored_motion
 from tendonff.compensator.compensators.live import expect_live
 from tendonff.compensator.compensators.plant import FINE_REFINEMENT, FINE_SEGMENTS, Plant
 from tendonff.compensator.compensators.profile import FloatArray, ProfileStatus
-from tendonff.compensator.compensators.registry import COMPENSATORS, chosen
+from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.compensators.score import (
     Verified,
     harm_warnings,
-    ignored_motion,
     scale_of,
     slack_warnings,
     verify,
@@ -20,24 +20,19 @@ from tendonff.compensator.compensators.score import (
 from tendonff.compensator.feedback.run import design_feedback
 from tendonff.compensator.files.notices import Remark, by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
-from tendonff.compensator.reporting.results import Views, register_views
 from tendonff.compensator.scenario.reference import CsvReference, Hold
 from tendonff.compensator.scenario.sampled.from_file import noise_advice, ripple_advice
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.studies.design.drive_use import drive_warnings
 from tendonff.compensator.studies.design.feedback import TensionFeedbackTask
-from tendonff.compensator.studies.design.figures import design_figures
 from tendonff.compensator.studies.design.online import study_online
-from tendonff.compensator.studies.design.output import profile_columns, write_files
 from tendonff.compensator.studies.design.result import Design
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.tendon.inverse import invert
 from tendonff.ocp.tendon.stability import predict_stick_slip
-
-register_views(Design, Views(write=write_files, columns=profile_columns, figures=design_figures))
 
 
 @in_turn
@@ -54,11 +49,11 @@ def design(
     """
     problem = Problem.of(scenario, reference=sample_reference(scenario, strict=strict))
     reference, transmission, level = problem.reference, problem.transmission, problem.level
-    compensators = chosen(compensators)
+    compensators = chosen(scenario.kind, compensators)
     shares = sum(1 if c.is_fast else SLOW_PARTS for c in compensators)
     parts = Parts(progress, shares + len(compensators) * (len(Level) + 1))
     warnings = [*reference.warnings, *_file_warnings(scenario, problem)]
-    warnings += [*_hold_notes(problem), *problem.unsettled]
+    warnings += [*_hold_notes(problem), *problem.notes]
     answers = answers_of(problem, compensators, parts)
     profiles = answers.profiles
     stick_slip = predict_stick_slip(
@@ -69,7 +64,7 @@ def design(
         inversion=problem.inversion,
     )
     usable = {name: p for name, p in profiles.items() if p.status is not ProfileStatus.FAILED}
-    expectation = expect(problem.doubt, level, usable, reference)
+    expectation = problem.expect(usable)
     warnings += [*expectation.warnings, *answers.warnings(expectation.recommended)]
     small = 100 * stick_slip.expected_error_N < _SMALL * scale_of(reference.tension_N)
     warnings += [Remark(text) if small else text for text in stick_slip.warnings]

@@ -9,6 +9,7 @@ import numpy as np
 
 from tendonff.compensator.files.writing import atomic_directory, csv_text, write_text
 from tendonff.compensator.reporting.page import write_pages
+from tendonff.compensator.reporting.results import Views
 from tendonff.compensator.studies.experiment import numbers
 from tendonff.compensator.studies.experiment.figures import experiment_figures
 from tendonff.compensator.studies.experiment.report import experiment_report
@@ -104,3 +105,6 @@ def summary(result: ExperimentResult) -> dict[str, object]:
         "sections": SECTIONS,
         "warnings": numbers.warnings_of(result),
     }
+
+
+VIEWS = Views(write=write_files, columns=lead_columns, figures=experiment_figures)

@@ -2,11 +2,12 @@
 
 import os
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray
-from tendonff.compensator.reporting.results import Result, views_of
+from tendonff.compensator.reporting.results import Result
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.studies.experiment.machine import StatePass
 from tendonff.compensator.studies.experiment.rig import Plan
@@ -128,6 +129,8 @@ class ExperimentResult(Result):
         Measured tensions beside it, where a file was given.
     """
 
+    shown_by: ClassVar[str] = "studies.experiment.output"
+
     scenario: Scenario
     plan: Plan
     lead: Level
@@ -147,4 +150,4 @@ class ExperimentResult(Result):
         """Write `experiment_<level>.csv`, `summary.json`, figures and `report.html`, all or nothing; makes
         the folder.
         """
-        views_of(ExperimentResult).write(self, folder, pdf=pdf)
+        self._views.write(self, folder, pdf=pdf)

@@ -14,12 +14,9 @@ import numpy as np
 
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.reading import FloatArray
-from tendonff.compensator.reporting.results import Views, register_views
 from tendonff.compensator.scenario.scenario import Scenario
-from tendonff.compensator.studies.experiment.figures import experiment_figures
 from tendonff.compensator.studies.experiment.machine import Machine, Schedule, StatePass, plan_experiment
 from tendonff.compensator.studies.experiment.numbers import read_measured
-from tendonff.compensator.studies.experiment.output import lead_columns, write_files
 from tendonff.compensator.studies.experiment.result import ExperimentResult, ExperimentRun
 from tendonff.compensator.studies.experiment.rig import Plan, Rig, RigRows
 from tendonff.models.fidelity import Level
@@ -29,8 +26,6 @@ Ends = tuple[float | None, float | None]
 
 _SCALE_BOUNDS = (0.5, 2.0)
 _QUASI_STATIC_FACTOR = 1000.0
-
-register_views(ExperimentResult, Views(write=write_files, columns=lead_columns, figures=experiment_figures))
 
 
 def run_machine(plan: Plan, level: Level) -> tuple[Schedule, ExperimentRun]:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tendonff.compensator.compensators.motors.registry import motor_compensator, motor_compensators, task_of
+from tendonff.compensator.compensators.every import answering, compensator_of, problem_of
 from tendonff.compensator.compensators.motors.task import MotorTask
 from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.compensators.score import score
@@ -34,9 +34,10 @@ class MotorExplorer(Subject):
     slow = ()
 
     def __init__(self, scenario: JointScenario | FingerScenario) -> None:
-        self._task = task = task_of(scenario)
+        self._task: MotorTask = problem_of(scenario)
+        task = self._task
         self.name, self.file = scenario.name, scenario.source.name
-        self.fast = tuple(Curve(name=c.name, label=c.label, style=c.style) for c in motor_compensators(task))
+        self.fast = tuple(Curve(name=c.name, label=c.label, style=c.style) for c in answering(task))
         self.panels = _panels_of_several(task) if task.goal.is_named else _panels_of_one(task)
         factors = [
             Knob(key=k, title=t, value=1.0, start=0.2, end=2.5, step=0.05, shown="0.00") for k, t in _FACTORS.items()
@@ -51,7 +52,7 @@ class MotorExplorer(Subject):
         courses, notes = {}, []
         for curve in curves:
             try:
-                command = motor_compensator(design, curve.name).command_rad(design)
+                command = design.answer(compensator_of(design.kind, curve.name))
                 found = task.respond(task.system, command)
             except TendonffError as error:  # one that has no answer must not take the others along
                 if len(curves) == 1:
@@ -77,8 +78,8 @@ class MotorExplorer(Subject):
         """Expected error; see `Subject.worst_case`."""
         task = self._changed(values)
         design = task if design_knows else self._task
-        known = {curve.name: motor_compensator(design, curve.name) for curve in self.fast}
-        found = task.expect({name: each.command_rad(design) for name, each in known.items()})
+        known = {curve.name: compensator_of(design.kind, curve.name) for curve in self.fast}
+        found = task.expect({name: design.answer(each) for name, each in known.items()})
         then = next_step(found, self.file, f"tendonff design {self.file} --out out")
         return found.headline(known[found.recommended].label, then)
 
@@ -112,7 +113,8 @@ class MotorExplorer(Subject):
             alone = [motor.name for motor in system.motors if len(motor.winds) == 1]
             changed |= {f"motors.{name}.drive.least_tension_N": changed[_LEAST] for name in alone}
         other = with_numbers(system, changed)
-        return task_of(replace(self._task.scenario, mechanism=other), self._task.level)
+        found: MotorTask = problem_of(replace(self._task.scenario, mechanism=other), self._task.level)
+        return found
 
 
 def _panels_of_one(task: MotorTask) -> dict[str, Panel]:

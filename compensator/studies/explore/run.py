@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from tendonff.compensator.compensators.base import Compensator, Problem, answers_of, with_motion
-from tendonff.compensator.compensators.expectation import expect
+from tendonff.compensator.compensators.expectation import error_bands, expectation_of
 from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.compensators.plant import Plant, delivered_of
 from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
@@ -271,7 +271,8 @@ class Explorer(Subject):
         labels = {curve.name: curve.label for curve in FAST}
         fast = [curve.compensator for curve in FAST if curve.compensator is not None]
         profiles = answers_of(problem, fast, Parts(silent, len(fast))).profiles
-        found = expect(doubt, problem.level, profiles, problem.reference)
+        bands = error_bands(doubt, problem.level, profiles, problem.reference)
+        found = expectation_of(doubt, problem.level, bands, problem.share_of, problem.unit)
         file = self._scenario.source.name
         then = next_step(found, file, f"tendonff design {file} --out out")
         return found.headline(labels[found.recommended], then)

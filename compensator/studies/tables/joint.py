@@ -9,11 +9,11 @@ from types import MappingProxyType
 import numpy as np
 from matplotlib.figure import Figure
 
+from tendonff.compensator.compensators.every import compensator_of
 from tendonff.compensator.compensators.expectation import Expectation
 from tendonff.compensator.compensators.expected import expectation_summary, robustness_table
 from tendonff.compensator.compensators.motors.joint import JointTask, motor_names
-from tendonff.compensator.compensators.motors.registry import MotorCompensator, motor_compensator
-from tendonff.compensator.compensators.motors.task import MotorTask
+from tendonff.compensator.compensators.motors.task import MotorCompensator, MotorTask
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.files.writing import atomic_directory, csv_text, write_text
 from tendonff.compensator.reporting.colours import GREEN, INK, VERMILION, Style
@@ -183,8 +183,8 @@ def tabulate_joint(
         style=Style(color=GREEN, linestyle="-"),
         motor_rad=lambda own: _command(own, angle, speeds, motor),
     )
-    each = (motor_compensator(task, "linear"), table, motor_compensator(task, "inverse"))
-    commands = {one.name: one.command_rad(task) for one in each}
+    each = (compensator_of(task.kind, "linear"), table, compensator_of(task.kind, "inverse"))
+    commands = {one.name: task.answer(one) for one in each}
     return JointTable(
         scenario=scenario,
         angle_rad=angle,

@@ -8,8 +8,9 @@ from tendonff.compensator.export.text.c_text import table_header
 from tendonff.compensator.files.writing import atomic_directory, csv_text, write_json, write_text
 from tendonff.compensator.reporting.page import write_report
 from tendonff.compensator.reporting.plots import save_figure
+from tendonff.compensator.reporting.results import Views
 from tendonff.compensator.scenario.scenario import scenario_hash
-from tendonff.compensator.studies.tables.figures import table_figure
+from tendonff.compensator.studies.tables.figures import table_figure, table_figures
 from tendonff.compensator.studies.tables.report import table_report
 from tendonff.compensator.studies.tables.result import FORMULA, AngleTable, Tables
 from tendonff.models.capstan import Branch
@@ -77,3 +78,6 @@ def summary(result: Tables) -> dict[str, object]:
         "expected_error": {level: score.named(result.reference.unit) for level, score in result.scores.items()},
         "tables": [one(item) for item in result.tables],
     }
+
+
+VIEWS = Views(write=write_files, columns=table_columns, figures=table_figures)

@@ -2,13 +2,14 @@
 
 import os
 from dataclasses import dataclass
+from typing import ClassVar
 
 from tendonff.compensator.compensators.expectation import Expectation
 from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.compensators.score import Score
 from tendonff.compensator.compensators.table import BuiltTable
 from tendonff.compensator.files.text import as_argument
-from tendonff.compensator.reporting.results import Result, views_of
+from tendonff.compensator.reporting.results import Result
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.fidelity import Level
@@ -67,6 +68,8 @@ class Tables(Result):
         Why the table must not be used as it is: its error is above that of no compensation.
     """
 
+    shown_by: ClassVar[str] = "studies.tables.output"
+
     scenario: Scenario
     level: Level
     reference: Reference
@@ -106,4 +109,4 @@ class Tables(Result):
 
         The names in `table.h` begin with `prefix`.
         """
-        views_of(Tables).write(self, folder, prefix=prefix, pdf=pdf)
+        self._views.write(self, folder, prefix=prefix, pdf=pdf)

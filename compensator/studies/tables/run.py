@@ -5,23 +5,18 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from tendonff.compensator.compensators.base import Problem, limit_warnings, with_motion
-from tendonff.compensator.compensators.expectation import FRICTIONLESS, error_bands, expectation_of
+from tendonff.compensator.compensators.expectation import FRICTIONLESS, expectation_of
 from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.score import harm_warnings, verify
 from tendonff.compensator.compensators.table import CompensationTable, table_of, table_range
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.reporting.results import Views, register_views
 from tendonff.compensator.scenario.sampled.joint_motion import posed
 from tendonff.compensator.scenario.scenario import Scenario
-from tendonff.compensator.studies.tables.figures import table_figures
-from tendonff.compensator.studies.tables.output import table_columns, write_files
 from tendonff.compensator.studies.tables.result import AngleTable, Tables
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
 from tendonff.ocp.tracking.diagnosis import law_of, reasons
-
-register_views(Tables, Views(write=write_files, columns=table_columns, figures=table_figures))
 
 
 @in_turn
@@ -67,7 +62,7 @@ def make_tables(
     profile = profiles["table"]
     scores = {on: verify(Plant(transmission, on), "table", profile, reference).score for on in Level}
     nothing = verify(Plant(transmission, problem.level), "none", profiles["none"], reference).score
-    bands = error_bands(problem.doubt, problem.level, profiles, reference)
+    bands = problem.bands(profiles)
     expectation = expectation_of(
         problem.doubt, problem.level, bands, reference.share_of, reference.unit, recommended="table"
     )

@@ -6,6 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from shlex import quote
+from typing import ClassVar
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -24,7 +25,7 @@ from tendonff.compensator.reporting.page import (
     write_pages,
 )
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure
-from tendonff.compensator.reporting.results import Result, Views, register_views
+from tendonff.compensator.reporting.results import Result, Views
 from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.studies.watch.chart import LONGEST_S, Alarm, Course, clock
 from tendonff.compensator.studies.watch.windows import WATCHED, Window
@@ -51,6 +52,8 @@ class Watch(Result):
     inputs : tuple of Path
         The logs.
     """
+
+    shown_by: ClassVar[str] = "studies.watch.output"
 
     scenario: JointScenario
     windows: tuple[Window, ...]
@@ -198,7 +201,7 @@ def watch_figures(found: Watch) -> dict[str, Figure]:
         return {"history": figure, "test": test}
 
 
-register_views(Watch, Views(write=Watch.write, columns=_columns, figures=watch_figures))
+VIEWS = Views(write=Watch.write, columns=_columns, figures=watch_figures)
 
 
 def _borders(found: Watch) -> list[float]:

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tendonff.compensator.compensators.expectation import expect, two_digits
+from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.expectation import two_digits
 from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.compensators.profile import Profile
 from tendonff.compensator.compensators.uncertain import Doubt, sample_systems
@@ -65,8 +66,8 @@ def test_friction_overestimated_makes_the_output_swing_more_than_the_reference(
 ) -> None:
     """Over-compensation: the exact inverse of the nominal rig on rigs with less friction."""
     profile = Profile(force_N=invert(Chain.of(generic, Level.PRESLIDING, 40), TENSION, STEP).force_N)
-    doubt = Doubt.of(generic, Uncertainty(mu=0.2, samples=3))
-    band = expect(doubt, Level.PRESLIDING, {"inverse": profile}, reference).bands["inverse"]
+    of = {"level": Level.PRESLIDING, "reference": reference, "uncertainty": Uncertainty(mu=0.2, samples=3)}
+    band = Problem(transmission=generic, **of).expect({"inverse": profile}).bands["inverse"]
     assert band.nominal.rmse < 1e-6
     assert band.amplified_sample.numbers == {"mu": 0.8}
     assert band.amplification > 0.05
@@ -83,8 +84,8 @@ def test_the_number_that_does_it_is_the_first_contribution_and_the_corner_of_all
         Spread(keys=("friction.mu_dynamic", "friction.mu_dynamic_release"), half_width=0.05),
     )
     rig = replace(generic, friction=replace(generic.friction, mu_dynamic_release=0.15))
-    doubt = Doubt.of(rig, Uncertainty(spread=spread))
-    found = expect(doubt, Level.PRESLIDING, {"inverse": profile}, reference)
+    of = {"level": Level.PRESLIDING, "reference": reference, "uncertainty": Uncertainty(spread=spread)}
+    found = Problem(transmission=rig, **of).expect({"inverse": profile})
     assert found.contributions[0].key == "actuator.coulomb_N"
 
     def error_N(transmission: Transmission) -> float:

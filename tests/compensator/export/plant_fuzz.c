@@ -1,4 +1,4 @@
-/* The plant under violent random forces: most solves of a call, calls that fail, longest row of failures. */
+/* The plant under violent random forces: most evaluations of a call, calls that fail, longest row of failures. */
 #include <math.h>
 #include <stdio.h>
 
@@ -26,7 +26,7 @@ int main(void)
         }
         force += fmax(-rate, fmin(rate, target - force));
         (void)tff_plant_step(&plant, (tff_real)force);
-        most = (plant.solves > most) ? plant.solves : most;
+        most = (plant.evaluations > most) ? plant.evaluations : most;
         row = ((plant.status & TFF_FAILED) != 0u) ? (row + 1) : 0;
         failed += (row > 0) ? 1 : 0;
         longest = (row > longest) ? row : longest;

@@ -10,10 +10,11 @@ import pytest
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.export.golden import golden_vectors
 from tendonff.compensator.export.host import run_on_host
-from tendonff.compensator.export.modules import PLANT
+from tendonff.compensator.export.modules import OBSERVER, PLANT
 from tendonff.compensator.export.text import c_text
 from tendonff.compensator.export.text.c_text import c_sources
 from tendonff.compensator.scenario.reference import SineReference
+from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.fidelity import Level
 from tendonff.ocp.codegen.precision import Precision
@@ -52,6 +53,20 @@ def test_golden_rows_end_before_a_step_that_the_plant_may_give_up(examples):
     assert found["plant"] == pytest.approx(expected, abs=1e-9 * course.scale_N)
 
 
+def figures(module: str, scenario: Scenario, folder: Path) -> list[int]:
+    """What the module's violent drive prints."""
+    for name, text in c_sources(scenario, Problem.of(scenario), (PLANT, OBSERVER), Precision.DOUBLE, "tff").items():
+        (folder / name).write_text(text)
+    sources = [
+        Path(__file__).with_name(f"{module}_fuzz.c"),
+        *(folder / f"tff_{name}.c" for name in (module, "limits", "parameters")),
+    ]
+    program = folder / "program"
+    subprocess.run(["cc", "-std=c99", "-O2", "-I", folder, *sources, "-lm", "-o", program], check=True)
+    said = subprocess.run([program], capture_output=True, text=True, check=True).stdout
+    return [int(word) for word in said.split()]
+
+
 @pytest.mark.parametrize(("evaluations", "fails"), [(None, False), (30, True)])
 def test_the_work_of_a_call_is_bounded(examples, tmp_path, monkeypatch, evaluations, fails, record_property):
     """With a bound so low that it binds, steps fail one by one and the plant goes on."""
@@ -67,19 +82,20 @@ def test_the_work_of_a_call_is_bounded(examples, tmp_path, monkeypatch, evaluati
         monkeypatch.setattr(target, "plant_limits", tight)
         monkeypatch.setattr(c_text, "plant_limits", tight)
     scenario = load_scenario(examples / "finger_stribeck.toml")
-    for name, text in c_sources(scenario, Problem.of(scenario), (PLANT,), Precision.DOUBLE, "tff").items():
-        (tmp_path / name).write_text(text)
-    sources = [
-        Path(__file__).with_name("plant_fuzz.c"),
-        *(tmp_path / f"tff_{name}.c" for name in ("plant", "limits", "parameters")),
-    ]
-    program = tmp_path / "program"
-    subprocess.run(["cc", "-std=c99", "-O2", "-I", tmp_path, *sources, "-lm", "-o", program], check=True)
-    said = subprocess.run([program], capture_output=True, text=True, check=True).stdout
-    most, failed, longest = map(int, said.split())
+    most, failed, longest = figures("plant", scenario, tmp_path)
     record_property(
-        "figure", f"plant, violent forces, at most {bound} evaluations: {most} solves, {failed} of 40000 fail"
+        "figure", f"plant, violent forces, at most {bound} evaluations: {most} of them, {failed} of 40000 fail"
     )
     assert most <= bound
     assert (failed > 0) == fails or failed <= 4
     assert longest <= 20
+
+
+def test_an_observer_comes_back_after_a_step_without_a_solution(examples, tmp_path, record_property):
+    """A state from which nothing converges, a tendon that slid while it went slack say, is left at once."""
+    if shutil.which("cc") is None:
+        pytest.skip("cc is not installed")
+    failed, longest = figures("observer", load_scenario(examples / "finger_stribeck.toml"), tmp_path)
+    record_property("figure", f"observer, violent tensions: {failed} of 10000 calls fail, at most {longest} in a row")
+    assert 0 < failed <= 100
+    assert longest <= 4

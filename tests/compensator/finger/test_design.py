@@ -15,7 +15,7 @@ from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.runtime.kinds import RuntimeStatus
 from tendonff.compensator.scenario.driven.finger import load_finger_scenario, parse_finger_scenario, sample_finger
 from tendonff.compensator.scenarios import load_scenario
-from tendonff.compensator.studies.compare.joint import compare_joint
+from tendonff.compensator.studies.compare.run import compare
 from tendonff.compensator.studies.design.check import check_driven
 from tendonff.compensator.studies.design.motors.run import design_motors
 from tendonff.compensator.studies.design.sweep.run import sweep
@@ -255,7 +255,7 @@ def test_a_finger_is_compared_and_swept_over_its_uncertainty(tmp_path):
     coarse = scenario(SHORT, ("duration_s = 0.6", "duration_s = 0.2"), ("step_s = 1e-3", "step_s = 2e-3"))
     text = coarse.text.replace("segments = 12", "segments = 4") + "[robust]\nmu = 0.2\nstiffness = 0.3\nsamples = 2\n"
     stated = parse_finger_scenario(text, EXAMPLE)
-    found = compare_joint(stated, compensators=("linear", "static", "inverse"))
+    found = compare(stated, compensators=("linear", "static", "inverse"))
     errors = {c.name: found.entry(c.name, Level.PRESLIDING, "presliding") for c in found.compensators}
     assert set(errors) == {"linear", "static", "inverse"}
     assert errors["inverse"].rmse_percent_of_range < 0.1 * errors["static"].rmse_percent_of_range

@@ -1,11 +1,16 @@
 """What every result shows: a short repr, a view for notebooks, its main table, its figures."""
 
 import csv
+import re
+from importlib import import_module
+from pathlib import Path
 
 import pytest
 from matplotlib.figure import Figure
 
 import tendonff as tf
+import tendonff.compensator
+from tendonff.compensator.reporting.results import Views
 
 
 @pytest.fixture(scope="module")
@@ -53,3 +58,11 @@ def test_a_notebook_shows_headline_and_first_figure(designs):
         page = result._repr_html_()
         assert "RMS" in page
         assert page.count("<img") == 1
+
+
+def test_every_result_names_a_module_that_shows_it():
+    """All classes of the package, so that none fails at the first `.write` or `.plot`."""
+    for path in Path(tendonff.compensator.__file__).parent.rglob("*.py"):
+        if "(Result):" in (text := path.read_text(encoding="utf-8")):
+            [name] = re.findall(r'shown_by: ClassVar\[str\] = "(.*)"', text)
+            assert isinstance(import_module(f"tendonff.compensator.{name}").VIEWS, Views)

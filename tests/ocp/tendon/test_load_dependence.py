@@ -39,7 +39,7 @@ def test_one_way_slip_ends_at_the_closed_form_for_any_number_of_masses(generic, 
 
 
 @pytest.mark.parametrize("level", Level)
-@pytest.mark.parametrize("engine", [Engine.COMPILED, Engine.CASADI])
+@pytest.mark.parametrize("engine", [pytest.param(Engine.COMPILED, marks=pytest.mark.compiler), Engine.CASADI])
 def test_the_inverse_reproduces_its_reference_to_round_off(generic, level, engine):
     chain, reference = Chain.of(loaded(generic), level, 4), wanted(0.8)
     found = invert(chain, reference, STEP, engine=engine)

@@ -12,6 +12,7 @@ from tendonff.compensator.feedback.result import feedback_summary
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.writing import atomic_directory, write_csv
 from tendonff.compensator.reporting.page import summary_head, write_pages
+from tendonff.compensator.reporting.results import Views
 from tendonff.compensator.reporting.terminal import print_scores
 from tendonff.compensator.studies.design.motors.figures import design_figures
 from tendonff.compensator.studies.design.motors.report import design_report, interactive_panels
@@ -131,3 +132,6 @@ def show(result: MotorDesign, folder: Path) -> None:
             f"written to {folder}",
         ),
     )
+
+
+VIEWS = Views(write=write_files, columns=profile_columns, figures=design_figures)

@@ -2,20 +2,20 @@
 
 import os
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from tendonff.compensator.compensators.expectation import Expectation
-from tendonff.compensator.compensators.motors.registry import MotorCompensator
 from tendonff.compensator.compensators.motors.response import MotorResponse
 from tendonff.compensator.compensators.motors.sheet import JointSheet, TendonSheet
-from tendonff.compensator.compensators.motors.task import MotorTask
+from tendonff.compensator.compensators.motors.task import MotorCompensator, MotorTask
 from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.compensators.score import scale_of
 from tendonff.compensator.feedback.result import FeedbackResult
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.text import as_argument
-from tendonff.compensator.reporting.results import Result, views_of
+from tendonff.compensator.reporting.results import Result
 from tendonff.compensator.scenario.driven.finger import FingerScenario
 from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenario.goal import Goal
@@ -102,6 +102,8 @@ class MotorDesign(Result):
     warnings : tuple of str
         What the user should know.
     """
+
+    shown_by: ClassVar[str] = "studies.design.motors.output"
 
     scenario: JointScenario | FingerScenario
     task: MotorTask
@@ -200,4 +202,4 @@ class MotorDesign(Result):
 
         An interactive report has a view with zoom, hover and a legend that hides curves, and needs Bokeh.
         """
-        views_of(MotorDesign).write(self, folder, interactive=interactive, pdf=pdf)
+        self._views.write(self, folder, interactive=interactive, pdf=pdf)

@@ -6,24 +6,22 @@ from typing import Any
 
 import numpy as np
 
+from tendonff.compensator.compensators.every import answering, chosen, problem_of
 from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.compensators.motors.joint import JointTask, joint_load
-from tendonff.compensator.compensators.motors.registry import MotorCompensator, chosen, task_of, tried
+from tendonff.compensator.compensators.motors.registry import require_needed, tried
 from tendonff.compensator.compensators.motors.response import MotorResponse
 from tendonff.compensator.compensators.motors.sheet import joint_sheets, tendon_sheets
-from tendonff.compensator.compensators.motors.task import UNSETTLED, MotorTask
+from tendonff.compensator.compensators.motors.task import UNSETTLED, MotorCompensator, MotorTask
 from tendonff.compensator.feedback.joint import JointFeedbackTask
 from tendonff.compensator.feedback.run import design_feedback
 from tendonff.compensator.files.notices import Danger, by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.reporting.results import Views, register_views
 from tendonff.compensator.scenario.driven.finger import FingerScenario
 from tendonff.compensator.scenario.driven.finger_doubts import finger_doubts
 from tendonff.compensator.scenario.driven.joint import JointScenario, SampledJoint
 from tendonff.compensator.scenario.driven.joint_doubts import joint_doubts
-from tendonff.compensator.studies.design.motors.figures import design_figures
-from tendonff.compensator.studies.design.motors.output import profile_columns, write_files
 from tendonff.compensator.studies.design.motors.result import MotorDesign, MotorProfile
 from tendonff.models.joint.closed_form import DataSheet, GrossSliding, data_sheet, sweep_pretension
 from tendonff.models.joint.parameters import DriveKind, Mechanism
@@ -31,8 +29,6 @@ from tendonff.models.turns import in_turn
 
 LEAST_DAMPING_RATIO, LEAST_COMMANDS = 0.02, 20.0
 """A joint that damps its resonance less is shaken by commands that come less often than so many times a period [-]."""
-
-register_views(MotorDesign, Views(write=write_files, columns=profile_columns, figures=design_figures))
 
 
 @in_turn
@@ -44,14 +40,15 @@ def design_motors(
     progress: Progress = silent,
 ) -> MotorDesign:
     """Design and verify the motor angles of driven joints; arguments and errors as of `tendonff.design`."""
-    task = task_of(scenario)
+    task: MotorTask = problem_of(scenario)
     if task.warnings and strict:
         raise InputError("; ".join(task.warnings))
     task.check_reach()
     inversion, lead = task.inversion, task.lead
     if strict and (refused := task.refusal):
         raise InputError(f"{scenario.source.name}: {refused}")
-    tried_ones = chosen(task, compensators)
+    tried_ones = answering(task) if compensators is None else chosen(task.kind, compensators)
+    require_needed(task, tried_ones)
     parts = Parts(progress, 2 * len(tried_ones) + 1)
     found = tried(task, tried_ones, parts)
     kept, profiles = slice(lead, None), {}

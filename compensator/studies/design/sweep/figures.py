@@ -4,7 +4,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure
-from tendonff.compensator.studies.design.sweep.kinds import named
 from tendonff.compensator.studies.design.sweep.result import Sweep, key_label
 
 
@@ -13,7 +12,7 @@ def sweep_figures(result: Sweep) -> dict[str, Figure]:
     """By file name: the share of units over the error, and the error over each key that takes several values."""
     share, axes = new_figure()
     panel = axes[0, 0]
-    compensators = named(result.scenario, result.compensators)
+    compensators = result.known
     for name, each in compensators.items():
         error = np.sort(result.percent(name))
         error = error[np.isfinite(error)]

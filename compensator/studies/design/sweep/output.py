@@ -5,8 +5,8 @@ import os
 
 from tendonff.compensator.files.writing import atomic_directory, csv_text, write_parquet, write_text
 from tendonff.compensator.reporting.page import summary_head, write_pages
+from tendonff.compensator.reporting.results import Views
 from tendonff.compensator.studies.design.sweep.figures import sweep_figures
-from tendonff.compensator.studies.design.sweep.kinds import kind_of
 from tendonff.compensator.studies.design.sweep.report import sweep_report
 from tendonff.compensator.studies.design.sweep.result import QUANTILES, YIELD_PERCENT, Sweep
 
@@ -32,7 +32,7 @@ def sample_table(result: Sweep) -> dict[str, list[float]]:
 
 def sample_columns(result: Sweep) -> list[str]:
     """Names of the columns: the sample, the keys, errors and peaks of each compensator."""
-    peak = f"peak_error_{kind_of(result.scenario).unit(result.scenario).key}"
+    peak = f"peak_error_{result.scenario.goal.unit.key}"
     scores = [f"{name}_{what}" for what in ("rmse_percent_of_range", peak) for name in result.compensators]
     return ["sample", *result.keys, *scores]
 
@@ -70,3 +70,6 @@ def summary(result: Sweep) -> dict[str, object]:
             for key, low, high, at_low, at_high in result.budget
         ],
     }
+
+
+VIEWS = Views(write=write_files, columns=sample_table, figures=sweep_figures)

@@ -6,9 +6,9 @@ from itertools import product
 
 import numpy as np
 
+from tendonff.compensator.compensators.every import AnyScenario, problem_of
 from tendonff.compensator.compensators.uncertain import draw_systems
 from tendonff.compensator.files.reading import InputError, suggestion
-from tendonff.compensator.studies.design.sweep.kinds import AnyScenario, kind_of
 from tendonff.models.errors import ParameterError
 from tendonff.models.parameters.numbers import FACTORS, is_whole, keys_of, with_numbers
 from tendonff.models.parameters.uncertainty import Uncertainty
@@ -58,7 +58,7 @@ def uncertainty_of(scenario: AnyScenario) -> Uncertainty:
     """Intervals that are drawn from: [robust], or those that `design` assumes where it states nothing."""
     if not scenario.robust.is_certain:
         return scenario.robust
-    stated: Uncertainty = kind_of(scenario).problem(scenario).doubt.uncertainty
+    stated: Uncertainty = problem_of(scenario).doubt.uncertainty
     return stated
 
 
@@ -70,14 +70,13 @@ def random_keys(scenario: AnyScenario) -> tuple[str, ...]:
 def random_units(scenario: AnyScenario, count: int) -> list[Unit]:
     """Units that the scenario's uncertainty, stated or assumed, admits: a Sobol sequence over its intervals."""
     stated = uncertainty_of(scenario)
-    kind = kind_of(scenario)
-    drawn = draw_systems(kind.system(scenario), stated, count)
+    drawn = draw_systems(scenario.system, stated, count)
     certain, keys = replace(scenario, robust=Uncertainty()), random_keys(scenario)
     return [
         Unit(
             index=k,
             values=tuple(sample.numbers[key] for key in keys),
-            scenario=kind.with_system(certain, sample.system, sample.numbers),
+            scenario=certain.with_system(sample.system, sample.numbers),
         )
         for k, sample in enumerate(drawn)
     ]
@@ -125,8 +124,7 @@ def draw(scenario: AnyScenario, n: int, *, seed: int | None = None) -> tuple[Any
 
 def varied(scenario: AnyScenario, keys: tuple[str, ...], values: tuple[float, ...]) -> AnyScenario:
     """The scenario with other values of keys "table.name"; what follows from them follows, see `with_numbers`."""
-    kind, run = kind_of(scenario), scenario.run
-    system = kind.system(scenario)
+    run, system = scenario.run, scenario.system
     changes: dict[str, float] = {}
     steps: dict[str, float] = {}
     known = [*keys_of(system)[len(FACTORS) :], "run.step_s"]
@@ -140,7 +138,7 @@ def varied(scenario: AnyScenario, keys: tuple[str, ...], values: tuple[float, ..
     try:
         if steps:
             run = replace(run, step_s=steps["run.step_s"])
-        changed: AnyScenario = kind.with_system(replace(scenario, run=run), with_numbers(system, changes), changes)
+        changed: AnyScenario = replace(scenario, run=run).with_system(with_numbers(system, changes), changes)
     except ParameterError as error:
         at = ", ".join(f"{key} = {value:g}" for key, value in zip(keys, values, strict=True))
         raise InputError(f"--over: {at}: {error}") from None

@@ -5,14 +5,13 @@ from collections.abc import Mapping
 from matplotlib.figure import Figure
 
 from tendonff.compensator.reporting.page import FileNote, Report, Section, Table, pictures_of, provenance_of
-from tendonff.compensator.studies.design.sweep.kinds import named
 from tendonff.compensator.studies.design.sweep.result import QUANTILES, YIELD_PERCENT, Sweep, key_label
 
 
 def sweep_report(result: Sweep, figures: Mapping[str, Figure]) -> Report:
     """The page of a sweep."""
     unit = "units" if result.is_random else "points"
-    labels = {name: each.label for name, each in named(result.scenario, result.compensators).items()}
+    labels = {name: each.label for name, each in result.known.items()}
     yields = Table(
         caption=f"Share of the {unit} whose error stays below a bound [%]",
         columns=("compensator", *(f"< {bound:g} % of range" for bound in YIELD_PERCENT)),

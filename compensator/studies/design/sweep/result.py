@@ -5,17 +5,18 @@ import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
+from tendonff.compensator.compensators.every import AnyCompensator, AnyScenario, compensator_of
 from tendonff.compensator.compensators.expectation import Expectation, two_digits
 from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.files.writing import atomic_file
-from tendonff.compensator.reporting.results import Result, views_of
-from tendonff.compensator.studies.design.sweep.kinds import AnyScenario, kind_of
+from tendonff.compensator.reporting.results import Result
 from tendonff.models.parameters.numbers import FACTORS
 
 YIELD_PERCENT = (0.5, 1.0, 2.0, 5.0, 10.0)  # errors whose yields are reported [% of range]
@@ -47,6 +48,8 @@ Cost = tuple[str, float, float, tuple[float, ...], tuple[float, ...]]
 class Sweep(Result):
     """Scores over units."""
 
+    shown_by: ClassVar[str] = "studies.design.sweep.output"
+
     scenario: AnyScenario
     options: str  # options of the command, in words
     keys: tuple[str, ...]  # varied keys of the scenario, or factors on its parameters
@@ -55,6 +58,11 @@ class Sweep(Result):
     # of the nominal scenario's profiles, on units drawn from its uncertainty; None for a grid, where every point has
     # profiles of its own
     expectation: Expectation | None
+
+    @property
+    def known(self) -> dict[str, AnyCompensator]:
+        """The compensators by their names."""
+        return {name: compensator_of(self.scenario.kind, name) for name in self.compensators}
 
     @property
     def is_random(self) -> bool:
@@ -99,7 +107,7 @@ class Sweep(Result):
         if self.expectation is not None:
             best = self.expectation.recommended
         *_, most, worst = (max(q, 1e-3) for q in self.quantiles(best))
-        label = kind_of(self.scenario).compensator(self.scenario, best).label
+        label = self.known[best].label
         if self.expectation is None:
             return (
                 f"RMS error of up to {two_digits(worst)} % of range over {len(self.rows)} points, best profile: "
@@ -117,7 +125,7 @@ class Sweep(Result):
         """Write `samples.csv` (and `samples.parquet`), `summary.json`, figures and `report.html`, all or nothing; makes
         the folder.
         """
-        views_of(Sweep).write(self, folder, parquet=parquet, pdf=pdf)
+        self._views.write(self, folder, parquet=parquet, pdf=pdf)
 
 
 _PLAN, _ROWS = "sweep.json", "rows.partial.csv"

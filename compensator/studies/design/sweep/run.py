@@ -9,19 +9,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tendonff.compensator.compensators.every import AnyScenario, answering, compensator_of, problem_of
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.reporting.results import Views, register_views
-from tendonff.compensator.studies.design.sweep.figures import sweep_figures
-from tendonff.compensator.studies.design.sweep.kinds import AnyScenario, kind_of
-from tendonff.compensator.studies.design.sweep.output import sample_table, write_files
 from tendonff.compensator.studies.design.sweep.plan import Axis, Unit, grid_units, random_keys, random_units
 from tendonff.compensator.studies.design.sweep.result import Row, Store, Sweep
 from tendonff.models.errors import TendonffError
 from tendonff.models.turns import in_turn
 from tendonff.ocp.tendon.batch import run_jobs
-
-register_views(Sweep, Views(write=write_files, columns=sample_table, figures=sweep_figures))
 
 
 @contextmanager
@@ -66,16 +61,16 @@ def run_job(job: Job) -> tuple[Row, ...]:
 
 def _score(unit: Unit, job: Job) -> Row:
     nothing = (math.nan,) * len(job.compensators)
-    kind = kind_of(unit.scenario)
     try:
-        problem = kind.problem(unit.scenario)
+        problem = problem_of(unit.scenario)
     except TendonffError:
         return Row(index=unit.index, values=unit.values, percent=nothing, peak=nothing)
     scores = []
     for k, name in enumerate(job.compensators):
         try:
-            profile = kind.profile(name, problem) if job.profiles is None else job.profiles[k]
-            found = kind.score(name, problem, profile)
+            each = compensator_of(problem.kind, name)
+            profile = problem.answer(each) if job.profiles is None else job.profiles[k]
+            found = problem.score(profile)
             scores.append((found.rmse_percent_of_range, found.peak_error))
         except TendonffError:
             scores.append((math.nan, math.nan))
@@ -103,14 +98,16 @@ def sweep(
     """
     if bool(over) == (samples > 0):
         raise InputError("a sweep needs either --over KEY=FROM:TO:COUNT or --samples N, and not both")
-    kind = kind_of(scenario)
-    names = tuple(kind.compensator(scenario, name).name for name in compensators or kind.default(scenario))
+    problem = problem_of(scenario)
+    usual = [each.name for each in answering(problem) if each.is_swept]
+    known = {name: compensator_of(scenario.kind, name) for name in compensators or usual}
+    names = tuple(known)
     random = samples > 0
     keys = random_keys(scenario) if random else tuple(axis.key for axis in over)
     units = random_units(scenario, samples) if random else grid_units(scenario, tuple(over))
     axes = [[axis.key, axis.values[0], axis.values[-1], len(axis.values)] for axis in over]
     plan: dict[str, object] = {
-        "scenario_hash": kind.digest(scenario),
+        "scenario_hash": scenario.digest(),
         "samples": samples,
         "over": axes,
         "compensators": list(names),
@@ -121,9 +118,8 @@ def sweep(
     progress(len(done), len(units))
     profiles, expectation = None, None
     if random:  # those that `design` makes
-        problem = kind.problem(scenario)
-        profiles = tuple(kind.profile(name, problem) for name in names)
-        expectation = kind.expect(problem, dict(zip(names, profiles, strict=True)))
+        profiles = tuple(problem.answer(each) for each in known.values())
+        expectation = problem.expect(dict(zip(names, profiles, strict=True)))
     pieces = [left[k : k + _UNITS_OF_JOB] for k in range(0, len(left), _UNITS_OF_JOB)]
     for start in range(0, len(pieces), _JOBS_OF_WAVE):
         jobs = [

@@ -89,9 +89,15 @@ def with_friction(scenario, pull, release, adhesion):
     return replace(scenario.transmission, friction=other)
 
 
-@pytest.mark.each_value
-@pytest.mark.parametrize(("precision", "tolerance"), [(Precision.DOUBLE, 1e-8), (Precision.FLOAT, 0.02)])
-@pytest.mark.parametrize("example", ["finger", "finger_stribeck"])
+@pytest.mark.parametrize(
+    ("example", "precision", "tolerance"),
+    [
+        ("finger", Precision.FLOAT, 0.02),
+        pytest.param("finger_stribeck", Precision.DOUBLE, 1e-8, marks=pytest.mark.nightly),
+        pytest.param("finger_stribeck", Precision.FLOAT, 0.02, marks=pytest.mark.nightly),
+        pytest.param("finger", Precision.DOUBLE, 1e-8, marks=pytest.mark.nightly),
+    ],
+)
 def test_the_inverse_is_that_of_the_friction_that_is_set(play, examples, example, precision, tolerance):
     """Set before the first sample: the inverse that Python makes for both coefficients and the adhesion."""
     scenario = load_scenario(examples / f"{example}.toml")

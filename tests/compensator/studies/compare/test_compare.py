@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
-from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.base import CAPSTAN_PLANT, Problem
 from tendonff.compensator.compensators.expectation import ErrorBand
 from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.compensators.profile import Profile
@@ -26,8 +26,7 @@ from tendonff.compensator.scenario.settings import Compare
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.compare.levels import level_traits, parameters_of
 from tendonff.compensator.studies.compare.matrix import Entry, lag, recommend
-from tendonff.compensator.studies.compare.result import CAPSTAN_PLANT, PLANTS
-from tendonff.compensator.studies.compare.run import FEEDFORWARDS, SIMPLE, compare
+from tendonff.compensator.studies.compare.run import SIMPLE, compare
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.fidelity import Level
 
@@ -65,7 +64,9 @@ def folder(finger, tmp_path_factory):
 @pytest.mark.compiler
 def test_every_design_meets_every_plant(result):
     cells = [(e.compensator, e.design_level, e.plant_level) for e in result.entries]
-    assert cells == [(c.name, level, plant) for c in FEEDFORWARDS for level in Level for plant in PLANTS]
+    assert cells == [
+        (c.name, level, plant) for c in COMPENSATORS if c.is_compared for level in Level for plant in result.plants
+    ]
 
 
 @pytest.mark.compiler
@@ -89,7 +90,7 @@ def test_the_static_inverse_is_exact_on_the_static_law_and_nowhere_else(result):
 def test_the_spread_covers_what_a_finer_step_changes(finger, result):
     """A third of the step is none of those that the spread was made of."""
     for name, design in (("inverse", Level.ELASTIC), ("capstan", Level.ELASTIC)):
-        reference = result.reference
+        reference = Problem.of(finger).reference
         force = compensator(name).profile(Problem.of(finger, level=design)).force_N
         plant = Plant(finger.transmission, Level.ELASTIC, refinement=3)
         other = plant.respond(Profile(force_N=force), reference).output_N
@@ -283,7 +284,7 @@ def test_a_force_of_the_users_own_is_compared_as_a_compensator(examples, tmp_pat
     found = compare(own, compensators=[compensator(name) for name in names])
     assert [each.name for each in found.compensators] == [*names, "own"]
     for level in Level:
-        for plant in PLANTS:
+        for plant in found.plants:
             mine, none = (found.entry(name, level, plant).rmse_percent_of_range for name in ("own", "none"))
             assert mine == pytest.approx(none, rel=1e-9)
     write_csv(tmp_path / "mine.csv", {"time_s": [0.0, 0.1], "force_N": [30.0, 31.0]})

@@ -8,7 +8,6 @@ import pytest
 
 from tendonff.compensator.cli import run
 from tendonff.compensator.compensators.base import Problem, with_motion
-from tendonff.compensator.compensators.expectation import expect
 from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.score import verify
@@ -186,9 +185,9 @@ def test_a_cycle_repeats_on_the_plant_and_holds_a_least_tension(cable, drive):
 
 def test_an_inverse_that_does_not_repeat_is_said(cable, monkeypatch):
     scenario = replace(cable, reference=CYCLE)
-    assert Problem.of(scenario).unsettled == ()
+    assert Problem.of(scenario).notes == ()
     monkeypatch.setattr(periodic, "MOST_CYCLES", 2)  # from rest, relaxation needs more
-    (warning,) = Problem.of(scenario).unsettled
+    (warning,) = Problem.of(scenario).notes
     assert "after 2 cycles the state still changes" in warning
     assert design(scenario, compensators=(compensator("inverse"),)).warnings.count(warning) == 1
     compared = compare(scenario, compensators=[compensator(name) for name in ("none", "capstan", "inverse")])
@@ -234,7 +233,7 @@ def test_a_position_is_expected_as_far_off_as_the_load_of_an_independent_plant(c
     if stiffness is not None:
         lift = actuated(lift, drive=Drive.POSITION, servo_stiffness_N_per_m=stiffness)
     problem, profile = answer(lift)
-    found = expect(problem.doubt, problem.level, {"inverse": profile}, problem.reference)
+    found = problem.expect({"inverse": profile})
     at = found.best.worst_sample.system
     servo = {} if stiffness is None else {"position": True}
     given = profile.setpoint(lift.transmission.actuator.drive)
@@ -314,7 +313,7 @@ def test_a_cycle_that_fits_uncertain_friction_is_better_in_the_worst_case(cable)
     assert all(departure.end_s <= 0.6 for departure in profiles["optimal"].tracking.departures)
     assert profiles["optimal"].tracking.departures
     nominal = compensator("optimal").profile(Problem.of(slow))
-    bands = expect(problem.doubt, problem.level, profiles | {"nominal": nominal}, problem.reference).bands
+    bands = problem.expect(profiles | {"nominal": nominal}).bands
     assert bands["optimal"].worst.rmse < 0.8 * bands["inverse"].worst.rmse
     assert bands["optimal"].worst.rmse < bands["nominal"].worst.rmse
     assert forces["optimal"][0] == pytest.approx(forces["optimal"][-1], abs=1e-9)
@@ -425,7 +424,7 @@ def test_the_expected_error_counts_a_lag_that_is_not_known_well(examples):
     spread = (Spread(keys=("actuator.servo_time_s",), low=0.01, high=0.03),)
     scenario = replace(scenario, robust=Uncertainty(spread=spread, samples=3))
     problem, profile = answer(scenario)
-    found = expect(problem.doubt, problem.level, {"inverse": profile}, problem.reference)
+    found = problem.expect({"inverse": profile})
     slower = actuated(scenario, servo_time_s=0.03)
     assert found.best.worst.rmse_percent_of_range == pytest.approx(arrived(slower, profile.command_N), rel=0.1)
     assert found.contributions[0].key == "actuator.servo_time_s"
@@ -436,7 +435,7 @@ def test_the_expected_error_covers_nine_of_ten_drives_of_a_class(examples, kind)
     """Only the class is stated: lag and delay are drawn from it, and both are named with the way to measure them."""
     scenario = actuated(load_scenario(examples / "finger.toml"), drive_class=kind)
     problem, profile = answer(scenario)
-    found = expect(problem.doubt, problem.level, {"inverse": profile}, problem.reference)
+    found = problem.expect({"inverse": profile})
     keys = {each.key for each in found.contributions}
     assert {"actuator.servo_time_s", "actuator.delay_s"} <= keys
     covered, draw = 0, np.random.default_rng(5)

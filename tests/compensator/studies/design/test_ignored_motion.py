@@ -8,8 +8,8 @@ import pytest
 
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.closed_form import Capstan, Inverse, Uncompensated
+from tendonff.compensator.compensators.ignored import ignored_motion
 from tendonff.compensator.compensators.plant import Plant
-from tendonff.compensator.compensators.score import ignored_motion
 from tendonff.compensator.scenario.scenario import Scenario, parse_scenario
 from tendonff.compensator.scenario.unit import NEWTON
 from tendonff.compensator.scenarios import load_scenario

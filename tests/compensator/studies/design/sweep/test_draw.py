@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import tendonff as tf
+from tendonff.compensator.compensators.every import compensator_of, problem_of
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.studies.design.sweep.kinds import kind_of
 from tendonff.models.errors import ParameterError
 
 EXAMPLES = Path(__file__).resolve().parents[5] / "examples"
@@ -48,11 +48,8 @@ def test_what_is_drawn_stays_within_the_intervals_and_covers_them(file: str, tmp
 def test_drawn_scenarios_are_plants_that_differ(file: str) -> None:
     """The inverse of the scenario errs on each of them more than on its own."""
     scenario = tf.load_scenario(EXAMPLES / file)
-    kind = kind_of(scenario)
-    profile = kind.profile("inverse", kind.problem(scenario))
-    own, *others = (
-        kind.score("inverse", kind.problem(each), profile).rmse for each in (scenario, *tf.draw(scenario, 2, seed=3))
-    )
+    profile = problem_of(scenario).answer(compensator_of(scenario.kind, "inverse"))
+    own, *others = (problem_of(each).score(profile).rmse for each in (scenario, *tf.draw(scenario, 2, seed=3)))
     assert min(others) > 1.2 * own
 
 

@@ -14,7 +14,8 @@ import pytest
 from tendonff.compensator import cli
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.closed_form import Inverse
-from tendonff.compensator.compensators.expectation import expect, two_digits
+from tendonff.compensator.compensators.every import problem_of
+from tendonff.compensator.compensators.expectation import two_digits
 from tendonff.compensator.compensators.plant import FINE_SEGMENTS, Plant
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.score import verify
@@ -23,7 +24,6 @@ from tendonff.compensator.scenario.reference import SineReference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.design.sweep import run
-from tendonff.compensator.studies.design.sweep.kinds import kind_of
 from tendonff.compensator.studies.design.sweep.plan import Axis, random_keys, random_units, varied
 from tendonff.compensator.studies.design.sweep.run import sweep
 from tendonff.models.parameters.drive import Motor
@@ -169,7 +169,7 @@ def test_the_first_sentence_is_that_of_a_design_and_no_unit_is_worse(unsure: Sce
     result = sweep(unsure, tmp_path / "s", samples=6, compensators=NAMES)
     problem = Problem.of(unsure)
     profiles = {name: compensator(name).profile(problem) for name in NAMES}
-    worst = expect(problem.doubt, problem.level, profiles, problem.reference).worst_percent
+    worst = problem.expect(profiles).worst_percent
     assert f"({two_digits(min(worst.values()))} % of range)" in result.headline
     for k, name in enumerate(NAMES):
         assert max(row.percent[k] for row in result.rows) <= 1.02 * worst[name]
@@ -264,7 +264,7 @@ def test_what_cannot_be_swept_is_refused_with_a_way_out(unsure: Scenario, tmp_pa
 def test_units_without_a_statement_are_drawn_from_what_design_assumes(unsure: Scenario, kind: str) -> None:
     joint = load_scenario(EXAMPLES / "hand_joint.toml")
     scenario = replace(unsure, robust=Uncertainty()) if kind == "tendon" else joint
-    assumed = kind_of(scenario).problem(scenario).doubt.uncertainty
+    assumed = problem_of(scenario).doubt.uncertainty
     assert len(assumed.spreads) == (1 if kind == "tendon" else 3)
     stated = replace(scenario, robust=assumed)
     assert random_keys(scenario) == random_keys(stated)

@@ -27,8 +27,6 @@
 
 typedef struct {
     double near_force_N;
-    double near_rest_m;
-    double far_force_N;
     double far_rest_m;
 } tff_forward_input;
 
@@ -36,7 +34,6 @@ typedef struct {
     int converged;            /* 0: the step failed */
     double residual_N;
     long iterations;          /* linear solves, accumulated */
-    long splits;              /* steps that were split, accumulated */
     long evaluations;         /* of the balances, accumulated */
 } tff_forward_report;
 /* Work area of one step, on the stack. */
@@ -78,7 +75,7 @@ typedef struct {
 
 static const tff_forward_weights *tff_forward_rows(void)
 {
-    static const tff_forward_weights rows[10] = { NUMBERS };
+    static const tff_forward_weights rows[4] = { NUMBERS };
     return rows;
 }
 
@@ -209,8 +206,6 @@ static void tff_forward_end_mass_far(
 
 #define TFF_FORWARD_MAX_ITERATIONS 20
 #define TFF_FORWARD_MAX_HALVINGS 10
-#define TFF_FORWARD_MAX_SPLITS 3
-#define TFF_FORWARD_MAX_PIECES 20000
 #define TFF_FORWARD_MAX_EVALUATIONS 60 /* of the balances in one call, whatever happens */
 
 /* Link forces at zero rate of elongation. */
@@ -435,7 +430,7 @@ static double tff_forward_newton(
             t *= 0.5;
         }
         if (!(next < now)) {
-            break; /* no descent: the caller splits the step */
+            break; /* no descent: the caller tries from elsewhere, or gives up */
         }
         now = next;
         for (i = 0; i <= (n + 1); i++) {
@@ -481,22 +476,11 @@ static void tff_forward_finish(const tff_forward_weights *c, const tff_forward_w
     }
 }
 
-/* Input between a (t = 0) and b (t = 1). */
-static tff_forward_input tff_forward_between(const tff_forward_input *a, const tff_forward_input *b, double t)
-{
-    tff_forward_input u;
-    u.near_force_N = a->near_force_N + (t * (b->near_force_N - a->near_force_N));
-    u.near_rest_m = a->near_rest_m + (t * (b->near_rest_m - a->near_rest_m));
-    u.far_force_N = a->far_force_N + (t * (b->far_force_N - a->far_force_N));
-    u.far_rest_m = a->far_rest_m + (t * (b->far_rest_m - a->far_rest_m));
-    return u;
-}
-
 /* Advance x by one step; x_old holds the state one step earlier and becomes the state before this step.
  * Second-order backward differences (BDF2, the second row of weights); implicit Euler where there is no earlier state
- * (fresh, the first row) and in the pieces of a step that had to be split (the rows behind). */
+ * (fresh, the first row). */
 static void tff_forward_step(
-    const tff_forward_weights *rows, const tff_forward_input *u_old, const tff_forward_input *u, int fresh,
+    const tff_forward_weights *rows, const tff_forward_input *u, int fresh,
     double *x, double *x_old, tff_forward_work *w, tff_forward_report *report)
 {
     const tff_forward_weights *c = &rows[2 * ((fresh != 0) ? 0 : 1)];
@@ -513,7 +497,7 @@ static void tff_forward_step(
         x_old[j] = x[j];
     }
     report->converged = 0;
-    for (guess = 0; (guess < 3) && (report->converged == 0) && (report->evaluations < TFF_FORWARD_MAX_EVALUATIONS); guess++) { /* extrapolated, then at rest, then as before */
+    for (guess = 0; (guess < 2) && (report->converged == 0) && (report->evaluations < TFF_FORWARD_MAX_EVALUATIONS); guess++) { /* extrapolated, then at rest */
         for (j = 0; (guess > 0) && (j <= (n + 1)); j++) {
             w->v[j] = (guess == 1) ? 0.0 : x[j];
         }
@@ -521,41 +505,6 @@ static void tff_forward_step(
     }
     if (report->converged != 0) {
         tff_forward_finish(c, w, x);
-    } else {
-        double length = 0.5;
-        long left = 2; /* pieces of the present length until the end of the step */
-        int split = 1;
-        int k;
-        /* Pieces of h/2, h/4 ...: halved until one converges, doubled again as soon as the time reached allows. */
-        report->splits++;
-        for (k = 0; (left > 0) && (split <= TFF_FORWARD_MAX_SPLITS) && (k < TFF_FORWARD_MAX_PIECES) && (report->evaluations < TFF_FORWARD_MAX_EVALUATIONS); k++) {
-            const tff_forward_input u_part = tff_forward_between(u_old, u, 1.0 - (((double)left - 1.0) * length));
-            for (j = 0; j < size; j++) {
-                w->base[j] = x[j];
-            }
-            for (j = 0; j <= (n + 1); j++) {
-                w->v[j] = x[j];
-            }
-            c = &rows[2 * (1 + split)];
-            tff_forward_solve(c, &u_part, w, report);
-            if (report->converged != 0) {
-                tff_forward_finish(c, w, x);
-                left--;
-                if ((split > 1) && ((left % 2) == 0)) {
-                    split--;
-                    left /= 2;
-                    length += length;
-                }
-            } else {
-                split++;
-                left *= 2;
-                length *= 0.5;
-            }
-        }
-        report->converged = 0; /* also where the pieces ran out */
-        if (left == 0) {
-            report->converged = 1;
-        }
     }
 }
 
@@ -639,9 +588,9 @@ void tff_observer_init(tff_observer *self, tff_real initial_tension)
     self->home = self->x[28];
     self->start = tension;
     self->far = 0.0;
-    self->far_before = 0.0;
     self->homed = 1;
     self->fresh = 2;
+    self->evaluations = 0;
     tff_entry_init(&self->entry, tension);
     self->force = tension;
     self->waiting = 0.0;
@@ -700,6 +649,22 @@ void tff_observer_init_at(tff_observer *self, tff_real output_tension, tff_real 
     }
 }
 
+/* After a step without a solution: in motion under this input tension [N], from the output that is held. */
+static void tff_observer_start_over(tff_observer *self, tff_real tension)
+{
+    const tff_real held = self->output.tension;
+    const tff_real waiting = self->waiting;
+    const uint32_t seen = self->output.seen;
+    const int32_t evaluations = self->evaluations;
+
+    tff_observer_init_at(self, (held > 0.0) ? held : tension, tension);
+    self->fresh = 1;
+    self->evaluations = evaluations;
+    self->waiting = waiting;
+    self->output.tension = held;
+    self->output.seen = seen;
+}
+
 void tff_observer_missed(tff_observer *self, int32_t samples)
 {
     tff_observer_lose(self, samples);
@@ -742,30 +707,23 @@ static uint32_t tff_observer_advance(tff_observer *self, int32_t steps, tff_real
         const tff_real share = (k < steps) ? ((tff_real)k * part) : 1.0;
         const tff_real force = from + ((tension - from) * share);
         tff_forward_work work;
-        tff_forward_report report = { 0, 0.0, 0, 0, 0 };
-        const tff_forward_input before = { self->force, 0.0, 0.0, self->far_before };
-        const tff_forward_input now = { force, 0.0, 0.0, self->far };
+        tff_forward_report report = { 0, 0.0, 0, 0 };
+        const tff_forward_input now = { force, self->far };
         int fresh = 1;
 
         if (self->fresh == 0) {
             fresh = 0;
         }
-        tff_forward_step(tff_forward_rows(), &before, &now, fresh, self->x, self->x_old, &work, &report);
+        tff_forward_step(tff_forward_rows(), &now, fresh, self->x, self->x_old, &work, &report);
+        self->evaluations += (int32_t)report.evaluations;
         if (report.converged != 0) {
             self->fresh = 0;
             self->force = force;
-            self->far_before = self->far;
             self->output.tension = work.force[TFF_OBSERVER_COUNT];
             if (self->output.tension <= 0.0) {
                 status |= TFF_WOULD_PUSH;
             }
-        } else { /* back to the state before this step; the next one starts afresh */
-            int32_t i;
-            for (i = 0; i < TFF_OBSERVER_REALS; i++) {
-                self->x[i] = self->x_old[i];
-            }
-            self->fresh = 1;
-            self->far = self->far_before;
+        } else {
             status = TFF_FAILED;
         }
     }
@@ -778,6 +736,7 @@ static tff_real tff_observer_after(tff_observer *self, int32_t steps, tff_real i
     uint32_t status = TFF_OK;
     int32_t any = self->blind;
 
+    self->evaluations = 0;
     if (tff_is_within(input_tension, -TFF_OBSERVER_INPUT_MAX_N, TFF_OBSERVER_INPUT_MAX_N) == 0) {
         status = TFF_INPUT_HELD;
         tff_observer_lose(self, 1);
@@ -786,6 +745,7 @@ static tff_real tff_observer_after(tff_observer *self, int32_t steps, tff_real i
     } else {
         status = tff_observer_advance(self, steps, tff_entry_take(&self->entry, tension));
         if (status == TFF_FAILED) {
+            tff_observer_start_over(self, tension);
             tff_observer_lose(self, 1);
         } else {
             if (tff_observer_compare(self, input_position, steps) != 0) {

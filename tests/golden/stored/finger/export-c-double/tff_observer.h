@@ -46,7 +46,6 @@ typedef struct {
     tff_real home;    /* near end of the chain where the measured position is 0 [m] */
     tff_real start;   /* input tension there [N] */
     tff_real far;     /* how far something else has moved the far end's spring [m] */
-    tff_real far_before; /* one sample earlier [m] */
     tff_entry entry;  /* last input tension, and the way back to one that was lost */
     tff_real force;   /* input tension that the chain is under [N] */
     tff_real low_memory;  /* plays that enclose the output, in tension plus load-independent friction [N] */
@@ -55,6 +54,7 @@ typedef struct {
     int32_t blind;         /* the history is not known */
     int32_t homed;         /* 0: the next position says where the near end is */
     int32_t fresh;         /* 2: no call yet; 1: no sample has moved it; 0: in motion */
+    int32_t evaluations;   /* of the balances, in the last step */
 } tff_observer;
 
 /* At rest under a uniform tension [N]. */

@@ -22,16 +22,12 @@
 
 typedef struct {
     double near_force_N;
-    double near_rest_m;
-    double far_force_N;
-    double far_rest_m;
 } tff_chain_input;
 
 typedef struct {
     int converged;            /* 0: the step failed */
     double residual_N;
     long iterations;          /* linear solves, accumulated */
-    long splits;              /* steps that were split, accumulated */
     long evaluations;         /* of the balances, accumulated */
 } tff_chain_report;
 /* Work area of one step, on the stack. */
@@ -74,7 +70,7 @@ typedef struct {
 
 static const tff_chain_weights *tff_chain_rows(void)
 {
-    static const tff_chain_weights rows[10] = { NUMBERS };
+    static const tff_chain_weights rows[4] = { NUMBERS };
     return rows;
 }
 
@@ -206,8 +202,6 @@ static void tff_chain_end_mass_far(
 
 #define TFF_CHAIN_MAX_ITERATIONS 20
 #define TFF_CHAIN_MAX_HALVINGS 10
-#define TFF_CHAIN_MAX_SPLITS 3
-#define TFF_CHAIN_MAX_PIECES 20000
 #define TFF_CHAIN_MAX_EVALUATIONS 60 /* of the balances in one call, whatever happens */
 
 /* Link forces at zero rate of elongation. */
@@ -432,7 +426,7 @@ static double tff_chain_newton(
             t *= 0.5;
         }
         if (!(next < now)) {
-            break; /* no descent: the caller splits the step */
+            break; /* no descent: the caller tries from elsewhere, or gives up */
         }
         now = next;
         for (i = 0; i <= (n + 1); i++) {
@@ -478,22 +472,11 @@ static void tff_chain_finish(const tff_chain_weights *c, const tff_chain_work *w
     }
 }
 
-/* Input between a (t = 0) and b (t = 1). */
-static tff_chain_input tff_chain_between(const tff_chain_input *a, const tff_chain_input *b, double t)
-{
-    tff_chain_input u;
-    u.near_force_N = a->near_force_N + (t * (b->near_force_N - a->near_force_N));
-    u.near_rest_m = a->near_rest_m + (t * (b->near_rest_m - a->near_rest_m));
-    u.far_force_N = a->far_force_N + (t * (b->far_force_N - a->far_force_N));
-    u.far_rest_m = a->far_rest_m + (t * (b->far_rest_m - a->far_rest_m));
-    return u;
-}
-
 /* Advance x by one step; x_old holds the state one step earlier and becomes the state before this step.
  * Second-order backward differences (BDF2, the second row of weights); implicit Euler where there is no earlier state
- * (fresh, the first row) and in the pieces of a step that had to be split (the rows behind). */
+ * (fresh, the first row). */
 static void tff_chain_step(
-    const tff_chain_weights *rows, const tff_chain_input *u_old, const tff_chain_input *u, int fresh,
+    const tff_chain_weights *rows, const tff_chain_input *u, int fresh,
     double *x, double *x_old, tff_chain_work *w, tff_chain_report *report)
 {
     const tff_chain_weights *c = &rows[2 * ((fresh != 0) ? 0 : 1)];
@@ -510,7 +493,7 @@ static void tff_chain_step(
         x_old[j] = x[j];
     }
     report->converged = 0;
-    for (guess = 0; (guess < 3) && (report->converged == 0) && (report->evaluations < TFF_CHAIN_MAX_EVALUATIONS); guess++) { /* extrapolated, then at rest, then as before */
+    for (guess = 0; (guess < 2) && (report->converged == 0) && (report->evaluations < TFF_CHAIN_MAX_EVALUATIONS); guess++) { /* extrapolated, then at rest */
         for (j = 0; (guess > 0) && (j <= (n + 1)); j++) {
             w->v[j] = (guess == 1) ? 0.0 : x[j];
         }
@@ -518,41 +501,6 @@ static void tff_chain_step(
     }
     if (report->converged != 0) {
         tff_chain_finish(c, w, x);
-    } else {
-        double length = 0.5;
-        long left = 2; /* pieces of the present length until the end of the step */
-        int split = 1;
-        int k;
-        /* Pieces of h/2, h/4 ...: halved until one converges, doubled again as soon as the time reached allows. */
-        report->splits++;
-        for (k = 0; (left > 0) && (split <= TFF_CHAIN_MAX_SPLITS) && (k < TFF_CHAIN_MAX_PIECES) && (report->evaluations < TFF_CHAIN_MAX_EVALUATIONS); k++) {
-            const tff_chain_input u_part = tff_chain_between(u_old, u, 1.0 - (((double)left - 1.0) * length));
-            for (j = 0; j < size; j++) {
-                w->base[j] = x[j];
-            }
-            for (j = 0; j <= (n + 1); j++) {
-                w->v[j] = x[j];
-            }
-            c = &rows[2 * (1 + split)];
-            tff_chain_solve(c, &u_part, w, report);
-            if (report->converged != 0) {
-                tff_chain_finish(c, w, x);
-                left--;
-                if ((split > 1) && ((left % 2) == 0)) {
-                    split--;
-                    left /= 2;
-                    length += length;
-                }
-            } else {
-                split++;
-                left *= 2;
-                length *= 0.5;
-            }
-        }
-        report->converged = 0; /* also where the pieces ran out */
-        if (left == 0) {
-            report->converged = 1;
-        }
     }
 }
 
@@ -592,25 +540,24 @@ void tff_plant_init(tff_plant *self, tff_real initial_tension)
     self->tension = tension;
     self->force = tension;
     self->fresh = 2;
-    self->solves = 0;
+    self->evaluations = 0;
 }
 
 tff_real tff_plant_step(tff_plant *self, tff_real force)
 {
     self->status = TFF_OK;
-    self->solves = 0;
+    self->evaluations = 0;
     if (tff_is_within(force, -TFF_PLANT_INPUT_MAX_N, TFF_PLANT_INPUT_MAX_N) == 0) {
         self->status = TFF_INPUT_HELD;
     } else if ((self->fresh == 2) && (tff_is_within(force, self->force, self->force) != 0)) {
         self->fresh = 1; /* the sample at t = 0: at rest */
     } else {
         tff_chain_work work;
-        tff_chain_report report = { 0, 0.0, 0, 0, 0 };
-        const tff_chain_input before = { self->force, 0.0, 0.0, 0.0 };
-        const tff_chain_input now = { force, 0.0, 0.0, 0.0 };
+        tff_chain_report report = { 0, 0.0, 0, 0 };
+        const tff_chain_input now = { force };
 
-        tff_chain_step(tff_chain_rows(), &before, &now, (self->fresh != 0) ? 1 : 0, self->x, self->x_old, &work, &report);
-        self->solves = (int32_t)report.iterations;
+        tff_chain_step(tff_chain_rows(), &now, (self->fresh != 0) ? 1 : 0, self->x, self->x_old, &work, &report);
+        self->evaluations = (int32_t)report.evaluations;
         if (report.converged != 0) {
             self->fresh = 0;
             self->tension = work.force[TFF_PLANT_COUNT];
@@ -618,10 +565,10 @@ tff_real tff_plant_step(tff_plant *self, tff_real force)
             if (self->tension <= 0.0) {
                 self->status = TFF_WOULD_PUSH;
             }
-        } else { /* back to the state before this step; the next one starts afresh */
+        } else { /* stopped where it was before this step: from rest the next one has a solution */
             int32_t j;
             for (j = 0; j < TFF_PLANT_REALS; j++) {
-                self->x[j] = self->x_old[j];
+                self->x[j] = (j <= (TFF_PLANT_COUNT + 1)) ? 0.0 : self->x_old[j];
             }
             self->fresh = 1;
             self->status = TFF_FAILED;

@@ -25,7 +25,7 @@ typedef struct {
     tff_real tension; /* output tension [N], last good one */
     tff_real force;   /* force of the last sample [N] */
     int32_t fresh;         /* 2: no call yet; 1: no sample has moved it; 0: in motion */
-    int32_t solves;        /* linear solves of the last step */
+    int32_t evaluations;   /* of the balances, in the last step */
     uint32_t status;       /* bits of the last step */
     uint32_t seen;         /* bits since init */
 } tff_plant;

@@ -1,0 +1,58 @@
+"""Scripts of `examples` that the manual shows run as they are."""
+
+import re
+import runpy
+from pathlib import Path
+
+import matplotlib as mpl
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+OWN = sorted((ROOT / "examples" / "own").glob("*.py"))
+GALLERY = sorted((ROOT / "examples" / "gallery").glob("*.py"))
+OPTI = sorted((ROOT / "examples" / "opti").glob("*.py"))
+SHOWN = {
+    found
+    for page in (ROOT / "docs").rglob("*.md")
+    for found in re.findall(r"<!-- code: (\S+) -->", page.read_text(encoding="utf-8"))
+}
+SLOW = {"log_format", "report_section", "export_package"}  # seconds of fits, verification and compilers
+
+
+@pytest.mark.compiler
+@pytest.mark.parametrize(
+    "script",
+    [pytest.param(path, marks=pytest.mark.nightly if path.stem in SLOW else ()) for path in (*OWN, *OPTI)],
+    ids=lambda path: path.stem,
+)
+def test_a_script_that_the_manual_shows_runs(script, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    with mpl.rc_context():
+        runpy.run_path(str(script), run_name="__main__")
+
+
+@pytest.mark.compiler
+@pytest.mark.nightly
+@pytest.mark.parametrize("script", GALLERY, ids=lambda path: path.stem)
+def test_a_script_of_the_gallery_draws_its_picture(script, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    with mpl.rc_context():
+        assert runpy.run_path(str(script))["figure"].axes
+
+
+def test_every_picture_of_the_gallery_has_its_script_and_its_place():
+    page = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
+    names = [path.stem for path in GALLERY]
+    assert sorted(path.stem for path in (ROOT / "docs" / "gallery").glob("*.png")) == names
+    assert sorted(re.findall(r"\(gallery/(\w+)\.png\)", page)) == names
+    assert sorted(re.findall(r"examples/gallery/(\w+)\.py", page)) == names
+
+
+def test_every_script_is_shown_and_every_shown_one_is_run():
+    run = {path.relative_to(ROOT).as_posix() for path in (*OWN, *OPTI)}
+    assert {name for name in SHOWN if "/gallery/" not in name} == run
+
+
+@pytest.mark.parametrize("script", OWN, ids=lambda path: path.stem)
+def test_a_part_of_ones_own_takes_at_most_forty_lines(script):
+    assert len(script.read_text(encoding="utf-8").splitlines()) <= 40
