@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tendonff.compensator.files.reading import read_text
-from tendonff.compensator.scenario.driven.base import with_base
+from tendonff.compensator.scenario.base import with_base
 from tendonff.compensator.scenario.scenario import Scenario, parse_scenario
 from tendonff.compensator.scenario.toml import toml_of
 

@@ -1,9 +1,9 @@
 """The paper's three models as data: which link, and which bristle."""
 
-from enum import StrEnum
+from tendonff.models.choice import Choice
 
 
-class Level(StrEnum):
+class Level(Choice):
     """Fidelity level of the chain (Palli, Borghesan, Melchiorri, ICRA 2010, section IV).
 
     Attributes

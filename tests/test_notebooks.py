@@ -13,7 +13,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
-LONG = {"6_from_data_to_design", "7_the_second_day"}  # their fits; the tutorials and `watch` make them too
+LONG = {"6_the_second_day"}  # its study; tests of `adapt` make it too
 STORE = runpy.run_path(str(ROOT / "notebooks" / "store.py"))
 NUMBER = re.compile(r"[-+]?\d+(?:[.,]\d+)*(?:e[-+]?\d+)?")
 

@@ -140,6 +140,11 @@ class Problem:
             raise SolveError(f"{compensator.name}: {reason}")
         return self.tried(compensator).require()
 
+    def inverse_of(self, system: Transmission) -> Profile:
+        """Profile of the exact inverse of another transmission, within the limits."""
+        other = replace(self, transmission=system, model=None)
+        return Profile(force_N=self.limited(other.inversion.force_N))
+
     def tried(self, compensator: "Compensator", progress: Progress = silent) -> Profile:
         """Profile of a compensator, with travel and command; its status may be that it failed."""
         profile = _answer(compensator.profile(self, progress=progress), self)
@@ -303,11 +308,13 @@ class Compensator(ABC):
     kinds : tuple of Kind
         Kinds of scenario that it is for.
     name, label : str
-        Key in files and on the command line, and name for people.
+        Key in files and on the command line, and name for people, by default the same.
     style : Style, optional
         How figures draw it.
     knows_the_level : bool
         The profile depends on the fidelity level of the design model.
+    knows_the_drive : bool
+        Of driven joints: servo lag and gear backlash are taken back.
     is_fast : bool
         Fast enough to follow a slider.
     is_swept : bool
@@ -321,10 +328,16 @@ class Compensator(ABC):
     label: str
     style: Style = Style(color=SKY, linestyle="--")
     knows_the_level: bool = True
+    knows_the_drive: bool = True
     is_fast: bool = True
     is_swept: bool = True
     is_compared: bool = True
     c_module: CModule | None = None
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if hasattr(cls, "name") and not hasattr(cls, "label"):
+            cls.label = cls.name
 
     @abstractmethod
     def profile(self, problem: Problem, *, progress: Progress = silent) -> Profile:

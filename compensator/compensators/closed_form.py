@@ -13,7 +13,7 @@ from tendonff.ocp.tendon.inverse import InverseStatus
 
 
 class Uncompensated(Compensator):
-    """The reference itself as force."""
+    """The reference itself as force, within the actuator's limits."""
 
     name = "none"
     label = "reference applied directly"
@@ -22,7 +22,7 @@ class Uncompensated(Compensator):
 
     def profile(self, problem: Problem, *, progress: Progress = silent) -> Profile:  # noqa: ARG002
         """Answer with the reference; see `Compensator.profile`."""
-        return Profile(force_N=problem.reference.tension_N)
+        return Profile(force_N=problem.limited(problem.reference.tension_N))
 
 
 class Frictionless(Compensator):

@@ -14,6 +14,7 @@ from tendonff.compensator.scenario.driven.finger import FingerScenario
 from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenario.kind import Kind
 from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 
 AnyScenario: TypeAlias = Scenario | JointScenario | FingerScenario
@@ -56,4 +57,6 @@ def chosen(kind: Kind, given: Sequence[AnyCompensator | str]) -> tuple[Any, ...]
         if kind not in getattr(each, "kinds", ()):
             known = ", ".join(one.name for one in EVERY if kind in one.kinds)
             raise InputError(f"{each} is no compensator of this scenario; {known} are")
+        if not isinstance(getattr(each, "name", None), str):
+            raise ParameterError(f'{type(each).__name__} has no name; write name = "mine" in the class')
     return found

@@ -44,13 +44,26 @@ class StreamFilter:
     Of all symmetric filters of a length that pass a constant (and, on request, a parabola) unchanged, the one that
     passes the least noise to the force: white noise in the reference reaches the force through the inertia of the
     moving masses, with the gain 1 + (w/w_m)^2, w_m^2 = 1/(m (1/k_load + 1/k_1)).
+
+    Attributes
+    ----------
+    half : int
+        Taps on either side of the middle: the delay in samples.
+    is_flat : bool
+        Parabolas pass unchanged too: less error, more noise.
+    corner_per_sample : float
+        w_m h: above this the force follows the second derivative of the reference [-].
+    ahead : int
+        Samples of preview, >= half; 0 where there is none.
+    step_s : float
+        h [s].
     """
 
-    half: int  # taps on either side of the middle: the delay in samples
-    is_flat: bool  # parabolas pass unchanged too: less error, more noise
-    corner_per_sample: float  # w_m h: above this the force follows the second derivative of the reference [-]
-    ahead: int  # samples of preview, >= half; 0 where there is none
-    step_s: float  # h [s]
+    half: int
+    is_flat: bool
+    corner_per_sample: float
+    ahead: int
+    step_s: float
 
     @property
     def delay(self) -> int:
@@ -107,10 +120,16 @@ class Ramp:
     in time is seen. The force then leaves its course at once, at the largest rate, and the output rests before
     the reference turns as well as after. Before that the force goes beyond its course for a moment, so that the output
     rests between the level that it set out from and the one at which the reference reverses.
+
+    Attributes
+    ----------
+    samples : int
+        Between the newest force of the inverse and the one that is due, >= 1.
+    overshoot : float
+        Place of the output on the way from the level that the force sets out from (0) to the turn (1) [-].
     """
 
-    samples: int  # samples between the newest force of the inverse and the one that is due, >= 1
-    # where the output stands, on the way from the level that the force sets out from (0) to the turn (1) [-]
+    samples: int
     overshoot: float
 
     def apply(
@@ -162,14 +181,24 @@ RE_ENTRY_SHARE = 2  # samples of the way back for each that was lost: a single l
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreamDesign:
-    """Everything that the stream module is made of."""
+    """Everything that the stream module is made of.
+
+    Attributes
+    ----------
+    filter : StreamFilter
+        Of the reference.
+    band_N : float
+        Half of the width of the deadband [N].
+    low_N, high_N : float
+        Range that references are clamped to [N].
+    ramp : Ramp or None
+        Preview against a rate limit that binds; filter and ramp share the samples of the preview.
+    """
 
     filter: StreamFilter
-    band_N: float  # half of the width of the deadband [N]
-    # low_N, high_N: range that references are clamped to [N]
+    band_N: float
     low_N: float
     high_N: float
-    # what preview does against a rate limit that binds; filter and ramp share the samples of the preview
     ramp: Ramp | None = None
 
     def __post_init__(self) -> None:
@@ -257,20 +286,40 @@ def stream_force(design: StreamDesign, problem: Problem, reference_N: FloatArray
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """Filter and its errors on the scenario's reference with the noise of a converter."""
+    """Filter and its errors on the scenario's reference with the noise of a converter.
+
+    Attributes
+    ----------
+    design : StreamDesign
+        With that filter.
+    score : Score
+        Of what is delivered against the reference, delayed by the stated lag.
+    noise_dB : float
+        Noise in the force over noise in the reference, both above 30 Hz [dB].
+    """
 
     design: StreamDesign
-    score: Score  # of what is delivered against the reference, delayed by the stated lag
-    noise_dB: float  # noise in the force over noise in the reference, both above 30 Hz [dB]
+    score: Score
+    noise_dB: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreamChoice:
-    """Candidates and the one that was picked."""
+    """Candidates and the one that was picked.
+
+    Attributes
+    ----------
+    candidates : tuple of Candidate
+        All that lag and preview admit.
+    picked : Candidate
+        The least error of those whose noise is within the goal; else the least noise.
+    resolution_N : float
+        Step of the converter that the noise was made for [N].
+    """
 
     candidates: tuple[Candidate, ...]
-    picked: Candidate  # the least error of those whose noise is within the goal; else the least noise
-    resolution_N: float  # step of the converter that the noise was made for [N]
+    picked: Candidate
+    resolution_N: float
 
 
 def followed_range(problem: Problem) -> tuple[float, float]:

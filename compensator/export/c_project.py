@@ -79,6 +79,9 @@ class Exported:
     headline: str
     notes: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {len(self.files)} files; {self.headline}>"
+
     @property
     def lines(self) -> tuple[str, ...]:
         """The judgement as a table for the terminal, and what to expect on a rig."""

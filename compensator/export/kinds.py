@@ -1,9 +1,9 @@
 """Options of the co-simulation units; light, because the command line imports them."""
 
-from enum import StrEnum
+from tendonff.models.choice import Choice
 
 
-class Kind(StrEnum):
+class Kind(Choice):
     """Kind of computation of the unit."""
 
     INVERSE = "inverse"  # reference tension in, force out, within the actuator's limits
@@ -14,7 +14,7 @@ class Kind(StrEnum):
     ADAPTIVE = "adaptive"  # reference tension and measurement in, force and present mu out
 
 
-class FmiVersion(StrEnum):
+class FmiVersion(Choice):
     """Version of the interface."""
 
     V2 = "2.0"

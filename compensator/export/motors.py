@@ -74,6 +74,9 @@ class ExportedMotors:
     headlines: tuple[str, ...]
     warnings: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {len(self.files)} files; {' '.join(self.headlines)}>"
+
     @property
     def notes(self) -> tuple[str, ...]:
         """None so far."""

@@ -30,6 +30,9 @@ class ExportedTensions:
 
     exports: Mapping[str, Exported]
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {', '.join(self.exports)}>"
+
     @property
     def files(self) -> dict[str, str]:
         """Text by file name, with a Makefile over all folders."""

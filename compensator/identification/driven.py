@@ -31,11 +31,11 @@ def identify_one(
     *,
     how: Measurement | None = None,
     say: Callable[[str], None] = lambda _: None,
-    confirm: Callable[[str], bool] | None = None,
+    confirm: Callable[[str], bool] = lambda _: False,
 ) -> JointIdentification | MotorsIdentification:
     """Fit a driven joint to what its motor, or motors, felt; see `identify_joint` and `identify_motors`."""
     if scenario.mechanism.drive.kind is DriveKind.LOOP:
-        return identify_joint(scenario, data, validate, how=how, say=say)
+        return identify_joint(scenario, data, validate, how=how, say=say, confirm=confirm)
     return identify_several(scenario, data, validate, how=how, say=say, confirm=confirm)
 
 
@@ -46,7 +46,7 @@ def identify_several(
     *,
     how: Measurement | None = None,
     say: Callable[[str], None] = lambda _: None,
-    confirm: Callable[[str], bool] | None = None,  # noqa: ARG001  no fit of motors takes hours
+    confirm: Callable[[str], bool] = lambda _: False,
 ) -> MotorsIdentification:
     """Fit a mechanism to what its motors felt; InputError where more than skip and tare is said of files."""
     given = how or scenario.measurement
@@ -55,7 +55,7 @@ def identify_several(
             f"{scenario.source.name}: of several motors every column has its name (motor_NAME_rad, "
             "motor_torque_NAME_N_m, joint_NAME_rad) and SI units; of options on the files --skip and --tare are taken"
         )
-    return identify_motors(scenario, data, validate, skip_s=given.skip_s, tare_s=given.tare_s, say=say)
+    return identify_motors(scenario, data, validate, skip_s=given.skip_s, tare_s=given.tare_s, say=say, confirm=confirm)
 
 
 def suggest_one(scenario: JointScenario) -> MotorRoutine | MotorsRoutine:

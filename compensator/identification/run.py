@@ -25,14 +25,19 @@ from tendonff.compensator.identification.fitting.sliding import friction_by_sect
 from tendonff.compensator.identification.fitting.static import StaticFit
 from tendonff.compensator.identification.fitting.uncertainty import ByFile, between_files
 from tendonff.compensator.identification.measured.cleaning import Record, clean, joints_of, mean_pose
+from tendonff.compensator.identification.measured.doubts import (
+    answered,
+    column_doubts,
+    data_doubts,
+    magnitude_warning,
+    unit_warning,
+)
 from tendonff.compensator.identification.measured.gains import gains_of
 from tendonff.compensator.identification.measured.plan import (
     check_plan,
     check_question,
     check_signs,
-    data_doubts,
-    magnitude_warning,
-    unit_warning,
+    reversal_doubts,
 )
 from tendonff.compensator.identification.measured.reading import DataIssue, read_measurement
 from tendonff.compensator.identification.outcome import Fitted, Outcome, carried_on, compared, outcome_of, with_drive
@@ -121,16 +126,22 @@ def _read(
     raw = [gains.taken_out(one, how) for one in raw]
     how = replace(how, input_gain=_unless_one(gains.input), output_gain=_unless_one(gains.output))
     scenario = replace(scenario, measurement=how)
-    announced_s = check_plan(raw, how, static_only=static_only, say=say, confirm=confirm)
+    run = scenario.run
+    clock = (lambda _: True) if "measurement.time_scale" in run.accept else confirm
+    announced_s = check_plan(raw, how, static_only=static_only, say=say, confirm=clock)
     everything = [clean(one, how) for one in raw]
-    check_signs(everything, confirm)
     records = everything[: len(fit_files)]
+    converted = " ".join(each.text for one in raw for each in one.findings if each.issue is DataIssue.UNITS)
+    units = [*column_doubts(how, _positions_of(records), converted)]
+    units += data_doubts(everything, how, scenario.transmission.actuator.force_max_N)
+    accepted = answered(units, run, confirm, file=scenario.source.name)
+    check_signs(everything, confirm)
     scenario, turned = _with_bearings_free(scenario)
     _check_common_friction(scenario, records)
     if static_only:
         _check_rest(everything)
-    converted = " ".join(each.text for one in raw for each in one.findings if each.issue is DataIssue.UNITS)
-    doubts = [unit_warning(how, _positions_of(records), converted), *data_doubts(everything, how.explain)]
+    named = unit_warning(how, _positions_of(records), converted)
+    doubts = [*accepted, named, *reversal_doubts(everything, how.explain)]
     for doubt in filter(None, doubts):
         say(f"{DOUBT}{doubt}")
     proximal = _proximal(scenario, everything, static_only=static_only)

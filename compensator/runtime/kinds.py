@@ -2,8 +2,10 @@
 
 from enum import StrEnum
 
+from tendonff.models.choice import Choice
 
-class RuntimeKind(StrEnum):
+
+class RuntimeKind(Choice):
     """Compensator that a runtime runs, named as its module of exported C.
 
     Attributes

@@ -107,6 +107,9 @@ class Runtime:
         self.kind, self.step_s, self.start = core.kind, core.step_s, core.start
         self.joints, self.motors, self.ranges = core.joints, core.motors, core.ranges
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} of {self._scenario.name!r}: {self.kind}, {self.step_s:g} s a step>"
+
     def step(
         self,
         reference: float | Mapping[str, float] | Sequence[float] | None,

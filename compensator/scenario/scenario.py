@@ -13,11 +13,12 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from tendonff.compensator.files.reading import InputError, read_text, suggestion
+from tendonff.compensator.scenario.base import with_base
 from tendonff.compensator.scenario.experiment import Experiment
 from tendonff.compensator.scenario.goal import Goal
 from tendonff.compensator.scenario.joints import KINDS as JOINT_KINDS
 from tendonff.compensator.scenario.joints import Joint, read_joints
-from tendonff.compensator.scenario.kind import Kind
+from tendonff.compensator.scenario.kind import Kind, in_short
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenario.reference import CsvReference, ReferenceSpec, SineReference, WaypointReference
 from tendonff.compensator.scenario.settings import REMOVED_OPTIMAL, Adaptation, Compare, Feedback, Run, Stream
@@ -91,6 +92,8 @@ class Scenario:
         What the joints of a moving path do, by name.
     source : Path
         The file it was read from, which a CSV reference is relative to.
+    bases : tuple of Path
+        Files from which it has what it leaves out.
     transmission : Transmission
         Path, tendon, friction, actuator and load.
     run : Run
@@ -123,6 +126,10 @@ class Scenario:
     compare: Compare | None = None
     joints: dict[str, Joint] = field(default_factory=dict)
     source: Path = Path("scenario.toml")
+    bases: tuple[Path, ...] = ()
+
+    def __repr__(self) -> str:
+        return in_short(self)
 
     @property
     def goal(self) -> Goal:
@@ -135,8 +142,9 @@ class Scenario:
 
     @property
     def inputs(self) -> tuple[Path, ...]:
-        """The user's own force, if there is one; reports name the reference's file apart."""
-        return () if self.compare is None else (self.source.parent / self.compare.force,)
+        """Its bases, and the user's own force if there is one; reports name the reference's file apart."""
+        force = () if self.compare is None else (self.source.parent / self.compare.force,)
+        return (*self.bases, *force)
 
     @property
     def is_complete(self) -> bool:
@@ -167,7 +175,8 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
     """Read a scenario from its text; messages name the source, and a CSV reference is relative to its folder."""
     source = Path(source)
     file = source.name
-    raw: Mapping[str, object] = toml_of(text, file)
+    bases: list[Path] = []
+    raw: Mapping[str, object] = with_base(toml_of(text, file), source, bases)
     _check_schema(raw, file)
     _check_names(raw, file)
     _check_removed(raw.get("optimal"), file)
@@ -210,6 +219,7 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
         reference=read_kind(_KINDS, raw["reference"], file=file, table="reference"),
         run=run,  # type: ignore[arg-type]
         source=source,
+        bases=tuple(bases),
         joints=joints,
         **optional,  # type: ignore[arg-type]
     )

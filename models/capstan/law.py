@@ -18,13 +18,13 @@ Where both ends act see `two_ended`.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tendonff.models.capstan.spread_bounds import SpreadPlays
+from tendonff.models.choice import Choice
 from tendonff.models.errors import ParameterError, require
 from tendonff.models.gear import DriveLaw
 from tendonff.models.layout import Array
@@ -36,7 +36,7 @@ NO_JOINTS: Mapping[str, float] = MappingProxyType({})
 _LARGEST_EXPONENT = 100.0  # e^100 newtons for one: beyond any tendon, and far below overflow
 
 
-class Branch(StrEnum):
+class Branch(Choice):
     """Direction in which the tendon slips on the whole path.
 
     Attributes

@@ -1,9 +1,9 @@
 """Real type of generated C; apart from the printer, because the command line imports it."""
 
-from enum import StrEnum
+from tendonff.models.choice import Choice
 
 
-class Precision(StrEnum):
+class Precision(Choice):
     """Real type of generated C, by its name there."""
 
     DOUBLE = "double"

@@ -1,12 +1,12 @@
 """Methods of simulation, and how accurate they are to be."""
 
 from dataclasses import dataclass
-from enum import StrEnum
 
+from tendonff.models.choice import Choice
 from tendonff.models.errors import ParameterError, require
 
 
-class Method(StrEnum):
+class Method(Choice):
     """Method of advancing a simulation in time.
 
     Attributes

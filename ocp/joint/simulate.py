@@ -14,6 +14,7 @@ from tendonff.ocp.integrate.method import Accuracy, Method
 from tendonff.ocp.joint.invert import as_rows, engine_of, motor_torques, require_step
 from tendonff.ocp.joint.protocol import Array, JointMemory, JointProblem, JointRows, JointRunner
 from tendonff.ocp.joint.start import start_memory
+from tendonff.ocp.short import rows_in_short
 
 
 class JointOutcome(StrEnum):
@@ -75,6 +76,9 @@ class JointSimulation:
     splits: int
     final: JointMemory
     method: Method = Method.BDF2
+
+    def __repr__(self) -> str:
+        return rows_in_short(self, self.outcome, self.time_s)
 
     def require(self) -> "JointSimulation":
         """Return itself, or raise `SolveError` with the message if it failed."""

@@ -12,6 +12,7 @@ from tendonff.ocp.integrate.mechanism import IntegratedMechanism
 from tendonff.ocp.integrate.method import Accuracy, Method
 from tendonff.ocp.mechanism.compiled import CompiledMechanism, RunRows
 from tendonff.ocp.mechanism.problem import Array, MechanismMemory, MechanismProblem, rest
+from tendonff.ocp.short import rows_in_short
 
 
 class MechanismStatus(StrEnum):
@@ -72,6 +73,9 @@ class MechanismRun:
     lowest_N: Array
     work: int
     final: MechanismMemory
+
+    def __repr__(self) -> str:
+        return rows_in_short(self, self.status, self.time_s)
 
 
 @in_turn

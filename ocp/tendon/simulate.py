@@ -15,6 +15,7 @@ from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.integrate.method import Accuracy, Method
 from tendonff.ocp.integrate.tendon import IntegratedStepper
+from tendonff.ocp.short import rows_in_short
 from tendonff.ocp.step.c_engine import CompiledStepper
 from tendonff.ocp.step.casadi_engine import CasadiStepper
 from tendonff.ocp.step.protocol import Array, Rows, Stepper, StepperMemory
@@ -65,6 +66,9 @@ class Simulation:
     final: ChainState
     iterations: int
     splits: int
+
+    def __repr__(self) -> str:
+        return rows_in_short(self, self.outcome, self.time_s)
 
     @property
     def output_tension_N(self) -> Array:

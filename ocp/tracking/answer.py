@@ -76,7 +76,9 @@ def answer(
             f"({100 * rms / span:.2g} % of range): "
             "this rig amplifies rounding (stick-slip), so do not expect it to follow"
         ),
-        TrackStatus.BEST_ACHIEVABLE: f"the reference is out of reach; the best achievable profile: {left}; {effort}",
+        TrackStatus.BEST_ACHIEVABLE: (
+            f"the reference is out of reach; the best achievable profile that keeps the tendon taut: {left}; {effort}"
+        ),
         TrackStatus.ACCEPTABLE: (
             f"{left}; the search ended after {effort}, when an iteration still gained {100 * gain:.2g} % of the "
             "squared error: raise max_iterations for more"

@@ -89,11 +89,9 @@ def _exponent(coefficient: float | Array, count: int) -> float:
     return float(np.sum(np.broadcast_to(equivalent_exponent(np.asarray(coefficient)), (count,))))
 
 
-def missed_N(chain: Chain, reference_N: Array, limits: ForceLimits) -> Array:
-    """Samples that the largest force cannot hold against full slip, whatever the bristles add, shape (n,)."""
-    most = law_of(chain).largest_output_N(chain.drive.pulled_N(limits.maximum_N))
-    missed: Array = np.maximum(reference_N - most, 0.0)
-    return missed
+def held_N(chain: Chain, limits: ForceLimits) -> float:
+    """Output that the largest force holds against full slip, whatever the bristles add [N]."""
+    return law_of(chain).largest_output_N(chain.drive.pulled_N(limits.maximum_N))
 
 
 def reversals(reference_N: Array) -> NDArray[np.int_]:

@@ -32,7 +32,7 @@ from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.step.protocol import Array, StepperMemory
 from tendonff.ocp.tendon.inverse import Inversion
 from tendonff.ocp.tendon.simulate import Simulator, simulate, tensions_of
-from tendonff.ocp.tracking.diagnosis import missed_N
+from tendonff.ocp.tracking.diagnosis import held_N
 from tendonff.ocp.tracking.limits import ForceLimits, MotionLimits
 from tendonff.ocp.tracking.motion import APPROACH_S
 from tendonff.ocp.tracking.options import TrackOptions
@@ -173,8 +173,11 @@ class TrackingProblem:
             plants.append(PlantModel(chain=chain, state=state, origin_m=rest_m, wanted_N=wanted, bounds=bounds))
         if len(chains) == 1 and options.stiffer_weight > 0:
             plants += _stiffer(plants[0], inverse_N, step_s, options.stiffer_weight)
-        # What the largest force cannot hold, only shaking gains: there travel has to pay off more.
-        shaken = _SHAKEN * float(np.mean(missed_N(chains[0], reference_N, limits) ** 2))
+        # What the largest force cannot hold, only shaking gains: there travel has to pay off more. It frees the output
+        # of friction at most, so that far out of reach the rest of the reference is still followed.
+        held = held_N(chains[0], limits)
+        missed = np.maximum(reference_N - held, 0.0)
+        shaken = _SHAKEN * float(np.mean(missed * np.minimum(missed, limits.maximum_N - held)))
         doubled = options.travel_weight * span**2 + (shaken if options.travel_weight > 0 else 0.0)
         return cls(
             step_s=step_s,

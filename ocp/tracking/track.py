@@ -16,7 +16,7 @@ from tendonff.ocp.tendon.batch import Progress
 from tendonff.ocp.tendon.inverse import InverseStatus, Inversion, invert
 from tendonff.ocp.tracking.answer import Found, answer
 from tendonff.ocp.tracking.cost import Evaluation, evaluate
-from tendonff.ocp.tracking.diagnosis import law_of, missed_N
+from tendonff.ocp.tracking.diagnosis import held_N, law_of
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.motion import limit_motion
 from tendonff.ocp.tracking.options import Solver, TrackOptions
@@ -225,7 +225,7 @@ def _solve(problem: TrackingProblem, inversion: Inversion, options: TrackOptions
 def _status(problem: TrackingProblem, evaluation: Evaluation, results: tuple[SqpResult, ...]) -> TrackStatus:
     if not math.isfinite(evaluation.merit):
         return TrackStatus.FAILED
-    if missed_N(problem.plants[0].chain, problem.reference_N, problem.limits).any():
+    if problem.reference_N.max() > held_N(problem.plants[0].chain, problem.limits):
         return TrackStatus.BEST_ACHIEVABLE
     if not results:
         return TrackStatus.CLIPPED

@@ -83,7 +83,12 @@ class MotorTask(ABC):
 
     def answer(self, compensator: "MotorCompensator") -> FloatArray:
         """Commands of a compensator, shape (rows, motors) [rad]; SolveError or InputError where it has none."""
-        return self.commanded(compensator.motor_rad(self), by_ratio=not compensator.knows_the_drive)
+        return self.commanded(compensator.profile(self), by_ratio=not compensator.knows_the_drive)
+
+    def inverse_of(self, system: Any) -> FloatArray:
+        """Angles by the exact inverse of another mechanism, shape (rows, motors) [rad]."""
+        found: FloatArray = self.with_system(system).inversion.motor_rad
+        return found
 
     def tried(self, compensator: "MotorCompensator", progress: Progress = silent) -> FloatArray:  # noqa: ARG002
         """Commands of a compensator; see `answer`."""
@@ -315,7 +320,7 @@ class MotorCompensator:
     name, label : str
         Key in files and on the command line, and name for people.
     style : Style
-    motor_rad : callable
+    profile : callable
         Angles of the motors behind their drives for a task, shape (rows, motors) [rad].
     knows_the_level : bool
         They depend on the fidelity level of the design model.
@@ -332,7 +337,7 @@ class MotorCompensator:
     name: str
     label: str
     style: Style
-    motor_rad: Callable[[MotorTask], FloatArray]
+    profile: Callable[[MotorTask], FloatArray]
     knows_the_level: bool = True
     knows_the_drive: bool = True
     refusal: Callable[[MotorTask], str] = lambda _: ""

@@ -20,7 +20,7 @@ from tendonff.compensator.export.finger.golden import (
     run_courses,
 )
 from tendonff.compensator.export.finger.text import finger_module, render
-from tendonff.compensator.export.modules import check_prefix
+from tendonff.compensator.export.modules import FOLDER_FILES, check_prefix
 from tendonff.compensator.export.motors import ExportedMotors, JudgedJoint, judge, live_headline
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.driven.finger import FingerScenario
@@ -32,8 +32,6 @@ from tendonff.ocp.mechanism.response import MechanismStatus
 
 DRIVEN = {"episodes": 8, "episode_rows": 60}
 """Of the drive at random in the self test."""
-
-_FILES = ("self_test.c", "example_main.c", "Makefile", "CMakeLists.txt", "README.md")
 
 
 @in_turn
@@ -85,7 +83,7 @@ def export_fingers(
         "verifying": f"{max(task.masses for task in tasks)} masses a tendon at step/{FingerTask.refinement}",
         "usual": "" if found is None else f"{max(float(each.evaluations.mean()) for each in found):.1f}",
     }
-    files = module.files | {name: render(f"{name}.j2", context) for name in _FILES}
+    files = module.files | {name: render(f"{name}.j2", context) for name in FOLDER_FILES}
     files["design.json"] = _design_json(tasks, judged, precision, prefix, loss)
     kept = [f"{fault}; exported because of --force-export" for fault in faults]
     return ExportedMotors(

@@ -11,7 +11,6 @@ import numpy as np
 from tendonff._version import __version__
 from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.compensators.stream import RE_ENTRY_S
-from tendonff.compensator.export.joint.text import LIBRARY_FILES
 from tendonff.compensator.export.modules import accepted_steps
 from tendonff.compensator.export.text.c_text import harmless
 from tendonff.compensator.files.reading import FloatArray, InputError
@@ -23,8 +22,7 @@ from tendonff.ocp.mechanism.problem import MechanismProblem
 from tendonff.ocp.mechanism.target import MechanismCode, mechanism_code, price
 from tendonff.ocp.step.render import core_text
 
-_TEMPLATES = environment("tendonff.compensator.export", "templates/finger")
-_LIBRARY = environment("tendonff.compensator.export", "templates/library")
+_TEMPLATES = environment("tendonff.compensator.export", "templates/finger", "templates/library")
 _LEAST_MARGIN_RAD = 0.01
 """Angles beyond the reference that are accepted at least, whatever its range."""
 _NO_LIMIT = 1e30
@@ -97,7 +95,7 @@ def finger_module(
 
 def render(template: str, context: dict[str, Any]) -> str:
     """Text of a template of fingers."""
-    return (_LIBRARY if template in LIBRARY_FILES else _TEMPLATES).get_template(template).render(context)
+    return _TEMPLATES.get_template(template).render(context)
 
 
 def _prefixed(text: str, prefix: str) -> str:

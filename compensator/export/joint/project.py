@@ -22,7 +22,7 @@ from tendonff.compensator.export.joint.golden import (
     run_courses,
 )
 from tendonff.compensator.export.joint.text import module_text, problem_of, render, transmission_files
-from tendonff.compensator.export.modules import check_prefix
+from tendonff.compensator.export.modules import FOLDER_FILES, check_prefix
 from tendonff.compensator.export.motors import ExportedMotors, JudgedJoint, judge, live_headline
 from tendonff.compensator.feedback.code import feedback_module
 from tendonff.compensator.feedback.joint import JointFeedbackTask
@@ -38,8 +38,6 @@ from tendonff.ocp.joint.target import other_joints
 
 DRIVEN = {"episodes": 12, "episode_rows": 100, "tuner_rows": 400}
 """Of the drive at random in the self test."""
-
-_FILES = ("self_test.c", "example_main.c", "Makefile", "CMakeLists.txt", "README.md")
 
 
 @in_turn
@@ -105,7 +103,7 @@ def export_joints(
     if fed:
         context["modules"] = [*context["modules"], "feedback"]
         context["headers"] = [*context["headers"], f"{prefix}_feedback.h"]
-    files = sources | fed | {name: render(f"{name}.j2", context) for name in _FILES}
+    files = sources | fed | {name: render(f"{name}.j2", context) for name in FOLDER_FILES}
     files |= transmission_files(context, others)
     files["design.json"] = _design_json(scenarios, problems, judged, precision, prefix, loss)
     kept = [note for each in sampled for note in each.warnings]

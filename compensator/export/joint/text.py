@@ -23,11 +23,8 @@ from tendonff.ocp.joint.protocol import JointProblem
 from tendonff.ocp.joint.start import joint_problem
 from tendonff.ocp.joint.target import MOVES, joint_code, other_joints
 
-_TEMPLATES = environment("tendonff.compensator.export", "templates/joint")
-_LIBRARY = environment("tendonff.compensator.export", "templates/library")
+_TEMPLATES = environment("tendonff.compensator.export", "templates/joint", "templates/library")
 _PACKAGES = environment("tendonff.compensator.export", "templates/transmission")
-LIBRARY_FILES = ("Makefile.j2", "CMakeLists.txt.j2")
-"""Templates that take `modules` and `headers`, whatever these are."""
 _PUSH_N = -1e-6
 """Tensions of a loop that count as pushing: those of rounding do not."""
 
@@ -260,4 +257,4 @@ def transmission_files(context: dict[str, Any], others: Sequence[str]) -> dict[s
 
 def render(template: str, context: dict[str, Any]) -> str:
     """Text of a template of joints."""
-    return (_LIBRARY if template in LIBRARY_FILES else _TEMPLATES).get_template(template).render(context)
+    return _TEMPLATES.get_template(template).render(context)

@@ -20,7 +20,15 @@ from tendonff.compensator.compensators.tuning import Certified, certified
 from tendonff.compensator.export.adaptive import adaptive_code
 from tendonff.compensator.export.joint_jumps import FACTOR as JUMP_FACTOR
 from tendonff.compensator.export.joint_jumps import largest_starts_rad
-from tendonff.compensator.export.modules import ADAPTIVE_MODULES, BOUNDS, OBSERVER, PLANT, STREAM, accepted_steps
+from tendonff.compensator.export.modules import (
+    ADAPTIVE_MODULES,
+    BOUNDS,
+    FOLDER_FILES,
+    OBSERVER,
+    PLANT,
+    STREAM,
+    accepted_steps,
+)
 from tendonff.compensator.export.observer import ObserverDesign, observer_code
 from tendonff.compensator.export.text.parameters import parameter_context, settable_inverse
 from tendonff.compensator.export.text.table_index import share_index
@@ -39,7 +47,6 @@ from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT
 from tendonff.ocp.step.target import plant_code, plant_limits
 from tendonff.ocp.step.target_joints import contact_code
 
-_FOLDER_FILES = ("self_test.c", "example_main.c", "Makefile", "CMakeLists.txt", "README.md")
 # What carries the C into other tools: template, and the module without which there is no such file ("follower": any
 # that follows a reference without joint angles), by the path below the exported folder.
 _PACKAGES = {
@@ -115,7 +122,8 @@ def folder_files(
 ) -> dict[str, str]:
     """Files of an exported folder beside the sources of its modules, by file name; arguments as of `c_sources`."""
     context = _context(scenario, problem, modules, precision, prefix, further)
-    return _written({name: f"c/{name}.j2" for name in _FOLDER_FILES}, context) | _packages(modules, context)
+    found = {name: _TEMPLATES.select_template([f"c/{name}.j2", f"library/{name}.j2"]) for name in FOLDER_FILES}
+    return {name: template.render(context) for name, template in found.items()} | _packages(modules, context)
 
 
 def drive_text(

@@ -367,7 +367,10 @@ def estimate_columns(estimates: Sequence[Estimate]) -> dict[str, list[object]]:
 def headline(found: Identification, folder: str = "") -> str:
     """The answer in one line: friction, how well it explains the log, and the command to go on with."""
     if not found.described:
-        return f"No law explains the log: the best, {found.law}, leaves {found.fit_percent:.2g} % of range"
+        return (
+            f"No law explains the log: the best, {found.law}, has an RMS error of {found.fit_percent:.2g} % of range. "
+            f"Next: {_next_log(found, folder)}"
+        )
     pull, release = found.estimate("mu_dynamic"), found.estimate("mu_dynamic_release")
     reach = max((_relative(e) for e in (pull, release)), default=math.inf)
     doubt = f" (+-{100 * reach:.2g} %)" if reach < 1 else ", not identifiable"
@@ -379,10 +382,28 @@ def headline(found: Identification, folder: str = "") -> str:
         else (found.replay_percent, found.replay_validation_percent)
     )
     judged = "" if judged_percent is None else f" and the validation files to {judged_percent:.2g} %"
+    step = f"tendonff design {_in(folder, 'fitted.toml')}" if reach < 1 else _next_log(found, folder)
+    return f"mu = {both}{doubt}; the model explains the log to {percent:.2g} %{judged}. Next: {step}"
+
+
+def _next_log(found: Identification, folder: str) -> str:
+    """The measurement that tells mu, where these files do not."""
+    if not found.comparable:
+        return "log the rig of this scenario, in N (--scale): the tensions are not of its size"
+    if not found.described:
+        return "drive the near end alone and log both tensions and its position, or see the warnings for another cause"
+    advice = next((e.advice for e in map(found.estimate, _FRICTION) if e.advice), "")
     return (
-        f"mu = {both}{doubt}; the model explains the log to {percent:.2g} %{judged}. "
-        f"Next: tendonff design {(Path(folder) / 'fitted.toml').as_posix()}"
+        f"run {_in(folder, 'suggested_force.csv')} on the rig and log both tensions{advice and f' ({advice})'}; until "
+        "such a log is identified a design rests on a mu that nothing confirms"
     )
+
+
+_FRICTION = ("mu_dynamic", "mu_dynamic_release")
+
+
+def _in(folder: str, name: str) -> str:
+    return (Path(folder) / name).as_posix()
 
 
 def _relative(estimate: Estimate) -> float:

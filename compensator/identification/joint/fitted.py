@@ -10,7 +10,7 @@ from tendonff.compensator.compensators.motors.joint import assumed
 from tendonff.compensator.compensators.motors.task import ASSUMED_SPREAD
 from tendonff.compensator.identification.answer.result import Estimate
 from tendonff.compensator.identification.joint.parameters import JointNumber, key_in
-from tendonff.compensator.scenario.driven.base import with_base
+from tendonff.compensator.scenario.base import with_base
 from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenario.driven.observer_table import ObserverTable
 from tendonff.compensator.scenario.scenario import relative_to_folder

@@ -1,6 +1,6 @@
 """Measured files of a joint's motor: read, cleaned, evenly sampled."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -9,8 +9,10 @@ import numpy as np
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.cleaning import Piece, Record, clean
+from tendonff.compensator.identification.measured.doubts import answered, encoder_doubts, motor_doubts
 from tendonff.compensator.identification.measured.reading import Finding, MissingColumnError, read_measurement
 from tendonff.compensator.identification.measured.smoothing import adaptive_low_pass, low_pass_piece
+from tendonff.compensator.scenario.doubts import UnitDoubt
 from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.ocp.fits.mechanism import MotorRun
@@ -104,6 +106,16 @@ def read_logs(scenario: JointScenario, files: Sequence[Path], given: Measurement
     how = how_to_read(scenario, given)
     start = scenario.reference_start_rad()
     return [_read(Path(file), how, start) for file in files]
+
+
+def answered_logs(scenario: JointScenario, logs: Sequence[JointLog], confirm: Callable[[str], bool]) -> tuple[str, ...]:
+    """Units of logs that the user accepts although they look like others, as warnings; see `answered`."""
+    mechanism, found = scenario.mechanism, list[UnitDoubt]()
+    arm_m = max(abs(arm) for arm in mechanism.arms_at(scenario.reference_start_rad()))
+    for log in logs:
+        found += motor_doubts(log.name, log.run.motor_rad, log.torque_N_m, mechanism.drive, arm_m)
+        found += encoder_doubts(log.name, mechanism.joint.name, log.joint_rad)
+    return answered(found, scenario.run, confirm, file=scenario.source.name)
 
 
 def _read(file: Path, how: Measurement, start_rad: float) -> JointLog:

@@ -21,7 +21,7 @@ from tendonff.compensator.identification.joint.alternatives import (
 from tendonff.compensator.identification.joint.estimates import Found, estimates_of
 from tendonff.compensator.identification.joint.first_look import FirstLook, look
 from tendonff.compensator.identification.joint.fitted import fitted_text, observer_text
-from tendonff.compensator.identification.joint.log import JointLog, read_logs
+from tendonff.compensator.identification.joint.log import JointLog, answered_logs, read_logs
 from tendonff.compensator.identification.joint.mechanism_law import (
     FINE_MASSES,
     MechanismLaw,
@@ -80,6 +80,7 @@ def identify_joint(
     *,
     how: Measurement | None = None,
     say: Callable[[str], None] = lambda _: None,
+    confirm: Callable[[str], bool] = lambda _: False,
 ) -> JointIdentification:
     """Fit the loop of a scenario to what its motor felt.
 
@@ -94,8 +95,9 @@ def identify_joint(
         Files that judge the law.
     how : Measurement, optional
         Other names and scales of the columns: input is the torque, input_position the motor, output_position the joint.
-    say : callable, optional
-        Callback for messages on the work in progress.
+    say, confirm : callable, optional
+        Callback for messages on the work in progress; asked where a value looks like another unit (the default
+        declines).
 
     Raises
     ------
@@ -117,6 +119,7 @@ def identify_joint(
     given = how or Measurement()
     with threadpool_limits(limits=1, user_api="blas"):
         logs, judges = read_logs(scenario, files, given), read_logs(scenario, judging, given)
+        doubts = answered_logs(scenario, (*logs, *judges), confirm)
         _require_motion(logs)
         say("first look")
         looks = [one for log in logs if (one := look(log, scenario.mechanism)) is not None]
@@ -129,7 +132,8 @@ def identify_joint(
                 torque = fit_torque(logs, judges)
             sensor = fit_sensor(logs, judges, None if torque is None else torque.largest_exponents)
         say("intervals")
-        return _answer(scenario, found, looks, judges, (*files, *judging), sensor, torque)
+        answer = _answer(scenario, found, looks, judges, (*files, *judging), sensor, torque)
+    return replace(answer, warnings=(*doubts, *answer.warnings))
 
 
 def _percent(found: Found) -> float:

@@ -1,15 +1,13 @@
 """Before any work is done: the question, units that do not fit, and how much a fit will have to do."""
 
-import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.identification.measured.cleaning import Record, joints_of
+from tendonff.compensator.identification.measured.cleaning import Record
 from tendonff.compensator.identification.measured.reading import RawMeasurement
-from tendonff.compensator.scenario.doubts import angle_doubt
 from tendonff.compensator.scenario.measurement import Explain, Measurement
 from tendonff.compensator.scenario.scenario import Scenario
 
@@ -19,30 +17,13 @@ FIT_S, FIT_S_PER_S = 1.0, 0.12
 LONG_FIT_S = 140.0
 """A fit that takes longer is asked about."""
 
-SLOW_S = 0.05
-"""A clock with longer intervals may count milliseconds."""
+SLOW_S, SLOWEST_S = 0.05, 0.5
+"""A clock with longer intervals may count milliseconds, in a long file and in any."""
 
 _REVERSED = 1.1  # an output tension that swings so many times the input is at the driven end
-_LONGEST_STROKE_M = 10.0
 
 _DRIVEN = -0.3
 """Share of the work of friction below which a position has the wrong sign: measured tendons have +0.85 to +1."""
-
-_FORCES = ("Nm", "mNm", "kN", "mN", "lbf", "lb", "kg", "V", "mV", "mA")
-_LENGTHS = ("rad", "deg", "mm", "cm", "um", "counts")
-OTHERS = {
-    "time": ("s", ("ms", "us")),
-    "input": ("N", _FORCES),
-    "output": ("N", _FORCES),
-    "input_position": ("m", _LENGTHS),
-    "output_position": ("m", _LENGTHS),
-    "actuator_force": ("N", _FORCES),
-}
-"""For each column the unit it is read in, and last words of names that tell another one; `A`, `g` and `in` may as well
-name a place."""
-
-MOST_ABOVE, MOST_BELOW = 20.0, 400.0
-"""A largest tension so many times above, or below, what the actuator can do is in another unit or of another rig."""
 
 
 def check_plan(
@@ -72,14 +53,16 @@ def check_plan(
         )
     if not static_only:
         say(f"the fit takes about {fit_s:.2g} s")
-    slow = longest > SLOW_S
-    if fit_s <= LONG_FIT_S or (static_only and not slow):
+    is_long = fit_s > LONG_FIT_S
+    slow = longest > (SLOW_S if is_long else SLOWEST_S)
+    if not slow and (static_only or not is_long):
         return fit_s
     guess = "is the time in milliseconds? --scale time=0.001"
     question = f"the fit takes about {fit_s / 60:.2g} min{f'; {guess}' if slow else ''}"
     ways = "give --yes to fit all of it, --static for the capstan law alone, or shorter files"
-    if static_only:
-        question, ways = f"a sample every {longest:.3g} s: {guess}", "give --yes if it is not"
+    if static_only or not is_long:
+        question = f"a sample every {longest:.3g} s: {guess}"
+        ways = 'give --yes if it is not, or for good accept = ["measurement.time_scale"] in [run]'
     if not confirm(question):
         raise InputError(f"{question}. Not started: {ways}")
     return fit_s
@@ -142,31 +125,8 @@ def check_question(scenario: Scenario, fit_files: Sequence[Path], judging: Seque
             )
 
 
-def unit_warning(how: Measurement, positions: Sequence[str], converted: str = "") -> str:
-    """Columns, of positions those in `positions`, whose names tell another unit than they are read in; else empty.
-
-    `converted` is what the reader said of the columns whose units it turned into SI.
-    """
-    found = []
-    for key, (unit, others) in OTHERS.items():
-        name, scale = getattr(how, f"{key}_column"), getattr(how, f"{key}_scale")
-        if name is None or (scale or 1) != 1 or (key.endswith("position") and key not in positions):
-            continue
-        if f"{name} x " in converted or f"{name} [" in converted:
-            continue
-        word = re.split(r"[^A-Za-z]+", name.rstrip(" ])"))[-1]
-        if word in others:
-            found.append(f"{name} as {unit} (--scale {key}=FACTOR)")
-    if not found:
-        return ""
-    return (
-        f"read without a factor: {', '.join(found)}; estimates with N and m in their names are then in the file's own "
-        "units. A torque over the drum's radius is a tension, an angle times it a position"
-    )
-
-
-def data_doubts(records: Sequence[Record], explain: Explain) -> tuple[str, ...]:
-    """Questions about measured values that look like another unit, or like reversed columns."""
+def reversal_doubts(records: Sequence[Record], explain: Explain) -> tuple[str, ...]:
+    """Questions about tensions that look like reversed columns."""
     found = []
     for file in records:
         swings = float(np.ptp(file.joined("input_N"))), float(np.ptp(file.joined("output_N")))
@@ -176,25 +136,4 @@ def data_doubts(records: Sequence[Record], explain: Explain) -> tuple[str, ...]:
                 f"{file.name}: the output tension swings by {swings[1]:.3g} N, the input by {swings[0]:.3g} N: are the "
                 'two columns reversed? If the far end is driven, say so with explain = "input"'
             )
-        for end in ("input", "output"):
-            if getattr(file.pieces[0], f"{end}_m") is None:
-                continue
-            if (stroke_m := float(np.ptp(file.joined(f"{end}_m")))) > _LONGEST_STROKE_M:
-                found.append(
-                    f"{file.name}: the {end} position moves by {stroke_m:.3g} m: millimetres? "
-                    f"--scale {end}_position=0.001"
-                )
-        for name, angle in joints_of([file]).items():
-            asked = angle_doubt(f"joints.{name}", float(np.max(np.abs(angle))), f"{file.name}: {name}")
-            found += map(str, asked)
     return tuple(found)
-
-
-def magnitude_warning(largest_N: float, force_max_N: float) -> str:
-    """Message where the measured tensions are far from the range of the scenario's actuator; else empty."""
-    if force_max_N / MOST_BELOW <= largest_N <= force_max_N * MOST_ABOVE:
-        return ""
-    return (
-        f"the measured tensions reach {largest_N:.3g} N, the scenario's actuator {force_max_N:.3g} N: is this its rig, "
-        "and the unit N (--scale)? Masses, load and limits are the scenario's; no excitation is suggested"
-    )

@@ -1,6 +1,6 @@
 """Measured files of several motors: read, evenly sampled, smoothed."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,8 +9,11 @@ import numpy as np
 from tendonff.compensator.files.reading import InputError, nearest_column
 from tendonff.compensator.files.tables import Table, read_table
 from tendonff.compensator.identification.measured import Array, Mask
+from tendonff.compensator.identification.measured.doubts import answered, encoder_doubts, motor_doubts
 from tendonff.compensator.identification.measured.reading import LEAST_TARE_ROWS
 from tendonff.compensator.identification.measured.smoothing import adaptive_low_pass, count_of, low_pass_piece, noise_of
+from tendonff.compensator.scenario.doubts import UnitDoubt
+from tendonff.compensator.scenario.settings import Run
 from tendonff.models.cached import cached_property
 from tendonff.models.joint.parameters.finger import Finger, Motor
 from tendonff.ocp.fits.mechanism import MotorRun
@@ -92,6 +95,24 @@ def read_logs(
     if twice := next((name for name in names if names.count(name) > 1), None):
         raise InputError(f"{twice} is given twice; name each measured file once")
     return [_read(finger, Path(file), start_rad, skip_s or 0.0, tare_s) for file in files]
+
+
+def answered_logs(
+    finger: Finger, logs: Sequence[MotorsLog], run: Run, file: str, confirm: Callable[[str], bool]
+) -> tuple[str, ...]:
+    """Units of logs that the user accepts although they look like others, as warnings; see `answered`."""
+    found = list[UnitDoubt]()
+    for log in logs:
+        arms = np.abs(finger.moment_arm_m(log.start_rad[None])).sum(axis=-1)[0]
+        of_tendon = dict(zip((tendon.name for tendon in finger.tendons), arms.tolist(), strict=True))
+        for k, motor in enumerate(finger.motors):
+            arm_m = max(of_tendon[name] for name in motor.winds)
+            found += motor_doubts(
+                log.name, log.motor_rad[:, k], log.torque_N_m[:, k], motor.drive, arm_m, of=motor.name
+            )
+        for name, angle in zip(finger.names, log.joint_rad.T, strict=True):
+            found += encoder_doubts(log.name, name, angle)
+    return answered(found, run, confirm, file=file)
 
 
 def _read(finger: Finger, file: Path, start_rad: Array, skip_s: float, tare_s: tuple[float, float] | None) -> MotorsLog:

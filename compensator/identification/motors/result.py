@@ -1,7 +1,7 @@
 """Result of the identification of a mechanism with several motors, as data and as `fit.json`."""
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -11,9 +11,9 @@ import numpy as np
 from tendonff.compensator.identification.answer.result import Estimate
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.reporting.results import Result
-from tendonff.compensator.scenario.driven.finger import FingerScenario, parse_finger_scenario
-from tendonff.compensator.scenario.driven.joint import JointScenario, parse_joint_scenario
-from tendonff.compensator.scenario.kind import Kind
+from tendonff.compensator.scenario.driven.finger import FingerScenario
+from tendonff.compensator.scenario.driven.joint import JointScenario
+from tendonff.compensator.scenarios import parse_any
 
 DESCRIBED_PERCENT = 10.0
 """A law with a larger RMS error of a torque, in % of its range, does not describe the device."""
@@ -164,7 +164,8 @@ class MotorsIdentification(Result):
     @property
     def scenario(self) -> FingerScenario | JointScenario:
         """The scenario with what was identified put in."""
-        return _PARSE[self.asked.kind](self.text, self.asked.source)
+        found: Any = parse_any(self.text, self.asked.source)
+        return found  # type: ignore[no-any-return]
 
     def lines(self, folder: str = "") -> Sequence[str]:
         """The answer in a few lines of text, its files being in `folder`."""
@@ -173,12 +174,6 @@ class MotorsIdentification(Result):
     def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
         """Write `fitted.toml`, `fit.json`, figures and `report.html`, all or nothing; makes the folder."""
         self._views.write(self, folder, pdf=pdf)
-
-
-_PARSE: Mapping[Kind, Callable[[str, Path], FingerScenario | JointScenario]] = {
-    Kind.JOINT: parse_joint_scenario,
-    Kind.FINGER: parse_finger_scenario,
-}
 
 
 def _range(label: str, found: Sequence[Estimate], unit: str) -> str:
@@ -205,4 +200,11 @@ def summary_lines(found: MotorsIdentification, folder: str = "") -> Sequence[str
 
 def next_step(found: MotorsIdentification, folder: str = "") -> str:
     """Next step, the fitted scenario being in `folder`; empty where nothing explains the torques."""
-    return f"tendonff design {(Path(folder) / 'fitted.toml').as_posix()}" if found.described else ""
+    if not found.described:
+        return ""
+    friction = [e for e in found.estimates if e.name.endswith(".mu_dynamic")]
+    unknown = [e for e in friction if not e.identifiable]
+    if len(unknown) == len(friction):
+        way = next((e.advice for e in unknown if e.advice), "strokes of all joints over their range, both ways")
+        return f"log {way} (identify --suggest writes such a routine): no mu is known, a design rests on the scenario's"
+    return f"tendonff design {(Path(folder) / 'fitted.toml').as_posix()}"

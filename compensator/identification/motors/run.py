@@ -18,7 +18,7 @@ from tendonff.compensator.identification.constants import TUNED, with_torque_con
 from tendonff.compensator.identification.joint.fitted import set_keys, to_toml
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.motors.law import Lacking, MotorsLaw
-from tendonff.compensator.identification.motors.log import MotorsLog, read_logs
+from tendonff.compensator.identification.motors.log import MotorsLog, answered_logs, read_logs
 from tendonff.compensator.identification.motors.numbers import Number, numbers_of, put_into, scenarios_own
 from tendonff.compensator.identification.motors.result import (
     DESCRIBED_PERCENT,
@@ -26,7 +26,7 @@ from tendonff.compensator.identification.motors.result import (
     MotorsIdentification,
 )
 from tendonff.compensator.identification.motors.routine import MotorsRoutine, suggest_motors
-from tendonff.compensator.scenario.driven.base import with_base
+from tendonff.compensator.scenario.base import with_base
 from tendonff.compensator.scenario.driven.finger import FingerScenario, SampledFinger, sample_finger
 from tendonff.compensator.scenario.driven.joint import JointScenario, sample_joint
 from tendonff.compensator.scenario.kind import Kind
@@ -56,6 +56,7 @@ def identify_motors(
     skip_s: float | None = None,
     tare_s: tuple[float, float] | None = None,
     say: Callable[[str], None] = lambda _: None,
+    confirm: Callable[[str], bool] = lambda _: False,
 ) -> MotorsIdentification:
     """Fit a finger or a pair to what its motors felt.
 
@@ -72,8 +73,9 @@ def identify_motors(
         Leave out the start of every file [s].
     tare_s : tuple of float, optional
         From and to in every file, while no motor is loaded: torques are set to zero there [s].
-    say : callable, optional
-        Callback for messages on the work in progress.
+    say, confirm : callable, optional
+        Callback for messages on the work in progress; asked where a value looks like another unit (the default
+        declines).
 
     Raises
     ------
@@ -87,6 +89,7 @@ def identify_motors(
     with threadpool_limits(limits=1, user_api="blas"):
         logs = read_logs(finger, files, start_rad, skip_s, tare_s)
         judges = read_logs(finger, judging, start_rad, skip_s, tare_s)
+        doubts = answered_logs(finger, (*logs, *judges), scenario.run, scenario.source.name, confirm)
         numbers = numbers_of(finger, [log.name for log in logs], _starts(finger, logs))
         coarse = MotorsLaw(finger=finger, logs=logs, numbers=numbers, segments=COARSE_MASSES)
         say("whole mechanism")
@@ -95,7 +98,8 @@ def identify_motors(
         law = replace(coarse, segments=FINE_MASSES, refinement=FINE_PARTS)
         solution = law.fit(solution.values, most=STEPS)
         say("intervals")
-        return _answer(scenario, law, solution, judges, (*files, *judging))
+        answer = _answer(scenario, law, solution, judges, (*files, *judging))
+    return replace(answer, warnings=(*doubts, *answer.warnings))
 
 
 def suggest_motor_routine(scenario: FingerScenario | JointScenario) -> MotorsRoutine:

@@ -13,13 +13,13 @@ from typing import Any, ClassVar
 import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray, InputError, read_csv, read_text, suggestion
-from tendonff.compensator.scenario.driven.base import with_base
+from tendonff.compensator.scenario.base import with_base
 from tendonff.compensator.scenario.driven.joint import tendon_part
 from tendonff.compensator.scenario.driven.paths import read_paths, tabulated, with_measures
 from tendonff.compensator.scenario.driven.reference import JointQuantity, JointSine, JointWaypoints
 from tendonff.compensator.scenario.goal import Goal
 from tendonff.compensator.scenario.joints import Joint, read_joints
-from tendonff.compensator.scenario.kind import Kind
+from tendonff.compensator.scenario.kind import Kind, in_short
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenario.sampled.joint_motion import joint_angles
 from tendonff.compensator.scenario.scenario import SCHEMA, spread_keys, with_spread
@@ -94,6 +94,9 @@ class FingerScenario:
     text: str = field(repr=False)
     inputs: tuple[Path, ...] = field(default=())
     changed: Mapping[str, float] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return in_short(self)
 
     @property
     def measurement(self) -> Measurement:

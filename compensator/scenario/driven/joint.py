@@ -13,13 +13,13 @@ from typing import Any, ClassVar
 import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray, InputError, read_csv, read_text, suggestion
-from tendonff.compensator.scenario.driven.base import with_base
+from tendonff.compensator.scenario.base import with_base
 from tendonff.compensator.scenario.driven.observer_table import ObserverTable
 from tendonff.compensator.scenario.driven.reference import KINDS, JointQuantity, JointReference
 from tendonff.compensator.scenario.driven.settings import JointAdaptation
 from tendonff.compensator.scenario.goal import Goal
 from tendonff.compensator.scenario.joints import Joint, read_joints
-from tendonff.compensator.scenario.kind import Kind
+from tendonff.compensator.scenario.kind import Kind, in_short
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenario.reference import Shape, along_waypoints
 from tendonff.compensator.scenario.sampled.joint_motion import joint_angles
@@ -94,6 +94,9 @@ class JointScenario:
     changed: Mapping[str, float] = field(default_factory=dict)
     adaptation: JointAdaptation | None = None
     feedback: Feedback | None = None
+
+    def __repr__(self) -> str:
+        return in_short(self)
 
     @property
     def goal(self) -> Goal:

@@ -1,11 +1,10 @@
-"""Differences between model levels, as numbers, and their cost.
+"""Differences between model levels, as numbers.
 
 Two probes, the same for every level: a force that goes up, down, up and down at a steady rate (the loop of output over
 force, its deadband, and how smoothly the output starts to move after a reversal), and a motor that pulls the tendon
 up and then holds its position (how much tension relaxes away).
 """
 
-import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,63 +54,6 @@ class LevelTraits:
     relaxation_percent: float
     hold_time_s: FloatArray
     hold_input_N: FloatArray
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LevelCost:
-    """Cost of a level.
-
-    Attributes
-    ----------
-    time_per_simulated_second_s : float
-        On this machine, at the scenario's step.
-    states : int
-        Number of states of the chain.
-    parameters : tuple of str
-        To be identified, as they are named in a scenario.
-    """
-
-    time_per_simulated_second_s: float
-    states: int
-    parameters: tuple[str, ...]
-
-
-def parameters_of(level: Level | None) -> tuple[str, ...]:
-    """Parameters that a level needs, beyond masses and geometry; None is the capstan law."""
-    if level is None:
-        return ("mu_dynamic",)
-    relaxing = ("relaxing_stiffness_N_per_m", "relaxation_time_s") if level.link_relaxes else ()
-    bristle = "soft_bristle_stiffness_N_per_m" if level.soft_bristle else "bristle_stiffness_N_per_m"
-    return (
-        "mu_dynamic",
-        "mu_static",
-        "stribeck_velocity_m_per_s",
-        "viscous_N_s_per_m",
-        bristle,
-        "stiffness_N_per_m",
-        "damping_N_s_per_m",
-        *relaxing,
-    )
-
-
-def level_cost(transmission: Transmission, level: Level | None, reference: Reference) -> LevelCost:
-    """Measure what a level costs under the reference as a force; None is the capstan law."""
-    force, step, start = reference.tension_N, reference.step_s, reference.initial_tension_N
-    law = CapstanLaw.of(transmission)
-    chain = None if level is None else Chain.of(transmission, level)
-    times = []
-    for _ in range(3):  # the first one compiles
-        begin = time.perf_counter()
-        if chain is None:
-            law.output_history_N(force, start)
-        else:
-            simulate(chain, force, step, initial_tension_N=start).require()
-        times.append(time.perf_counter() - begin)
-    return LevelCost(
-        time_per_simulated_second_s=min(times) / (step * max(len(force) - 1, 1)),
-        states=1 if chain is None else chain.layout.size,
-        parameters=parameters_of(level),
-    )
 
 
 def level_traits(transmission: Transmission, level: Level | None, reference: Reference) -> LevelTraits:

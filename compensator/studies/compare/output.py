@@ -51,16 +51,13 @@ def summary(result: Comparison) -> dict[str, object]:
 
 
 def _levels(result: Comparison) -> dict[str, object]:
-    """Traits and costs of the levels, by name."""
+    """Traits of the levels, by name."""
     return {
         name: {
             "relaxation_percent": traits.relaxation_percent,
             "loop_area_percent": traits.loop_area_percent,
             "deadband_N": traits.deadband_N,
             "reversal_width_N": traits.reversal_width_N,
-            "time_per_simulated_second_s": result.costs[name].time_per_simulated_second_s,
-            "states": result.costs[name].states,
-            "parameters_to_identify": list(result.costs[name].parameters),
         }
         for name, traits in result.traits.items()
     }

@@ -107,21 +107,13 @@ def compare_report(result: Comparison, figures: dict[str, Figure]) -> Report:
 
 
 def _level_sections(result: Comparison, pictures: Mapping[str, Picture]) -> tuple[Section, ...]:
-    """Differences between the levels, and their costs."""
+    """Differences between the levels."""
     differences = Table(
         caption="Traits of the levels",
         columns=("level", "deadband [N]", "width of a reversal [N]", "loop area [%]", "relaxation in a hold [%]"),
         rows=[
             (name, t.deadband_N, t.reversal_width_N, t.loop_area_percent, max(round(t.relaxation_percent, 6), 0.0))
             for name, t in result.traits.items()
-        ],
-    )
-    costs = Table(
-        caption="Cost of a level",
-        columns=("level", "ms per simulated second", "states", "parameters", "which"),
-        rows=[
-            (name, 1e3 * c.time_per_simulated_second_s, c.states, len(c.parameters), ", ".join(c.parameters))
-            for name, c in result.costs.items()
         ],
     )
     return (
@@ -139,7 +131,6 @@ def _level_sections(result: Comparison, pictures: Mapping[str, Picture]) -> tupl
                 pictures["bode"],
             ),
         ),
-        Section(title="Computing time and parameters", blocks=(costs,)),
     )
 
 

@@ -13,7 +13,7 @@ from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.reporting.results import Result
 from tendonff.compensator.scenario.document import Document
 from tendonff.compensator.scenario.unit import Unit
-from tendonff.compensator.studies.compare.levels import LevelCost, LevelTraits
+from tendonff.compensator.studies.compare.levels import LevelTraits
 from tendonff.compensator.studies.compare.matrix import Designed, Entry
 from tendonff.models.fidelity import Level
 
@@ -52,8 +52,6 @@ class Comparison(Result):
         What the user should know before relying on it, one sentence each.
     traits : dict of str to LevelTraits
         Differences between the levels and the capstan law; empty where there is more than one tendon.
-    costs : dict of str to LevelCost
-        Cost of each level and the capstan law, by name; empty as the traits are.
     initial_tension_N : float
         Tension before the start, around which small changes are shown [N].
     ignored : IgnoredMotion or None
@@ -77,7 +75,6 @@ class Comparison(Result):
     recommendation: str
     warnings: tuple[str, ...]
     traits: dict[str, LevelTraits] = field(default_factory=dict)
-    costs: dict[str, LevelCost] = field(default_factory=dict)
     initial_tension_N: float = math.nan
     ignored: IgnoredMotion | None = None
 

@@ -11,7 +11,7 @@ from tendonff.compensator.compensators.ignored import ignored_motion
 from tendonff.compensator.files.notices import Remark, by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.reading import FloatArray
-from tendonff.compensator.studies.compare.levels import level_cost, level_traits
+from tendonff.compensator.studies.compare.levels import level_traits
 from tendonff.compensator.studies.compare.matrix import (
     REFINEMENTS,
     SMOOTHED,
@@ -126,16 +126,15 @@ def _usual(problem: Any) -> tuple[Any, ...]:
 
 
 def _of_one_tendon(problem: Problem, parts: Parts) -> dict[str, Any]:
-    """Traits and costs of the levels, and what it costs to ignore the motion of joints."""
-    traits, costs = {}, {}
+    """Traits of the levels, and what it costs to ignore the motion of joints."""
+    traits = {}
     for model in (*Level, None):
         name = CAPSTAN_PLANT if model is None else model.value
         traits[name] = level_traits(problem.transmission, model, problem.reference)
-        costs[name] = level_cost(problem.transmission, model, problem.reference)
         if model is not None:
             parts.done(2)
     start = problem.reference.initial_tension_N
-    return {"traits": traits, "costs": costs, "initial_tension_N": start, "ignored": ignored_motion(problem)}
+    return {"traits": traits, "initial_tension_N": start, "ignored": ignored_motion(problem)}
 
 
 _NOT_SEARCHED = (

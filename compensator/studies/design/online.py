@@ -29,15 +29,29 @@ _PREVIEW_SHARES = (0.1, 0.25, 0.4, 0.55, 0.7, 0.85, 1.0, 1.3)  # of the time for
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Online:
-    """Filters of all lengths, and the one that the scenario's `[stream]` admits and the goal picks."""
+    """Filters of all lengths, and the one that the scenario's `[stream]` admits and the goal picks.
 
-    choice: StreamChoice  # what `export-c` builds in
-    longer: tuple[Candidate, ...]  # further ones, of which those longer than the lag allowed need preview
-    lag_max_s: float  # lag that the scenario accepts [s]
-    # the picked filter with more and more preview; empty where the rate limit does not bind
+    Attributes
+    ----------
+    choice : StreamChoice
+        Contains what `export-c` builds in.
+    longer : tuple of Candidate
+        Further ones, of which those longer than the lag allowed need preview.
+    lag_max_s : float
+        Lag that the scenario accepts [s].
+    over_preview : tuple of Candidate
+        The picked filter with more and more preview; empty where the rate limit does not bind.
+    jump_s : float
+        Time that the rate limit needs for the capstan law's jump at the largest reference [s].
+    optimum_percent : float or None
+        RMS error of the optimal profile, which knows all of the reference [% of range]; None where it is not known.
+    """
+
+    choice: StreamChoice
+    longer: tuple[Candidate, ...]
+    lag_max_s: float
     over_preview: tuple[Candidate, ...] = ()
-    jump_s: float = 0.0  # time that the rate limit needs for the capstan law's jump at the largest reference [s]
-    # RMS error of the optimal profile, which knows all of the reference [% of range]; None where it is not known
+    jump_s: float = 0.0
     optimum_percent: float | None = None
 
     @property

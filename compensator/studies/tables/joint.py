@@ -181,7 +181,7 @@ def tabulate_joint(
         name="table",
         label="table over angle and direction",
         style=Style(color=GREEN, linestyle="-"),
-        motor_rad=lambda own: _command(own, angle, speeds, motor),
+        profile=lambda own: _command(own, angle, speeds, motor),
     )
     each = (compensator_of(task.kind, "linear"), table, compensator_of(task.kind, "inverse"))
     commands = {one.name: task.answer(one) for one in each}

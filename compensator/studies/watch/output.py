@@ -51,6 +51,8 @@ class Watch(Result):
         One for each number that is watched; empty where no window identifies anything.
     inputs : tuple of Path
         The logs.
+    accepted : tuple of str
+        Values that look like another unit and are right, as the user says.
     """
 
     shown_by: ClassVar[str] = "studies.watch.output"
@@ -59,6 +61,7 @@ class Watch(Result):
     windows: tuple[Window, ...]
     courses: tuple[Course, ...]
     inputs: tuple[Path, ...]
+    accepted: tuple[str, ...] = ()
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
@@ -95,7 +98,7 @@ class Watch(Result):
     def warnings(self) -> tuple[str, ...]:
         """Messages for the user."""
         silent = [w for w in self.windows if not w.values]
-        found = [self._not_shown] if self.alarms and self._not_shown else []
+        found = [*self.accepted, *([self._not_shown] if self.alarms and self._not_shown else [])]
         if silent and len(silent) < len(self.windows):
             why = Counter(w.why for w in silent).most_common(1)[0][0]
             found.append(f"{len(silent)} of {len(self.windows)} windows are left out, most because {why}")

@@ -7,7 +7,7 @@ from pathlib import Path
 from threadpoolctl import threadpool_limits
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.identification.joint.log import read_logs
+from tendonff.compensator.identification.joint.log import answered_logs, read_logs
 from tendonff.compensator.identification.joint.parameters import require_loop
 from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenario.measurement import Measurement
@@ -25,6 +25,7 @@ def watch(
     data: Sequence[str | os.PathLike[str]],
     *,
     how: Measurement | None = None,
+    confirm: Callable[[str], bool] = lambda _: False,
     progress: Callable[[int, int], None] = lambda _done, _all: None,
 ) -> Watch:
     """Follow friction, pre-tension and gear friction of a loop over days of use.
@@ -37,6 +38,8 @@ def watch(
         Logs of the motor in the order of use, with the columns that `identify_joint` reads.
     how : Measurement, optional
         Other names and scales of the columns.
+    confirm : callable, optional
+        Asked where a value looks like another unit; default: no.
     progress : callable, optional
         Callback(completed, total).
 
@@ -64,11 +67,12 @@ def watch(
     found: list[Window] = []
     used = 0.0
     with threadpool_limits(limits=1, user_api="blas"):
-        for done, file in enumerate(files):
-            [log] = read_logs(scenario, [file], how or Measurement())
+        logs = read_logs(scenario, files, how or Measurement())
+        accepted = answered_logs(scenario, logs, confirm)
+        for done, log in enumerate(logs):
             parts = list(windows_of(log, mechanism))
             for k, part in enumerate(parts):
                 used += len(part.torque_N_m) * part.run.step_s
                 found.append(fit_window(part, mechanism, used, lost))
                 progress(done * 100 + 100 * (k + 1) // len(parts), 100 * len(files))
-    return Watch(scenario=scenario, windows=tuple(found), courses=courses_of(found), inputs=files)
+    return Watch(scenario=scenario, windows=tuple(found), courses=courses_of(found), inputs=files, accepted=accepted)

@@ -26,6 +26,7 @@ from tendonff.compensator.scenario.scenario import scenario_to_toml
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.compare.run import compare
 from tendonff.compensator.studies.design.run import design
+from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.ocp.errors import SolveError
@@ -295,3 +296,14 @@ def test_a_folder_that_cannot_be_written_is_known_before_the_work(examples, tmp_
     (tmp_path / "taken").write_text("a file")
     assert run([command, str(examples / "finger.toml"), "--out", str(tmp_path / "taken")]) == 2
     assert "is a file; name a folder" in capsys.readouterr().err
+
+
+def test_a_compensator_needs_a_name_and_no_label(quick):
+    class Nameless(Compensator):
+        def profile(self, problem, *, progress=silent):
+            return Profile(force_N=problem.reference.tension_N)
+
+    with pytest.raises(ParameterError, match='Nameless has no name; write name = "mine" in the class'):
+        design(quick, compensators=[Nameless()])
+    named = type("Named", (Nameless,), {"name": "plain"})
+    assert named.label == "plain"

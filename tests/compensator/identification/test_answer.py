@@ -53,6 +53,23 @@ def test_the_headline_has_friction_error_and_the_next_command(found):
     assert identification_report(found, {}).summary.startswith(headline(found))
 
 
+def test_a_log_that_does_not_show_mu_is_followed_by_the_measurement_that_does(found):
+    """A design would rest on the scenario's value."""
+    why = "its standard error would be 90 %; repeat with full strokes in both directions at several loads"
+    lost = {
+        name: replace(found.estimate(name), identifiable=False, interval=None, why=why)
+        for name in ("mu_dynamic", "mu_dynamic_release")
+    }
+    blind = replace(found, estimates=tuple(lost.get(e.name, e) for e in found.estimates))
+    line = headline(blind, "fit")
+    assert (
+        "Next: run fit/suggested_force.csv on the rig and log both tensions (repeat with full strokes in both" in line
+    )
+    assert "tendonff design" not in line
+    assert "in N (--scale)" in headline(replace(blind, comparable=False))
+    assert "Next: drive the near end alone" in headline(replace(blind, described=False))
+
+
 def test_crosstalk_is_said_with_what_it_does_to_either_direction(found):
     """The ratio of the tensions while the tendon slides, by the law itself."""
     law, force = CapstanLaw(pull_exponent=0.5, release_exponent=0.45), np.array([10.0, 90.0, 20.0])
@@ -91,6 +108,7 @@ def test_no_value_stands_beside_an_interval_of_another(finger, tmp_path):
     found = identify(finger, [log(tmp_path / "a.csv", twist=0.3)], static_only=True)
     assert not found.described
     assert headline(found).startswith("No law explains the log")
+    assert "tendonff design" not in headline(found)
     for name, estimate in json.loads(json.dumps(found.as_json()))["estimates"].items():
         if estimate["estimate"] == estimate["scenario"]:
             assert estimate["interval_95"] is None, name

@@ -10,7 +10,8 @@ from tendonff.compensator.cli.progress import interruptible
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.identification.measured.cleaning import clean
-from tendonff.compensator.identification.measured.plan import LONG_FIT_S, check_plan, check_signs, data_doubts
+from tendonff.compensator.identification.measured.doubts import data_doubts
+from tendonff.compensator.identification.measured.plan import LONG_FIT_S, check_plan, check_signs, reversal_doubts
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.pace import Pace, SlowFitError
 from tendonff.compensator.identification.run import identify
@@ -70,6 +71,11 @@ def test_the_command_says_what_it_read_before_it_refuses(examples, tmp_path, cap
     assert not out.exists()
 
 
+def test_a_short_log_with_milliseconds_is_asked_about_too():
+    with pytest.raises(InputError, match=r"every 1 s: is the time in milliseconds\? .* accept = \["):
+        plan(log(500))
+
+
 @pytest.mark.parametrize(
     ("option", "value", "message"),
     [
@@ -110,26 +116,41 @@ def tensions(input_N, output_N, **more):
     return {"input_tension_N": input_N, "output_tension_N": output_N, **more}
 
 
-def test_reversed_tensions_and_other_units_of_positions_and_joints_are_asked_about(record):
-    sound = record(**tensions(30 + 10 * WAVE, 30 + 7 * WAVE, input_position_m=0.01 * WAVE))
-    assert data_doubts([sound], Explain.AUTO) == ()
+def test_reversed_tensions_are_asked_about(record):
+    sound = record(**tensions(30 + 10 * WAVE, 30 + 7 * WAVE))
+    assert reversal_doubts([sound], Explain.AUTO) == ()
     swapped = record(**tensions(30 + 7 * WAVE, 30 + 10 * WAVE))
-    assert data_doubts([swapped], Explain.INPUT) == ()  # the far end is driven
-    [doubt] = data_doubts([swapped], Explain.AUTO)
+    assert reversal_doubts([swapped], Explain.INPUT) == ()  # the far end is driven
+    [doubt] = reversal_doubts([swapped], Explain.AUTO)
     assert doubt.startswith(
         "a.csv: the output tension swings by 20 N, the input by 14 N: are the two columns reversed?"
     )
+
+
+def test_other_units_of_tensions_positions_and_joints_are_doubted_with_their_factor(record):
+    def doubts(*columns, how=Measurement()):  # noqa: B008  frozen
+        return list(data_doubts(columns, how, 200.0))
+
     even = tensions(30 + WAVE, 30 + WAVE)
-    [doubt] = data_doubts([record(**even, input_position_m=10 * WAVE)], Explain.AUTO)
-    assert doubt.endswith("moves by 20 m: millimetres? --scale input_position=0.001")
-    [doubt] = data_doubts([record(["wrist"], **even, wrist_rad=45 * WAVE)], Explain.AUTO)
-    assert doubt == "a.csv: wrist: it turns to 45 rad: degrees? Then it is 0.7854"
+    assert doubts(record(**even, input_position_m=0.01 * WAVE)) == []
+    [doubt] = doubts(record(**even, input_position_m=10 * WAVE))
+    assert "moves by 20 m: millimetres? Then it is 0.02 m: --scale input_position=0.001" in doubt.text
+    [doubt] = doubts(record(["wrist"], **even, wrist_rad=45 * WAVE))
+    assert (doubt.key, doubt.text) == ("joints.wrist", "a.csv: wrist: it turns to 45 rad: degrees? Then it is 0.7854")
+    mixed = record(**tensions(30 + WAVE, 1e3 * (40 + WAVE)))
+    [doubt] = doubts(mixed)
+    assert doubt.key == "measurement.output_scale"
+    assert "reaches 4.1e+04 N, the scenario's actuator 200 N: mN? Then it is 41 N: --scale output=0.001" in doubt.text
+    assert doubts(mixed, how=Measurement(output_column="output_torque_mNm")) == []  # the user named a torque
+    found = doubts(record(**tensions(0.03 + 1e-3 * WAVE, 0.03 + 1e-3 * WAVE)))
+    assert [each.key for each in found] == ["measurement.input_scale", "measurement.output_scale"]
+    assert "kN? Then it is 31 N: --scale input=1000" in found[0].text
 
 
 def test_a_spike_of_a_cell_is_no_sign_of_reversed_columns(record):
     output = 30 + 7 * WAVE
     output[700] += 60.0
-    assert data_doubts([record(**tensions(30 + 10 * WAVE, output))], Explain.AUTO) == ()
+    assert reversal_doubts([record(**tensions(30 + 10 * WAVE, output))], Explain.AUTO) == ()
 
 
 def strokes_of_a_sheath(near, far, offset_N=0.0):
@@ -196,3 +217,29 @@ def test_the_command_says_doubts_before_it_fits(examples, tmp_path, capsys, monk
     assert run(["identify", str(examples / "finger.toml"), *data]) == 2
     assert "said before: swapped.csv: 1000 samples" in (said := capsys.readouterr().err)
     assert "warning: swapped.csv: the output tension swings by 20 N, the input by 14 N" in said
+
+
+def test_a_log_in_other_units_is_refused_before_the_fit_and_goes_on_as_the_user_says(examples, tmp_path, capsys):
+    time = np.arange(0, 10, 0.01)
+    wave = 1e3 * (40 + 10 * np.sin(time))
+    lost = 0.7 * wave + 4e3 * np.tanh(20 * np.cos(time))
+    write_csv(tmp_path / "mN.csv", {"time_s": time, "input_tension_N": wave, "output_tension_N": lost})
+    scenario = tmp_path / "mine.toml"
+    scenario.write_text((examples / "finger.toml").read_text(encoding="utf-8"), encoding="utf-8")
+    out = tmp_path / "fit"
+    arguments = ["identify", str(scenario), "--static", "--data", str(tmp_path / "mN.csv"), "--out", str(out)]
+    assert run(arguments) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "mN.csv: the input tension reaches 5e+04 N, the scenario's actuator 200 N: mN? Then it is 50 N" in said
+    keys = '"measurement.input_scale", "measurement.output_scale"'
+    assert (
+        f"Nothing was computed: correct this, or go on all the same with --yes or, for good, with accept = [{keys}]"
+        in said
+    )
+    assert not out.exists()
+    assert run([*arguments, "--yes"]) == 0
+    assert "mN? Then it is 50 N" in capsys.readouterr().err
+    text = scenario.read_text(encoding="utf-8").replace("[run]\n", f"[run]\naccept = [{keys}]\n")
+    scenario.write_text(text, encoding="utf-8")
+    assert run(arguments) == 0
+    assert "mN?" not in capsys.readouterr().err

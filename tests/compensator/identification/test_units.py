@@ -6,7 +6,7 @@ import pytest
 import tendonff as tf
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv
-from tendonff.compensator.identification.measured.plan import magnitude_warning, unit_warning
+from tendonff.compensator.identification.measured.doubts import column_doubts, magnitude_warning, unit_warning
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenario.measurement import Explain, Measurement
@@ -18,28 +18,37 @@ TORQUES = Measurement(
 )
 
 
-def test_columns_whose_names_tell_another_unit_are_named_with_the_option() -> None:
+def test_a_torque_or_an_angle_in_the_place_of_a_tension_or_a_position_is_named_with_the_option() -> None:
     message = unit_warning(TORQUES, ["input_position"])
     assert "input_torque_Nm as N (--scale input=FACTOR)" in message
-    assert "F_out [kN] as N (--scale output=FACTOR)" in message
     assert "motor angle (deg) as m (--scale input_position=FACTOR)" in message
+    assert "F_out" not in message
     assert "time_s" not in message
 
 
+def test_another_unit_of_the_same_quantity_in_a_name_is_a_doubt() -> None:
+    [doubt] = column_doubts(TORQUES, ["input_position"])
+    assert doubt.key == "measurement.output_scale"
+    assert doubt.text == 'column "F_out [kN]" is read as N: kN? Then --scale output=FACTOR'
+
+
 def test_a_factor_or_a_column_that_was_not_read_needs_no_message() -> None:
-    assert unit_warning(Measurement(), ["input_position", "output_position"]) == ""
-    assert unit_warning(replace(TORQUES, input_scale=100.0, output_scale=1000.0), []) == ""
+    for how in (Measurement(), replace(TORQUES, input_scale=100.0, output_scale=1000.0)):
+        assert [*column_doubts(how, [])] == []
+        assert unit_warning(how, []) == ""
 
 
 def test_a_column_that_was_converted_is_not_said_to_be_read_without_a_factor() -> None:
-    message = unit_warning(TORQUES, ["input_position"], "units: 1; F_out [kN] x 1000 (--scale overrides)")
-    assert "input_torque_Nm as N" in message
-    assert "F_out" not in message
+    converted = "units: 1; F_out [kN] x 1000 (--scale overrides)"
+    assert [*column_doubts(TORQUES, [], converted)] == []
+    assert "input_torque_Nm as N" in unit_warning(TORQUES, [], converted)
 
 
 @pytest.mark.parametrize("name", ["force_A", "pull_in", "cell_N", "F_g"])
 def test_a_name_that_tells_a_place_is_no_unit(name: str) -> None:
-    assert unit_warning(Measurement(input_column=name, input_position_column="pos_in"), ["input_position"]) == ""
+    how = Measurement(input_column=name, input_position_column="pos_in")
+    assert [*column_doubts(how, ["input_position"])] == []
+    assert unit_warning(how, ["input_position"]) == ""
 
 
 @pytest.mark.parametrize(("largest_N", "apart"), [(0.25, True), (1.6, False), (2900.0, False), (3100.0, True)])
@@ -100,8 +109,10 @@ def test_a_column_that_does_not_rise_is_no_clock(strokes):
 
 def test_small_numbers_get_a_message_and_no_excitation(examples, strokes):
     scenario = load_scenario(examples / "finger.toml")
-    small = replace(scenario, measurement=Measurement(input_scale=0.01, output_scale=0.01))
-    found = identify(small, [strokes], static_only=True)
+    small = replace(scenario, measurement=Measurement(input_scale=0.003, output_scale=0.003))
+    with pytest.raises(InputError, match=r"kN\?.*Nothing was computed"):
+        identify(small, [strokes], static_only=True)
+    found = identify(small, [strokes], static_only=True, confirm=lambda _: True)
     assert not found.comparable
-    assert any("the scenario's actuator 200 N" in warning for warning in found.warnings)
+    assert any("is this its rig" in warning for warning in found.warnings)
     assert identify(scenario, [strokes], static_only=True).comparable

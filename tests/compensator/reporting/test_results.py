@@ -5,6 +5,7 @@ import re
 from importlib import import_module
 from pathlib import Path
 
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
@@ -58,6 +59,23 @@ def test_a_notebook_shows_headline_and_first_figure(designs):
         page = result._repr_html_()
         assert "RMS" in page
         assert page.count("<img") == 1
+
+
+def test_scenarios_simulations_and_exports_have_a_repr_of_a_line(examples):
+    for name in ("finger", "hand_joint", "three_joint_finger"):
+        assert len(repr(tf.load_scenario(examples / f"{name}.toml"))) < 130
+    scenario = tf.load_scenario(examples / "finger.toml")
+    system = tf.system_of(scenario.transmission, tf.Level.ELASTIC)
+    simulated = tf.simulate(system, np.full(50, 10.0), 1e-3)
+    assert repr(simulated) == "<Simulation done: 50 rows to 0.049 s>"
+
+
+def test_a_choice_that_there_is_not_is_refused_with_those_there_are(examples):
+    system = tf.system_of(tf.load_scenario(examples / "finger.toml").transmission, tf.Level.ELASTIC)
+    with pytest.raises(tf.ParameterError, match=r'Method must be one of "bdf2", .*"collocation", got "euler"'):
+        tf.simulate(system, np.full(50, 10.0), 1e-3, method="euler")
+    with pytest.raises(tf.ParameterError, match='Level must be one of "elastic"'):
+        tf.Level("rigid")
 
 
 def test_every_result_names_a_module_that_shows_it():

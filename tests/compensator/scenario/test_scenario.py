@@ -450,3 +450,27 @@ def check(text: str) -> None:
 def test_nesting_without_end_is_refused() -> None:
     with pytest.raises(InputError, match=r"finger\.toml"):
         parse("a = " + "[" * 100_000)
+
+
+def test_scenarios_of_a_tension_share_a_base_that_may_have_one_itself(examples, tmp_path):
+    """Keys of the nearest file win; a table of another kind is taken whole."""
+    (tmp_path / "sheath.toml").write_text((examples / "exosuit.toml").read_text("utf-8"), "utf-8")
+    (tmp_path / "left.toml").write_text(
+        'schema = 1\nname = "left"\nbase = "sheath.toml"\n[friction]\nmu_dynamic = 0.11\n[actuator.motor]\n'
+        "gear_ratio = 9.0\n",
+        "utf-8",
+    )
+    (tmp_path / "worn.toml").write_text('schema = 1\nbase = "left.toml"\n[friction]\nadhesion_N = 2.5\n', "utf-8")
+    shared, left, worn = (load_scenario(tmp_path / f"{name}.toml") for name in ("sheath", "left", "worn"))
+    friction = worn.transmission.friction
+    assert (friction.mu_dynamic, friction.adhesion_N) == (0.11, 2.5)
+    assert friction.viscous_N_s_per_m == shared.transmission.friction.viscous_N_s_per_m
+    motor = worn.transmission.actuator.motor
+    assert (motor.gear_ratio, motor.drum_radius_m) == (9.0, shared.transmission.actuator.motor.drum_radius_m)
+    assert [file.name for file in worn.inputs] == ["left.toml", "sheath.toml"]
+    assert load_scenario(tmp_path / "left.toml").digest() != worn.digest()
+    assert parse_scenario(worn.to_toml(), tmp_path / "whole.toml").transmission == worn.transmission
+    (tmp_path / "sheath.toml").write_text('schema = 1\nbase = "worn.toml"\n', "utf-8")
+    with pytest.raises(InputError, match=r"leads back to worn\.toml"):
+        load_scenario(tmp_path / "worn.toml")
+    assert left.name == "left"

@@ -44,9 +44,9 @@ def watch(
     if not data:
         raise InputError("no log given; name at least one with --data, in the order of use")
     loaded = looked_at(scenario, follows_reference=False, yes=yes)
-    from tendonff.compensator import door
+    from tendonff.compensator import works
 
-    watched = door.function_of("watch", loaded)
+    watched = works.function_of("watch", loaded)
     given = {
         "time_column": time_column,
         "input_column": input_column,
@@ -56,7 +56,7 @@ def watch(
     how = replace(loaded.measurement, **{key: value for key, value in given.items() if value is not None})  # type: ignore[arg-type]
     with atomic_directory(out) as folder:
         with progress("watching") as advance:
-            found = watched(loaded, data, how=how, progress=advance)
+            found = watched(loaded, data, how=how, confirm=lambda _: yes, progress=advance)
         with progress("writing"):
             found.write(folder, pdf=pdf)
     warn(*found.warnings)

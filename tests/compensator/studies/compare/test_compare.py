@@ -24,7 +24,7 @@ from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import parse_scenario, scenario_to_toml
 from tendonff.compensator.scenario.settings import Compare
 from tendonff.compensator.scenarios import load_scenario
-from tendonff.compensator.studies.compare.levels import level_traits, parameters_of
+from tendonff.compensator.studies.compare.levels import level_traits
 from tendonff.compensator.studies.compare.matrix import Entry, lag, recommend
 from tendonff.compensator.studies.compare.run import SIMPLE, compare
 from tendonff.models.capstan import Branch, CapstanLaw
@@ -142,13 +142,6 @@ def test_the_levels_differ_in_what_they_are_made_for(finger):
     assert static.reversal_width_N <= 0.03 * high
 
 
-def test_a_level_asks_for_the_parameters_that_it_uses():
-    assert len(parameters_of(None)) == 1
-    assert "relaxation_time_s" not in parameters_of(Level.ELASTIC)
-    assert {"relaxation_time_s", "bristle_stiffness_N_per_m"} <= set(parameters_of(Level.VISCOELASTIC))
-    assert "soft_bristle_stiffness_N_per_m" in parameters_of(Level.PRESLIDING)
-
-
 def entries(**errors):
     """Matrix column of the presliding plant: errors of none, capstan and the three designs."""
     values = {"none": [errors["none"]] * 3, "capstan": [errors["capstan"]] * 3}
@@ -243,9 +236,7 @@ def test_the_files_say_the_same_as_the_result(result, folder):
     assert all(value != "" for row in rows for value in row.values())
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     assert summary["recommendation"] == result.recommendation
-    assert summary["levels"]["capstan"]["states"] == 1
-    assert summary["levels"]["presliding"]["states"] == 30
-    assert summary["levels"]["elastic"]["time_per_simulated_second_s"] > 0
+    assert set(summary["levels"]) == {*map(str, Level), "capstan"}
     assert result.recommendation in (folder / "report.html").read_text(encoding="utf-8")
     assert result.recommendation in (folder / "said.txt").read_text(encoding="utf-8")
 

@@ -116,3 +116,19 @@ def test_doubt_names_every_width(finger):
     found = Doubt.of(finger.transmission, Uncertainty(stiffness=0.1, bristle_stiffness=0.3, samples=7))
     assert found.widths == "stiffness ±10 %, bristle_stiffness ±30 %"
     assert len(found.samples) == 7
+
+
+def test_no_profile_beyond_the_actuator_is_recommended_where_the_reference_is_out_of_reach(examples):
+    """Ten times too high: all that is applied is within the limits, and the optimal profile gives its best there."""
+    bowden = load_scenario(examples / "bowden.toml")
+    most = bowden.transmission.actuator.largest_force_N
+    far = replace(bowden.reference, tensions_N=tuple(10 * each for each in bowden.reference.tensions_N))
+    found = design(
+        replace(bowden, reference=far, run=replace(bowden.run, step_s=4e-3)),
+        compensators=("none", "inverse", "optimal"),
+    )
+    for profile in found.profiles.values():
+        assert profile.force_N.max() <= most * (1 + 1e-9)
+    errors = {name: band.worst.rmse for name, band in found.expectation.bands.items()}
+    assert errors["optimal"] <= 1.01 * min(errors.values())
+    assert "lower the reference to at most" in found.headline

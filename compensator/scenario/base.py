@@ -1,4 +1,4 @@
-"""Base that the scenarios of several joints share."""
+"""Base that several scenarios share."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -7,13 +7,15 @@ from tendonff.compensator.files.reading import InputError, read_text
 from tendonff.compensator.scenario.tables import show
 from tendonff.compensator.scenario.toml import toml_of
 
-_MERGED = ("path", "tendon", "friction", "drive", "run", "robust")
+_MERGED = ("path", "tendon", "friction", "actuator", "load", "drive", "run", "robust", "measurement")
+_WITHIN = "motor"  # a table of [actuator], merged like it
 
 
 def with_base(raw: dict[str, object], source: Path, inputs: list[Path]) -> dict[str, object]:
-    """A scenario with what it leaves to its base, a file that several joints share and that may have a base itself.
+    """A scenario with what it leaves to its base, a file that several scenarios share and that may have a base itself.
 
-    Keys of `_MERGED` tables are taken one by one, other tables as a whole.
+    Keys of `_MERGED` tables are taken one by one, other tables and those of another kind as a whole; files that the
+    base names are relative to the folder of `source`.
     """
     return _with_base(raw, source, inputs, (source.resolve(),))
 
@@ -31,5 +33,14 @@ def _with_base(raw: dict[str, object], source: Path, inputs: list[Path], above: 
     own = {key: value for key, value in raw.items() if key != "base"}
     for key in _MERGED:
         if isinstance(shared := base.get(key), Mapping) and isinstance(given := own.get(key), Mapping):
-            own[key] = {**shared, **given}
+            own[key] = _merged(shared, given)
     return {**base, **own}
+
+
+def _merged(shared: Mapping[str, object], given: Mapping[str, object]) -> dict[str, object]:
+    if given.get("kind", kind := shared.get("kind")) != kind:
+        return dict(given)
+    found = {**shared, **given}
+    if isinstance(below := shared.get(_WITHIN), Mapping) and isinstance(own := given.get(_WITHIN), Mapping):
+        found[_WITHIN] = {**below, **own}
+    return found

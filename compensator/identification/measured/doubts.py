@@ -1,0 +1,167 @@
+"""Doubts about the units of measured files: a fit does not start before the user has answered them."""
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
+
+import numpy as np
+
+from tendonff.compensator.identification.measured import Array
+from tendonff.compensator.identification.measured.cleaning import Record, joints_of
+from tendonff.compensator.scenario.doubts import UnitDoubt, angle_doubt, settle, unaccepted
+from tendonff.compensator.scenario.measurement import Measurement
+from tendonff.compensator.scenario.settings import Run
+from tendonff.models.joint.parameters import JointDrive
+from tendonff.models.path import FURTHEST_RAD
+
+MOST_ABOVE, MOST_BELOW = 20.0, 400.0
+"""A largest tension so many times above, or below, what the actuator can do is of another rig, or in another unit."""
+
+LIKELY_MILLI, LIKELY_KILO = 150.0, 1000.0
+"""From so many times on, mN or kN are likely: readings in mN are 1000 times the tension."""
+
+_LONGEST_STROKE_M = 10.0
+
+_FORCES, _LENGTHS = ("kN", "mN", "lbf", "lb", "kg"), ("mm", "cm", "um")
+_FORCE_LIKE, _LENGTH_LIKE = ("Nm", "mNm", "V", "mV", "mA"), ("rad", "deg", "counts")
+OTHERS = {
+    "time": ("s", ("ms", "us"), ()),
+    "input": ("N", _FORCES, _FORCE_LIKE),
+    "output": ("N", _FORCES, _FORCE_LIKE),
+    "input_position": ("m", _LENGTHS, _LENGTH_LIKE),
+    "output_position": ("m", _LENGTHS, _LENGTH_LIKE),
+    "actuator_force": ("N", _FORCES, _FORCE_LIKE),
+}
+"""For each column the unit it is read in, and last words of names that tell another unit of the same quantity, or of
+another one that may stand for it; `A`, `g` and `in` may as well name a place."""
+
+
+def answered(found: Iterable[UnitDoubt], run: Run, confirm: Callable[[str], bool], *, file: str) -> tuple[str, ...]:
+    """Doubts about measured files that the user accepts, as warnings; those in `accept` of [run] are left out.
+
+    InputError, with the way out, if `confirm` declines the others.
+    """
+    doubts = unaccepted(found, run)
+    accept = bool(doubts) and confirm("; ".join(map(str, doubts)))
+    return settle(doubts, file=file, accept=accept)
+
+
+def _told_units(how: Measurement, positions: Sequence[str], converted: str) -> Iterator[tuple[str, str, str]]:
+    """Key, name and last word of columns, of positions those in `positions`, that are read without a factor.
+
+    `converted` is what the reader said of the columns whose units it turned into SI.
+    """
+    for key in OTHERS:
+        name, scale = getattr(how, f"{key}_column"), getattr(how, f"{key}_scale")
+        if name is None or (scale or 1) != 1 or (key.endswith("position") and key not in positions):
+            continue
+        if f"{name} x " not in converted and f"{name} [" not in converted:
+            yield key, name, re.split(r"[^A-Za-z]+", name.rstrip(" ])"))[-1]
+
+
+def column_doubts(how: Measurement, positions: Sequence[str], converted: str = "") -> Iterator[UnitDoubt]:
+    """Columns whose names tell another unit than the one of the same quantity they are read in; see `unit_warning`."""
+    for key, name, word in _told_units(how, positions, converted):
+        unit, others, _ = OTHERS[key]
+        if word in others:
+            text = f'column "{name}" is read as {unit}: {word}? Then --scale {key}=FACTOR'
+            yield UnitDoubt(f"measurement.{key}_scale", text)
+
+
+def unit_warning(how: Measurement, positions: Sequence[str], converted: str = "") -> str:
+    """Columns of another quantity that stands for the one that is read, a torque for a tension; else empty.
+
+    `positions` are the positions that were read, `converted` is what the reader said of columns that it converted.
+    """
+    found = [
+        f"{name} as {OTHERS[key][0]} (--scale {key}=FACTOR)"
+        for key, name, word in _told_units(how, positions, converted)
+        if word in OTHERS[key][2]
+    ]
+    if not found:
+        return ""
+    return (
+        f"read without a factor: {', '.join(found)}; estimates with N and m in their names are then in the file's own "
+        "units. A torque over the drum's radius is a tension, an angle times it a position"
+    )
+
+
+def data_doubts(files: Sequence[Record], how: Measurement, force_max_N: float) -> Iterator[UnitDoubt]:
+    """Measured tensions, positions and angles that look like another unit on a rig with such an actuator [N]."""
+    named = {key: word in OTHERS[key][2] for key, _, word in _told_units(how, (), "")}
+    ends = [end for end in ("input", "output") if not named.get(end)]
+    largest = {
+        end: max((float(np.abs(file.joined(f"{end}_N")).max()), file.name) for file in files)
+        for end in ends
+        if all(end == "input" or file.has_output for file in files)
+    }
+    small = 0 < max((most_N for most_N, _ in largest.values()), default=0.0) < force_max_N / LIKELY_KILO
+    for end, (most_N, name) in largest.items():
+        if small or most_N > LIKELY_MILLI * force_max_N:
+            unit, factor = ("kN", 1e3) if small else ("mN", 1e-3)
+            yield UnitDoubt(
+                f"measurement.{end}_scale",
+                f"{name}: the {end} tension reaches {most_N:.3g} N, the scenario's actuator {force_max_N:.3g} N: "
+                f"{unit}? Then it is {factor * most_N:.3g} N: --scale {end}={factor:g}",
+            )
+    for file in files:
+        for end in ("input", "output"):
+            if getattr(file.pieces[0], f"{end}_m") is None:
+                continue
+            if (stroke_m := float(np.ptp(file.joined(f"{end}_m")))) > _LONGEST_STROKE_M:
+                yield UnitDoubt(
+                    f"measurement.{end}_position_scale",
+                    f"{file.name}: the {end} position moves by {stroke_m:.3g} m: millimetres? Then it is "
+                    f"{stroke_m / 1e3:.3g} m: --scale {end}_position=0.001",
+                )
+        for name, angle in joints_of([file]).items():
+            yield from angle_doubt(f"joints.{name}", float(np.max(np.abs(angle))), f"{file.name}: {name}")
+
+
+def magnitude_warning(largest_N: float, force_max_N: float) -> str:
+    """Message where the measured tensions are far from the range of the scenario's actuator; else empty."""
+    if force_max_N / MOST_BELOW <= largest_N <= force_max_N * MOST_ABOVE:
+        return ""
+    return (
+        f"the measured tensions reach {largest_N:.3g} N, the scenario's actuator {force_max_N:.3g} N: is this its rig, "
+        "and the unit N (--scale)? Masses, load and limits are the scenario's; no excitation is suggested"
+    )
+
+
+def motor_doubts(
+    file: str, motor_rad: Array, torque_N_m: Array, drive: JointDrive, arm_m: float, *, of: str = ""
+) -> Iterator[UnitDoubt]:
+    """Angle and torque of a motor, shape (rows,), that look like another unit.
+
+    A radian of every joint takes its tendons as far as `arm_m`; `of` names the motor where there are several, whose
+    columns no option scales.
+    """
+    who = f'motor "{of}"' if of else "the motor"
+    turned, drum_m = float(np.ptp(motor_rad)), min(map(abs, drive.drum_radius_m))
+    most = 2 * FURTHEST_RAD * arm_m / drum_m * drive.gear_ratio
+    if turned > most > 0:
+        way = "convert the column" if of else "name the column in deg, or --scale input_position=0.01745"
+        yield UnitDoubt(
+            "measurement.input_position_scale",
+            f"{file}: {who} turns by {turned:.4g} rad, a whole turn of the joint either way takes {most:.3g}: degrees? "
+            f"Then it is {np.radians(turned):.4g} rad: {way}",
+        )
+    held_N = drive.pretension_N or drive.least_tension_N or 0.0
+    usual = drive.torque_max_N_m or _OVER_TENSION * held_N * drum_m / drive.gear_ratio
+    largest = float(np.abs(torque_N_m).max())
+    if usual > 0 and largest > MOST_ABOVE * usual:
+        what = "torque_max_N_m" if drive.torque_max_N_m else f"{_OVER_TENSION:g} times that of the tension at rest"
+        way = "convert the column" if of else "name the column in mNm, or --scale input=0.001"
+        yield UnitDoubt(
+            "measurement.input_scale",
+            f"{file}: the torque of {who} reaches {largest:.3g} N m, {what} is {usual:.3g} N m: mN m, or a current in "
+            f"mA? Then it is {largest / 1e3:.3g} N m: {way}",
+        )
+
+
+_OVER_TENSION = 10.0  # a motor that states no largest torque pulls so many times the tendon's tension at rest
+
+
+def encoder_doubts(file: str, joint: str, angle_rad: Array | None) -> Iterator[UnitDoubt]:
+    """Angle of a joint's encoder, shape (rows,), that looks like degrees; none without an encoder."""
+    if angle_rad is not None and np.isfinite(angle_rad).all():
+        yield from angle_doubt(f"joints.{joint}", float(np.abs(angle_rad).max()), f"{file}: {joint}")
