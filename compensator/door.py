@@ -1,23 +1,19 @@
 """The one door: what is done with a scenario, whatever it describes.
 
-`WORKS` says for each kind of scenario which function does a work, or why there is none. The functions below take any
-scenario and look there; nothing else asks for the kind.
+The functions take any scenario and look into the table `works.WORKS` for what does their work.
 """
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import partial
-from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, overload
 
 from tendonff.compensator.export.kinds import FmiVersion
 from tendonff.compensator.export.kinds import Kind as Unit
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.text import InputError
-from tendonff.compensator.scenario.kind import Kind
+from tendonff.compensator.works import function_of
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
@@ -60,207 +56,7 @@ if TYPE_CHECKING:
     Files = Sequence[str | os.PathLike[str]]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Work:
-    """A work on scenarios.
-
-    Attributes
-    ----------
-    by : mapping of Kind to str
-        "module:function" of this package that does it, imported where it is needed.
-    refused : mapping of Kind to str
-        Why the other kinds have none, and what to do instead.
-    options : mapping of str to (mapping of Kind to str)
-        Options that a kind does not have, and why.
-    """
-
-    by: Mapping[Kind, str]
-    refused: Mapping[Kind, str] = field(default_factory=dict)
-    options: Mapping[str, Mapping[Kind, str]] = field(default_factory=dict)
-
-
-_MOTORS = (Kind.JOINT, Kind.FINGER)
-
-
-def _not(kinds: Sequence[Kind], why: str) -> Mapping[Kind, str]:
-    return dict.fromkeys(kinds, why)
-
-
-_FINGER_ALONE = "tf.Runtime and export-c give their motor angles step by step"
 _APART = "a project holds tensions, single joints or fingers; give one kind at a time"
-_NO_CELLS = (
-    "--tension-column, --actuator-force-column, --explain, --static, --gear-ratio and --drum-radius are for tensions, "
-    "known at both ends of one tendon; of a joint what its motors feel is fitted, friction, tendons and load at once: "
-    "leave them out"
-)
-
-WORKS: Mapping[str, Work] = MappingProxyType(
-    {
-        "look": Work(
-            by={
-                Kind.TENSION: "scenario.sampled.first_look:first_look",
-                Kind.JOINT: "scenario.driven.joint_doubts:look_at_joint",
-                Kind.FINGER: "scenario.driven.finger_doubts:look_at_finger",
-            }
-        ),
-        "design": Work(
-            by={
-                Kind.TENSION: "studies.design.run:design",
-                Kind.JOINT: "studies.design.motors.run:design_motors",
-                Kind.FINGER: "studies.design.motors.run:design_motors",
-            },
-        ),
-        "show": Work(
-            by={
-                Kind.TENSION: "studies.design.output:show",
-                Kind.JOINT: "studies.design.motors.output:show",
-                Kind.FINGER: "studies.design.motors.output:show",
-            }
-        ),
-        "check": Work(
-            by={
-                Kind.TENSION: "studies.design.check:check_design",
-                Kind.JOINT: "studies.design.check:check_driven",
-                Kind.FINGER: "studies.design.check:check_driven",
-            }
-        ),
-        "compare": Work(
-            by={
-                Kind.TENSION: "studies.compare.run:compare",
-                Kind.JOINT: "studies.compare.run:compare",
-                Kind.FINGER: "studies.compare.run:compare",
-            },
-        ),
-        "explore": Work(
-            by={
-                Kind.TENSION: "studies.explore.run:Explorer",
-                Kind.JOINT: "studies.explore.motors:MotorExplorer",
-                Kind.FINGER: "studies.explore.motors:MotorExplorer",
-            },
-        ),
-        "simulate": Work(
-            by={
-                Kind.TENSION: "studies.simulate.run:simulate_force_file",
-                Kind.JOINT: "studies.simulate.joint:simulate_joint_file",
-                Kind.FINGER: "studies.simulate.finger:simulate_finger_file",
-            },
-        ),
-        "experiment": Work(
-            by={Kind.TENSION: "studies.experiment.run:experiment"},
-            refused=_not(
-                _MOTORS,
-                "the experiment holds one tendon between two motors; describe that tendon by a scenario of its tension",
-            ),
-        ),
-        "identify": Work(
-            by={
-                Kind.TENSION: "identification.run:identify",
-                Kind.JOINT: "identification.driven:identify_one",
-                Kind.FINGER: "identification.driven:identify_several",
-            },
-            options=dict.fromkeys(
-                ("tension_columns", "actuator_force_column", "explain", "static_only", "gear_ratio", "drum_radius_m"),
-                _not(_MOTORS, _NO_CELLS),
-            ),
-        ),
-        "suggest": Work(
-            by={
-                Kind.TENSION: "identification.suggest:suggest",
-                Kind.JOINT: "identification.driven:suggest_one",
-                Kind.FINGER: "identification.motors.run:suggest_motor_routine",
-            },
-        ),
-        "write_suggestion": Work(
-            by={
-                Kind.TENSION: "identification.answer.output:write_suggestion",
-                Kind.JOINT: "identification.driven:write_one",
-                Kind.FINGER: "identification.driven:write_several",
-            },
-        ),
-        "watch": Work(
-            by={Kind.JOINT: "studies.watch.run:watch"},
-            refused=_not(
-                (Kind.TENSION, Kind.FINGER),
-                "watch follows friction and pre-tension of a closed loop by the torque of its own motor; a tension is "
-                "set by its drive, and of tendons that fingers share one torque tells of many: identify the log of "
-                "each day instead",
-            ),
-        ),
-        "adapt": Work(
-            by={
-                Kind.TENSION: "studies.adapt.run:adapt",
-                Kind.JOINT: "studies.adapt.joint:adapt_joint",
-            },
-            refused={
-                Kind.FINGER: "adapt tunes one number from one motor; the joints of a finger share tendons, so that one "
-                "torque tells of many"
-            },
-        ),
-        "table": Work(
-            by={
-                Kind.TENSION: "studies.tables.run:make_tables",
-                Kind.JOINT: "studies.tables.joint:tabulate_joint",
-            },
-            refused={
-                Kind.FINGER: "a table of several joints needs an axis for the angle and the way of each, 2 n in all, "
-                f"which fits no controller; {_FINGER_ALONE}"
-            },
-        ),
-        "opti": Work(
-            by={
-                Kind.TENSION: "studies.opti.run:opti_of_tension",
-                Kind.JOINT: "studies.opti.run:opti_of_joint",
-                Kind.FINGER: "studies.opti.run:opti_of_finger",
-            }
-        ),
-        "export_c": Work(
-            by={
-                Kind.TENSION: "export.several:export_tensions",
-                Kind.JOINT: "export.joint.project:export_joints",
-                Kind.FINGER: "export.finger.project:export_fingers",
-            },
-        ),
-        "export_fmu": Work(
-            by={
-                Kind.TENSION: "export.fmu:build_fmu",
-                Kind.JOINT: "export.joint.fmu:build_joint_fmu",
-                Kind.FINGER: "export.finger.fmu:build_finger_fmu",
-            },
-            options={"kind": _not(_MOTORS, "driven joints have the kind inverse only; leave --kind out")},
-        ),
-    }
-)
-"""All works, for every kind of scenario: the table of what is possible."""
-
-
-def require_options(work: str, scenario: "AnyScenario", asked: Mapping[str, object]) -> None:
-    """Refuse the options of a work that a scenario's kind does not have; those not asked for are None, False, empty."""
-    for name, why in WORKS[work].options.items():
-        if scenario.kind in why and _is_given(asked.get(name)):
-            raise InputError(f"{scenario.source.name}: {why[scenario.kind]}")
-
-
-def _is_given(value: object) -> bool:
-    return not (value is None or value is False or (isinstance(value, Sequence | Mapping) and not value))
-
-
-def function_of(
-    work: str, scenario: "AnyScenario", asked: Mapping[str, object] = MappingProxyType({})
-) -> Callable[..., Any]:
-    """Function that does a work on scenarios of this kind, with the options that were asked for.
-
-    InputError, with the reason, where there is none, or an option is not for this kind.
-    """
-    kind = getattr(scenario, "kind", None)
-    if not isinstance(kind, Kind):
-        raise ParameterError(f"scenario must be one that tf.load_scenario(file) gives, got {scenario!r:.60}")
-    entry = WORKS[work]
-    if kind in entry.refused:
-        raise InputError(f"{scenario.source.name}: {entry.refused[kind]}")
-    require_options(work, scenario, asked)
-    module, _, name = entry.by[kind].partition(":")
-    found: Callable[..., Any] = getattr(import_module(f"tendonff.compensator.{module}"), name)
-    return partial(found, **{key: value for key, value in asked.items() if _is_given(value)})
 
 
 def look_at(

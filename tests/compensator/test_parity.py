@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import tendonff as tf
-from tendonff.compensator import door
+from tendonff.compensator import works
 from tendonff.compensator.cli import run
 from tendonff.compensator.compensators.every import compensator_of, problem_of
 from tendonff.compensator.files.reading import InputError
@@ -80,14 +80,14 @@ def test_the_one_reader_knows_what_a_file_describes(files, rig):
     assert tf.load_scenario(files[rig]).kind is RIGS[rig]
 
 
-@pytest.mark.parametrize("work", door.WORKS)
+@pytest.mark.parametrize("work", works.WORKS)
 def test_every_work_takes_or_refuses_every_kind_and_lacks_options_of_its_own_alone(files, work):
-    entry = door.WORKS[work]
+    entry = works.WORKS[work]
     assert {*entry.by, *entry.refused} == set(Kind)
     assert not {*entry.by} & {*entry.refused}
     for rig, kind in RIGS.items():
         if kind in entry.by:
-            found = door.function_of(work, tf.load_scenario(files[rig])).func
+            found = works.function_of(work, tf.load_scenario(files[rig])).func
             taken = set(inspect.signature(found).parameters)
             lacking = {name for name, why in entry.options.items() if kind in why}
             assert {name for name in entry.options if name in taken} == {*entry.options} - lacking - MEASURED
@@ -99,16 +99,16 @@ MEASURED = {"tension_columns", "actuator_force_column", "explain", "tare_s", "ge
 
 def test_refusals_only_become_fewer():
     """A reason for which a work, or options of it, are refused counts once, for however many kinds it holds."""
-    refused = {(work, why) for work, entry in door.WORKS.items() for why in entry.refused.values()}
-    refused |= {(w, why) for w, entry in door.WORKS.items() for of in entry.options.values() for why in of.values()}
+    refused = {(work, why) for work, entry in works.WORKS.items() for why in entry.refused.values()}
+    refused |= {(w, why) for w, entry in works.WORKS.items() for of in entry.options.values() for why in of.values()}
     assert len(refused) <= MOST_REFUSED
 
 
-REFUSED = [(COMMANDS[work], kind, why) for work in COMMANDS for kind, why in door.WORKS[work].refused.items()]
+REFUSED = [(COMMANDS[work], kind, why) for work in COMMANDS for kind, why in works.WORKS[work].refused.items()]
 REFUSED += [
     (OPTIONS[work, name], kind, reason)
-    for work in door.WORKS
-    for name, why in door.WORKS[work].options.items()
+    for work in works.WORKS
+    for name, why in works.WORKS[work].options.items()
     if (work, name) in OPTIONS
     for kind, reason in why.items()
 ]
@@ -156,7 +156,7 @@ def test_one_class_is_a_compensator_of_every_kind(files, rig):
 
 
 def test_a_kind_is_asked_for_in_the_reader_alone():
-    root = Path(door.__file__).parent
+    root = Path(works.__file__).parent
     asked = [
         f"{path.relative_to(root)}: {line.strip()}"
         for path in root.rglob("*.py")

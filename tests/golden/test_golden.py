@@ -18,7 +18,7 @@ from golden_set import TOLERANCE
 from without_figures import without_figures
 
 import tendonff as tf
-from tendonff.compensator import door
+from tendonff.compensator import works
 from tendonff.compensator.cli import run
 
 pytestmark = pytest.mark.slow
@@ -278,7 +278,7 @@ def test_identify_of_driven_joints_gives_what_is_stored(example, coarse, command
 def test_explore_of_driven_joints_gives_what_is_stored(example, coarse, golden, tmp_path, monkeypatch):
     """Curves of the page with more friction than the design knows, and the scenario that it saves."""
     monkeypatch.chdir(tmp_path)
-    page = door.function_of("explore", scenario := tf.load_scenario(coarse(example).with_suffix(".toml")))(scenario)
+    page = works.function_of("explore", scenario := tf.load_scenario(coarse(example).with_suffix(".toml")))(scenario)
     values = {knob.key: knob.value for knob in page.knobs} | {"mu": 1.2}
     found = page.explore(values, design_knows=False, curves=page.fast)
     curves = {

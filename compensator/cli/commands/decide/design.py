@@ -55,8 +55,6 @@ def design(
     with opened(scenario, out, strict=strict, yes=yes) as (loaded, folder):
         from tendonff.compensator import door
 
-        if check is not None:
-            door.function_of("check", loaded)
         with progress("designing") as advance:
             result = door.design(loaded, strict=strict, progress=advance)
         with progress("writing"):

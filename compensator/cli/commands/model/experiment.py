@@ -28,11 +28,11 @@ def experiment(
     All three model levels receive the same commands.
     """
     with opened(scenario, out, follows_reference=False, yes=yes) as (loaded, folder):
-        from tendonff.compensator import door
+        from tendonff.compensator import works
         from tendonff.compensator.studies.experiment.numbers import warnings_of
 
         with progress("experimenting") as advance:
-            result = door.function_of("experiment", loaded)(loaded, measured, progress=advance)
+            result = works.function_of("experiment", loaded)(loaded, measured, progress=advance)
         result.write(folder, pdf=pdf)
     warn(*warnings_of(result))
     states = len(result.plan.states)

@@ -95,12 +95,12 @@ def identify(
     angle, --output-position-column the joint's.
     """
     loaded = looked_at(scenario, follows_reference=False, yes=yes)
-    from tendonff.compensator import door
+    from tendonff.compensator import door, works
     from tendonff.compensator.files.writing import atomic_directory
 
     if suggest:
         with atomic_directory(out) as folder:
-            routine = door.function_of("write_suggestion", loaded)(loaded, folder, pdf=pdf)
+            routine = works.function_of("write_suggestion", loaded)(loaded, folder, pdf=pdf)
         say(*routine.lines(out))
         return
     if not data:
@@ -122,7 +122,7 @@ def identify(
         "gear_ratio": gear_ratio,
         "explain": explain,
     }
-    door.require_options("identify", loaded, {**names, "tension_columns": tension_column, "tare_s": tare})
+    works.require_options("identify", loaded, {**names, "tension_columns": tension_column, "tare_s": tare})
 
     def confirm(question: str) -> bool:
         return yes or (sys.stdin.isatty() and typer.confirm(f"{question}. Go on?", err=True))

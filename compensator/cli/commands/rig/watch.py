@@ -44,9 +44,9 @@ def watch(
     if not data:
         raise InputError("no log given; name at least one with --data, in the order of use")
     loaded = looked_at(scenario, follows_reference=False, yes=yes)
-    from tendonff.compensator import door
+    from tendonff.compensator import works
 
-    watched = door.function_of("watch", loaded)
+    watched = works.function_of("watch", loaded)
     given = {
         "time_column": time_column,
         "input_column": input_column,
