@@ -213,7 +213,7 @@ class Problem:
 
     @property
     def change(self) -> str:
-        """What to change where the reference is out of the actuator's reach; empty where it is not."""
+        """Change with which the reference comes into the actuator's reach; empty where it is."""
         return within_reach(self.transmission, float(self.reference.tension_N.max()))
 
     @cached_property

@@ -288,7 +288,7 @@ class MotorTask(ABC):
 
     @property
     def change(self) -> str:
-        """What to change where a reference is out of reach: none is known before motors are simulated."""
+        """Change with which a reference comes into reach: none is known before motors are simulated."""
         return ""
 
     def expect(self, commands: Mapping[str, FloatArray], recommended: str | None = None) -> Expectation:
