@@ -104,11 +104,8 @@ def one(path: Path, folder: Path, verbose: bool) -> None:
                 said = str(error).partition(": ")[2]
                 if site := re.search(r"--near (\S+) or", said):
                     near.append(site[1])
-                elif way := re.search(r"--joint (\S+)$", said):
-                    others = [
-                        each for each in ranges or crossed(model, name) if each.split("=")[0] != way[1].split("=")[0]
-                    ]
-                    ranges = [*others, way[1]]
+                elif way := re.findall(r"--joint (\S+)", said):
+                    ranges = way
                     refused.append(said)
                 else:
                     refused.append(said)

@@ -185,7 +185,7 @@ def hand(folder):
 
 def knuckle_and_finger(folder):
     """Logs of a joint on several days, and one of a finger along the suggested routine."""
-    knuckle(folder, "log.csv", "monday.csv", "tuesday.csv")
+    knuckle(folder, "monday.csv", "tuesday.csv", "log.csv")  # the last one keeps the name that it is written under
     assert run(["new", "finger.toml", "--for", "finger"]) == 0
     assert run(["identify", "finger.toml", "--suggest", "--out", "plan"]) == 0
     assert run(["simulate", "finger.toml", "--force", "plan/suggested_motors.csv", "--out", "finger.csv"]) == 0

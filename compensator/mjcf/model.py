@@ -30,6 +30,8 @@ class Joint:
         Its range.
     limited : bool
         The model states that range.
+    option : str
+        How it is asked for: its name, with the range that the user gave it.
     """
 
     name: str
@@ -39,6 +41,7 @@ class Joint:
     low_rad: float
     high_rad: float
     limited: bool
+    option: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -276,6 +279,7 @@ class _Reader:
             low_rad=low,
             high_rad=high,
             limited=limited or given is not None,
+            option=self.joints[index] + ("" if given is None else f"={low:.4g}:{high:.4g}"),
         )
 
     def _elements(self, tendon: int) -> list[tuple[int, int, float]]:

@@ -198,7 +198,7 @@ class _Fit:
             f'{self.hand.path.name}: a wrap of tendon "{self.route.name}" flips its side near "{axis.name}" = {at:.3g} '
             f"rad, in some poses of the other joints: no smooth table is nearer to its moment arm than "
             f"{1e3 * off_m:.2g} mm; give the geom a sidesite in the model (in front of the middle of the wrap), or "
-            f"keep out of there: --joint {axis.name}={_beside(axis, at)}"
+            f"keep out of there: {_beside(self.hand, axis, at)}"
         )
 
     def _table(self, where: _Where, axes: Sequence[Joint], nodes: Sequence[int]) -> PathTable:
@@ -260,13 +260,14 @@ def _check_flips(hand: Hand, route: Route) -> None:
                         f'{hand.path.name}: a wrap of tendon "{route.name}" flips its side where "{name}" is at '
                         f"{low[place]:.3g} rad: its moment arm jumps by {1e3 * step.max():.3g} mm; give the geom a "
                         "sidesite in the model (in front of the middle of the wrap), or keep out of there: "
-                        f"--joint {name}={_beside(joint, float(low[place]))}"
+                        f"{_beside(hand, joint, float(low[place]))}"
                     )
 
 
-def _beside(joint: Joint, jump_rad: float) -> str:
-    """The larger part of a joint's range on one side of a jump, a hundredth of the range away from it."""
+def _beside(hand: Hand, joint: Joint, jump_rad: float) -> str:
+    """Options that leave a joint the larger part of its range on one side of a jump, and all others theirs."""
     apart = 0.01 * (joint.high_rad - joint.low_rad)
     below = jump_rad - joint.low_rad > joint.high_rad - jump_rad
     low, high = (joint.low_rad, jump_rad - apart) if below else (jump_rad + apart, joint.high_rad)
-    return f"{low:.4g}:{high:.4g}"
+    others = (f" --joint {other.option}" for other in hand.joints if other.name != joint.name)
+    return f"--joint {joint.name}={low:.4g}:{high:.4g}" + "".join(others)

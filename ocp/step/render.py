@@ -87,7 +87,7 @@ class Core:
 
     bodies: int = 16
     tendons: int = 24
-    moves: int = 60  # of one search for tensions
+    moves: int = 30  # of one search for tensions
     evaluations: int = 10_000  # of all tendons in one step
     tolerance: float = 1e-11  # relative move of a tension that counts as none [-]
     nudge_rad: float = 1e-7  # of a joint that follows, for a slope

@@ -44,7 +44,6 @@ class Rig:
         self.body = {}
         for name, place in places.items():
             body = builder.add_body(xform=wp.transform(p=wp.vec3(*map(float, place))), mass=0.0, is_kinematic=True)
-            builder.add_shape_sphere(body, radius=0.001)
             self.body[name] = body
         kinds = newton.TendonGuideType
         rest = SPAN_M * share - start_N * self.compliance

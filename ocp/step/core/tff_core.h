@@ -653,6 +653,46 @@ static tff_real tff_way(const tff_sharing *how, int t)
     return (how->winding_m[t] > 0) ? (tff_real)1 : (tff_real)-1;
 }
 
+/* What is missing in all balances of torque and closures of drums, as tensions, and its slopes over the tensions, in rows
+ * from `first` on; `of_row` tells which each is. Returns the row behind the last. */
+static int tff_missing(const tff_balance *m, tff_real *a, int stride, tff_real *b, int *of_row, int first)
+{
+    const tff_sharing *const how = m->how;
+    int rows = first;
+    int i;
+    int t;
+    int j;
+    for (i = 0; i < m->balanced; i++) {
+        tff_real off = m->wanted[i];
+        for (t = 0; t < m->count; t++) {
+            off -= m->strands[t].torque[i];
+            a[(rows * stride) + t] = m->strands[t].torque_by[i] / m->scale[i];
+        }
+        b[rows] = off / m->scale[i];
+        of_row[rows] = i;
+        rows++;
+    }
+    for (t = 0; t < m->count; t++) {
+        const int other = how->partner[t];
+        if ((other >= 0) && (m->loose[t] == 0) && (m->loose[other] == 0)) {
+            const tff_strand *const s = &m->strands[t];
+            const tff_strand *const o = &m->strands[other];
+            const tff_real scale = s->travel_by / TFF_FABS(how->winding_m[t]); /* as a tension */
+            const tff_real own = (s->travel_by / how->winding_m[t]) / scale;
+            const tff_real its = -(o->travel_by / how->winding_m[other]) / scale;
+            for (j = 0; j < m->count; j++) {
+                a[(rows * stride) + j] = 0;
+            }
+            a[(rows * stride) + t] = own;
+            a[(rows * stride) + other] = its;
+            of_row[rows] = m->balanced + t;
+            b[rows] = -tff_open(m, t, other) / scale;
+            rows++;
+        }
+    }
+    return rows;
+}
+
 /* Tensions u at the far ends that balance all torques and close all drums. Newton's method on those balances with local
  * tensions, and on the conditions of the least price among tensions that give the same torques without friction: their
  * slopes do not jump where a mass turns. Returns 0 where there are none. */
@@ -676,7 +716,7 @@ static int tff_share(tff_balance *m, tff_real *u)
     for (k = 0; (k < TFF_SHARE_MOVES) && (m->evaluations < m->most); k++) {
         const int width = m->count + m->balanced + m->count;
         tff_real turned = 0;
-        int rows = m->count;
+        int rows;
         tff_real most = 0;
         tff_all_back(m, u, 0);
         for (t = 0; t < m->count; t++) {
@@ -712,38 +752,20 @@ static int tff_share(tff_balance *m, tff_real *u)
             }
             a[(t * stride) + t] = of_u[t] + (of_slope[t] * price);
         }
-        for (i = 0; i < m->balanced; i++) {
-            tff_real off = m->wanted[i];
-            for (j = 0; j < width; j++) {
-                a[(rows * stride) + j] = 0;
+        rows = tff_missing(m, a, stride, b, of_row, m->count);
+        for (i = m->count; i < rows; i++) {
+            for (j = m->count; j < width; j++) {
+                a[(i * stride) + j] = 0;
             }
-            for (t = 0; t < m->count; t++) {
-                off -= m->strands[t].torque[i];
-                a[(rows * stride) + t] = m->strands[t].torque_by[i] / m->scale[i];
-                a[(t * stride) + rows] = of_slope[t] * (m->strands[t].arm[i] / m->scale[i]);
-            }
-            b[rows] = off / m->scale[i];
-            of_row[rows] = i;
-            rows++;
-        }
-        for (t = 0; t < m->count; t++) {
-            other = how->partner[t];
-            if ((other >= 0) && (m->loose[t] == 0) && (m->loose[other] == 0)) {
-                const tff_strand *const s = &m->strands[t];
-                const tff_strand *const o = &m->strands[other];
-                const tff_real scale = s->travel_by / TFF_FABS(how->winding_m[t]); /* as a tension */
-                const tff_real own = (s->travel_by / how->winding_m[t]) / scale;
-                const tff_real its = -(o->travel_by / how->winding_m[other]) / scale;
-                for (j = 0; j < width; j++) {
-                    a[(rows * stride) + j] = 0;
+            if (of_row[i] < m->balanced) {
+                for (t = 0; t < m->count; t++) {
+                    a[(t * stride) + i] = of_slope[t] * (m->strands[t].arm[of_row[i]] / m->scale[of_row[i]]);
                 }
-                a[(rows * stride) + t] = own;
-                a[(rows * stride) + other] = its;
-                a[(t * stride) + rows] = of_slope[t] * tff_way(how, t);
-                a[(other * stride) + rows] = -of_slope[other] * tff_way(how, other);
-                of_row[rows] = m->balanced + t;
-                b[rows] = -tff_open(m, t, other) / scale;
-                rows++;
+            } else {
+                t = of_row[i] - m->balanced;
+                other = how->partner[t];
+                a[(t * stride) + i] = of_slope[t] * tff_way(how, t);
+                a[(other * stride) + i] = -of_slope[other] * tff_way(how, other);
             }
         }
         if (tff_dense(a, stride, b, rows) == 0) {
@@ -774,6 +796,88 @@ static int tff_share(tff_balance *m, tff_real *u)
     return 0;
 }
 
+/* Tensions near u that balance all torques and close all drums, where those of the least price do not: there masses that
+ * turn have friction that outweighs what the price knows of the arms. Newton's method of least change, of those least on
+ * which masses turn, halved until the balances come nearer. Returns 0 where there are none, or one would be below the least tension. */
+static int tff_nearest(tff_balance *m, tff_real *u)
+{
+    static const int stride = TFF_MOST_EQUATIONS;
+    tff_real a[TFF_MOST_EQUATIONS * TFF_MOST_EQUATIONS];
+    tff_real by[TFF_MOST_EQUATIONS * TFF_MOST_EQUATIONS];
+    tff_real b[TFF_MOST_EQUATIONS];
+    int of_row[TFF_MOST_EQUATIONS];
+    tff_real kept[TFF_MOST_TENDONS];
+    tff_real move[TFF_MOST_TENDONS];
+    tff_real ease[TFF_MOST_TENDONS]; /* 1: its torques follow its tension as without friction; small: masses turn */
+    tff_real held = 0;
+    tff_real damping = 1;
+    int k;
+    int t;
+    int i;
+    int j;
+    for (t = 0; t < m->count; t++) {
+        ease[t] = (m->loose[t] != 0) ? 0 : 1;
+    }
+    for (k = 0; (k < (2 * TFF_SHARE_MOVES)) && (m->evaluations < m->most); k++) {
+        int rows;
+        tff_real off = 0;
+        tff_all_back(m, u, 0);
+        rows = tff_missing(m, by, stride, b, of_row, 0);
+        for (i = 0; i < rows; i++) {
+            off += b[i] * b[i];
+        }
+        for (t = 0; t < m->count; t++) {
+            tff_real flat = 0;
+            tff_real steep = 0;
+            for (i = 0; i < m->balanced; i++) {
+                const tff_real arm = m->strands[t].arm[i] / m->scale[i];
+                const tff_real rise = m->strands[t].torque_by[i] / m->scale[i];
+                flat += arm * arm;
+                steep += rise * rise;
+            }
+            ease[t] = ((ease[t] * steep) > flat) ? flat / steep : ease[t];
+        }
+        if ((k > 0) && !(off < held)) {
+            damping *= TFF_HALF;
+        } else {
+            tff_real most = 0;
+            int room = 1;
+            held = off;
+            for (i = 0; i < rows; i++) {
+                for (j = 0; j < rows; j++) {
+                    tff_real sum = 0;
+                    for (t = 0; t < m->count; t++) {
+                        sum += ease[t] * (by[(i * stride) + t] * by[(j * stride) + t]);
+                    }
+                    a[(i * stride) + j] = sum;
+                }
+            }
+            if (tff_dense(a, stride, b, rows) == 0) {
+                return 0;
+            }
+            for (t = 0; t < m->count; t++) {
+                tff_real size;
+                kept[t] = u[t];
+                move[t] = 0;
+                for (i = 0; i < rows; i++) {
+                    move[t] += ease[t] * (by[(i * stride) + t] * b[i]);
+                }
+                size = TFF_FABS(move[t]) / (1 + TFF_FABS(u[t]));
+                most = (size <= most) ? most : size; /* this way round NaN counts */
+                room &= ((m->how->shares[t] == 0) || (u[t] >= m->how->least)) ? 1 : 0;
+            }
+            if (most <= TFF_SHARE_TOLERANCE) {
+                return room;
+            }
+            damping = tff_damped(damping, 1);
+        }
+        for (t = 0; t < m->count; t++) {
+            u[t] = kept[t] + (damping * move[t]);
+        }
+    }
+    return 0;
+}
+
 /* Tensions of a step, with the set of tendons that hang loose in loops. */
 static int tff_tensions_of(tff_balance *m, tff_real *u, tff_real *slack)
 {
@@ -783,7 +887,7 @@ static int tff_tensions_of(tff_balance *m, tff_real *u, tff_real *slack)
     for (round = 0; round < (2 * TFF_MOST_TENDONS); round++) {
         int flip = -1;
         tff_real worst = 0;
-        if (tff_share(m, u) == 0) {
+        if ((tff_share(m, u) == 0) && (tff_nearest(m, u) == 0)) {
             return 0;
         }
         for (t = 0; t < m->count; t++) {

@@ -1,8 +1,8 @@
-import importlib.util
 import math
 from dataclasses import replace
 from pathlib import Path
 
+import mjcf_models as models
 import numpy as np
 import pytest
 
@@ -15,14 +15,9 @@ from tendonff.compensator.mjcf.measure import measure
 from tendonff.compensator.mjcf.model import read_hand, sweep_poses
 from tendonff.compensator.mjcf.run import Import, run_import
 from tendonff.compensator.mjcf.tabulate import tabulate
+from tendonff.models.fidelity import Level
 from tendonff.models.mechanism.static import local_arms_m
 from tendonff.ocp.mechanism.compiled import CompiledMechanism
-
-_spec = importlib.util.spec_from_file_location("mjcf_models", Path(__file__).with_name("models.py"))
-assert _spec is not None
-assert _spec.loader is not None
-models = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(models)
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "tendon_finger.xml"
 
@@ -48,10 +43,13 @@ def test_intervals_add_up_to_the_length_of_mujoco(name: str, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("name", ["TWO_JOINTS", "THREE_JOINTS", "CAPSTAN", "RING"])
-def test_tables_have_lengths_moment_arms_and_bends_of_mujoco_at_unseen_poses(name: str, tmp_path: Path) -> None:
+def test_tables_have_lengths_moment_arms_and_bends_of_mujoco_at_unseen_poses(
+    name: str, two: Import, tmp_path: Path
+) -> None:
     """300 poses: lengths 1e-5 m, moment arms 1e-4 m, bends 2e-3 rad rms."""
-    found = run_import(written(getattr(models, name), tmp_path), out=tmp_path / "hand.toml").survey
-    for tendon in found.tendons:
+    known = two if name == "TWO_JOINTS" else None
+    found = known or run_import(written(getattr(models, name), tmp_path), out=tmp_path / "hand.toml")
+    for tendon in found.survey.tendons:
         assert tendon.length_error_m < 1e-5
         assert tendon.arm_error_m < 1e-4
         assert tendon.wrap_rms_rad < 2e-3
@@ -168,6 +166,12 @@ def test_a_wrap_that_flips_its_side_is_refused_where_it_does(tmp_path: Path) -> 
         tabulate(hand, hand.routes[0])
 
 
+def test_a_joint_is_asked_for_again_with_the_range_that_it_was_given(tmp_path: Path) -> None:
+    """So a refusal that names a range of one joint names what keeps the others."""
+    hand = read_hand(written(models.TWO_JOINTS, tmp_path), joints=["pip", "mcp=0:1.2"])
+    assert [joint.option for joint in hand.joints] == ["mcp=0:1.2", "pip"]
+
+
 def test_a_motion_beyond_the_tables_is_said(two: Import) -> None:
     text = two.scenario.text.replace("angles_rad = [", "angles_rad = [1.65, ", 1)
     text = text.replace("times_s = [0.0, 0.8,", "times_s = [0.0, 0.7, 0.8,")
@@ -178,10 +182,38 @@ def test_a_motion_beyond_the_tables_is_said(two: Import) -> None:
     assert text != two.scenario.text
 
 
-def test_the_example_has_five_tendons_over_four_joints() -> None:
-    hand = read_hand(EXAMPLE)
-    assert hand.names == ("abduction", "mcp", "pip", "dip")
-    assert [route.motor for route in hand.routes][:2] == ["deep_motor", "flat_motor"]
+@pytest.mark.compiler
+@pytest.mark.slow
+def test_four_joints_on_five_tendons_are_designed_for_and_followed_together(tmp_path: Path) -> None:
+    """Of examples/tendon_finger.xml: runtime as inverse to 1e-9 rad, joints on the reference to 1e-6 rad."""
+    found = run_import(EXAMPLE, out=tmp_path / "finger.toml")
+    task = FingerTask.of(found.scenario)
+    assert task.finger.names == ("abduction", "mcp", "pip", "dip")
+    assert [motor.name for motor in task.finger.motors][:2] == ["deep_motor", "flat_motor"]
+    inverse, runtime = task.inversion, tf.Runtime(found.scenario)
+    rows = [
+        runtime.step(angle, torque_N_m=torque)
+        for angle, torque in zip(task.wanted_rad[1:300], task.efforts[1:300], strict=True)
+    ]
+    assert np.array(rows) == pytest.approx(inverse.motor_rad[1:300], abs=1e-9)
+    errors = {
+        name: np.abs(task.respond(task.finger, motors).position_rad[:, :4] - task.wanted_rad).max()
+        for name, motors in (
+            ("inverse", inverse.motor_rad),
+            ("static", task.static_rad),
+            ("linear", task.lengths_rad),
+        )
+    }
+    assert errors["inverse"] < 1e-6
+    assert errors["inverse"] < errors["static"] < errors["linear"]
+
+
+@pytest.mark.compiler
+def test_on_stiff_bristles_tensions_balance_where_masses_turn(two: Import) -> None:
+    """There slopes jump tenfold, and no tensions are of the least price by arms without friction."""
+    task = FingerTask.of(two.scenario, Level.ELASTIC)
+    reached = task.respond(task.finger, task.inversion.motor_rad).position_rad[:, :2]
+    assert np.abs(reached - task.wanted_rad).max() < 1e-9
 
 
 @pytest.mark.compiler
