@@ -8,6 +8,10 @@ depends on the state only.
 
 Folding keeps the order of operations, so that double code gives the bits that the unfolded law gives. Where `reorder`
 allows it, constants are gathered and divisions by them become multiplications.
+
+CasADi's own folding cannot stand in for it (`benchmarks/folding.py`): after `substitute`, 36 of 132 laws of examples
+have other bits, by 3e-13 at most, and a third more is left to compute: CasADi takes both sides of a choice. With the
+weight left open, `extract_parametric` leaves a few operations more still.
 """
 
 import math

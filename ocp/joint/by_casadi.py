@@ -1,8 +1,7 @@
 """Engine CASADI of a joint between tendons: no compiler needed, the same numbers, several times slower.
 
-It solves the equations of the page under the scheme of `ocp.step.scheme`, step by step, with Newton's method. Forward
-the motors are given. In the inverse the joint's motion is: its balance decides the motors, and the looser tendon of a
-pair keeps its least tension.
+Forward it solves the equations of the page under the scheme of `ocp.step.scheme`, step by step, with Newton's method;
+the inverse is that of `recursion`.
 """
 
 import io
@@ -16,6 +15,7 @@ from tendonff.models.mechanism.equations import equations_of
 from tendonff.ocp.codegen.smoothing import smoothed, switches
 from tendonff.ocp.integrate.joint import chain_states, cut_joint, led_places, page_state
 from tendonff.ocp.joint.protocol import Array, JointInverseRows, JointMemory, JointProblem, JointRows
+from tendonff.ocp.joint.recursion import JointRecursion
 from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT
 
 _TOLERANCE = 1e-9
@@ -27,8 +27,8 @@ _SOLVED = 1e-6
 _WIDTHS = np.geomspace(1e-2, 1e-8, 25)
 """Of rounded switches [m/s], [N], where Newton's method fails on the sharp ones."""
 
-_SPEED, _ANGLE, _TURN = 1e-2, 1e-2, 1.0
-"""Sizes by which unknowns are scaled [m/s], [rad], [rad/s]."""
+_SPEED, _TURN = 1e-2, 1.0
+"""Sizes by which unknowns are scaled [m/s], [rad/s]."""
 
 
 class _Root:
@@ -65,8 +65,8 @@ class CasadiJoint:
     """Invert and advance one mechanism; see `protocol.JointEngine`.
 
     Every state but the speeds follows from those in closed form: elongations from rates, states of links and friction
-    from equations that are affine in them. Newton's method looks for the masses' speeds alone, beside the joint's or
-    the motors: on friction's own equation it would go to and fro.
+    from equations that are affine in them. Newton's method looks for the masses' speeds alone, beside the joint's: on
+    friction's own equation it would go to and fro.
     """
 
     def __init__(self, problem: JointProblem, step_s: float) -> None:
@@ -75,22 +75,21 @@ class CasadiJoint:
         self._motors = 1 if problem.loop else len(problem.chains)
         self._page = page = equations_of(self._cut)
         weight, base = ca.SX.sym("weight"), ca.SX.sym("base", page.state.numel())
-        base_place, least = ca.SX.sym("base_place", page.place.numel()), ca.SX.sym("least")
+        base_place = ca.SX.sym("base_place", page.place.numel())
         x, place, rates = page.state, page.place, (page.place - base_place) / weight
         rate, tension, effort = ca.substitute([page.rate, page.tension_N, page.effort[0]], [page.place_rate], [rates])
-        self._given = ca.vertcat(x[:2], place, weight, base, base_place, page.inputs, least)
-        self._place, (self._speeds, *followed) = place, self._groups()
+        self._given = ca.vertcat(x[:2], place, weight, base, base_place, page.inputs)
+        self._speeds, *followed = self._groups()
         self._count = len(self._speeds)
         inertia = problem.mechanism.joint.inertia_kg_m2
         balance = inertia * ((x[1] - base[1]) / weight - rate[1]) / problem.scale_m
         links = np.cumsum([chain.count + 1 for chain in problem.chains])
         far, near = tension[(links - 1).tolist()], tension[[0, *links[:-1].tolist()]]
-        shared = ca.SX(0, 1) if self._motors == 1 else ca.mmin(far) - least
         self._outputs = ca.Function("outputs", [x, place, weight, base_place], [far, near, ca.mmin(tension), effort])
         defect = x - base - weight * rate
         off = defect[self._speeds] / _SPEED
-        states, defect, off, balance, shared = _without(x, followed, [x, defect, off, balance, shared])
-        self._defect, self._balance, self._shared, self._whole = off, balance, shared, states
+        states, _, off, balance = _without(x, followed, [x, defect, off, balance])
+        self._defect, self._balance, self._whole = off, balance, states
 
     def _groups(self) -> list[list[int]]:
         """Rows of the states: speeds of the masses, then those that follow from what stands before."""
@@ -106,17 +105,14 @@ class CasadiJoint:
         return [groups[0], *(group for group in groups[1:] if group)]
 
     @cached_property
-    def _inverse(self) -> _Root:
-        """Speeds of the masses and motors of a step, of the joint's motion."""
-        unknown = ca.vertcat(self._page.state[self._speeds], self._place[: self._motors])
-        sizes = np.append(np.full(self._count, _SPEED), np.full(self._motors, _ANGLE))
-        return self._root(unknown, ca.vertcat(self._defect, self._balance, self._shared), sizes)
+    def _inverse(self) -> JointRecursion:
+        return JointRecursion(self._problem, self._step_s)
 
     @cached_property
     def _free(self) -> _Root:
         """Speeds of the joint and the masses of a step, of the motors."""
-        x, weight = self._page.state, self._given[2 + self._place.numel()]
-        base = self._given[3 + self._place.numel()]
+        x, places = self._page.state, self._page.place.numel()
+        weight, base = self._given[2 + places], self._given[3 + places]
         turned = ca.substitute(ca.vertcat(self._balance, self._defect, self._whole), x[0], base + weight * x[1])
         unknown = ca.vertcat(x[1], x[self._speeds])
         return self._root(unknown, turned[: self._count + 1], np.append(_TURN, np.full(self._count, _SPEED)))
@@ -144,25 +140,13 @@ class CasadiJoint:
         self, memory: JointMemory, angle_rad: Array, contact_N_m: Array, least_tension_N: float
     ) -> JointInverseRows:
         """See `protocol.JointEngine`."""
-        motor = np.full((len(angle_rad), self._motors), np.nan)
-        x, places, out, torque, done = self._advance(memory, motor, contact_N_m, angle_rad, least_tension_N)
-        del torque
-        per_rad = np.array(self._problem.windings_m) / self._problem.mechanism.drive.gear_ratio
-        far = out[:, : len(per_rad)]
-        return JointInverseRows(
-            travel_m=places[2 : done + 2, : self._motors] * per_rad,
-            tension_N=far,
-            drum_N=out[:, len(per_rad) : -1],
-            slack_m=np.array([self._loose_m(each, force) for each, force in zip(x, far, strict=True)]),
-            lowest_N=out[:, -1],
-            evaluations=done,
-        )
+        return self._inverse.invert(memory, angle_rad, contact_N_m, least_tension_N)
 
     def run(self, memory: JointMemory, travel_m: Array, contact_N_m: Array, angle_rad: Array | None) -> JointRows:
         """See `protocol.JointRunner`."""
         per_rad = np.array(self._problem.windings_m) / self._problem.mechanism.drive.gear_ratio
         motor = (np.asarray(travel_m, dtype=np.float64) / per_rad)[:, : self._motors]
-        x, _, out, torque, done = self._advance(memory, motor, contact_N_m, angle_rad, 0.0)
+        x, out, torque, done = self._advance(memory, motor, contact_N_m, angle_rad)
         count = len(per_rad)
         return JointRows(
             angle_rad=np.array([each[0] for each in x]),
@@ -177,15 +161,13 @@ class CasadiJoint:
         )
 
     def _advance(
-        self, memory: JointMemory, motor: Array, contact_N_m: Array, angle_rad: Array | None, least_N: float
-    ) -> tuple[list[Array], Array, Array, Array, int]:
-        """States, places from the step before on, tensions (far, near, lowest), torques, and the number of steps."""
+        self, memory: JointMemory, motor: Array, contact_N_m: Array, angle_rad: Array | None
+    ) -> tuple[list[Array], Array, Array, int]:
+        """States, tensions (far, near, lowest), torques, and the number of steps."""
         problem, h, rows, first = self._problem, self._step_s, len(motor) - 1, slice(0, self._motors)
-        inverse = bool(np.isnan(motor).any())
-        root = self._inverse if inverse else self._free if angle_rad is None else self._led
+        root = self._free if angle_rad is None else self._led
         per_rad = np.array(problem.windings_m) / problem.mechanism.drive.gear_ratio
         x, x_old = (page_state(problem, each) for each in (memory, _before(memory)))
-        x = self._hanging(x, memory) if inverse and memory.fresh and memory.closure_rad > 0 else x
         now, old = (np.array([c[-2] for c in each] - memory.start_m) / per_rad for each in (memory.x, memory.x_old))
         places = led_places(problem, self._cut, memory.time_s - h, h, np.zeros((rows + 2, len(per_rad))))
         places[0, first], places[1, first], places[2:, first] = old[first], now[first], motor[1:]
@@ -199,22 +181,18 @@ class CasadiJoint:
             if angle_rad is not None:
                 x[0] = angle_rad[k + 1]
                 x[1] = (x[0] - base[0]) / weight
-            if inverse:
-                place[first] = base_place[first]
-            contact = 0.0 if angle_rad is not None and not inverse else -contact_N_m[k + 1]
-            given = np.concatenate([x[:2], place, [weight], base, base_place, [contact, least_N]])
+            contact = -contact_N_m[k + 1] if angle_rad is None else 0.0
+            given = np.concatenate([x[:2], place, [weight], base, base_place, [contact]])
             speeds = x[self._speeds]
-            led = place[first] if inverse else np.empty(0)
-            unknown = root.solve(np.append(x[1], speeds) if root is self._free else np.append(speeds, led), given)
+            unknown = root.solve(np.append(x[1], speeds) if root is self._free else speeds, given)
             if unknown is None:
                 break
             if root is self._free:
                 x[1], speeds = unknown[0], unknown[1:]
                 x[0] = base[0] + weight * x[1]
             else:
-                speeds = unknown[: self._count]
-                place[first] = unknown[self._count :] if inverse else place[first]
-            given[: 2 + len(place)] = np.concatenate([x[:2], place])
+                speeds = unknown
+            given[:2] = x[:2]
             x = np.asarray(self._state_of(speeds, given)).ravel()
             *tensions, turning = self._outputs(x, place, weight, base_place)
             out[k], torque[k] = np.concatenate([np.asarray(each).ravel() for each in tensions]), float(turning)
@@ -230,31 +208,7 @@ class CasadiJoint:
             memory.z, memory.z_old = (np.array([each[1], each[0], *each[2:own], 0.0])[:3] for each, _ in last)
             memory.time_s, memory.fresh = memory.time_s + done * h, False
             memory.tension_N = out[done - 1, : len(per_rad)].copy()
-        return found, places, out[:done], torque[:done], done
-
-    def _stretches(self, x: Array) -> list[slice]:
-        """Where each tendon's elongations are."""
-        end, found = x.size, list[slice]()
-        for chain in reversed(self._problem.chains):
-            begin, n = end - (chain.layout.size - 4), chain.count
-            found.insert(0, slice(begin + n, begin + 2 * n + 1))
-            end = begin
-        return found
-
-    def _loose_m(self, x: Array, far_N: Array) -> float:
-        """Length that hangs in a loop's slack tendon."""
-        loose = [-float(x[own].sum()) for own, force in zip(self._stretches(x), far_N, strict=True) if force <= 0]
-        return max([*loose, 0.0]) if self._problem.loop else 0.0
-
-    def _hanging(self, x: Array, memory: JointMemory) -> Array:
-        """The start with what a loop's drum holds too much hanging in its slack tendon."""
-        x = x.copy()
-        for k, own in enumerate(self._stretches(x)):
-            links, chain = own.stop - own.start, self._problem.chains[k]
-            if memory.tension_N[k] == 0:
-                each = memory.closure_rad * abs(self._problem.windings_m[k]) / links
-                x[own.start : own.stop + links * len(chain.link.states)] -= each
-        return x
+        return found, out[:done], torque[:done], done
 
 
 def _without(x: ca.SX, groups: list[list[int]], expressions: list[ca.SX]) -> list[ca.SX]:

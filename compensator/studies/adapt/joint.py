@@ -1,4 +1,4 @@
-"""Study of a joint that tunes itself: the exported code on loops that differ from the scenario."""
+"""Study of a joint that tunes itself: what the exported module computes, on loops that differ from the scenario."""
 
 import os
 from dataclasses import dataclass, replace
@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.motors.adaptation import TunedJoint, with_factor
+from tendonff.compensator.compensators.motors.drive import commanded
 from tendonff.compensator.compensators.motors.task import verifying_masses
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import FloatArray
@@ -26,8 +27,6 @@ from tendonff.compensator.reporting.page import (
 )
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure, thinned
 from tendonff.compensator.reporting.results import Result, Views
-from tendonff.compensator.runtime.kinds import RuntimeKind, RuntimeStatus
-from tendonff.compensator.runtime.runtime import Runtime
 from tendonff.compensator.scenario.driven.joint import JointScenario, SampledJoint, sample_joint
 from tendonff.compensator.scenario.driven.settings import JointAdaptation
 from tendonff.compensator.studies.adapt.result import moving_rms
@@ -36,9 +35,10 @@ from tendonff.models.parameters.numbers import with_numbers
 from tendonff.models.path import JointMotion
 from tendonff.models.turns import in_turn
 from tendonff.ocp.adaptation.joint import JointTunable, JointTuning
+from tendonff.ocp.adaptation.joint_tuner import JointTuner
 from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.joint.invert import engine_of
+from tendonff.ocp.joint.invert import JointStatus, engine_of, invert_joint
 from tendonff.ocp.joint.start import joint_problem, start_memory
 
 SHORTEST_S = 8.0
@@ -203,10 +203,11 @@ def adapt_joint(scenario: JointScenario, *, progress: Progress = silent) -> Join
     ideal = replace(scenario.mechanism.drive, servo_time_s=0.0, backlash_rad=0.0)
     scenario = replace(scenario, mechanism=replace(scenario.mechanism, drive=ideal))
     longer = _extended(sampled, scenario.run.step_s)
+    known = inverses(scenario, longer)
     cases = []
     for one in VARIATIONS:
-        plain, _, _ = _run(scenario, longer, one, RuntimeKind.JOINT)
-        error, factor, frozen = _run(scenario, longer, one, RuntimeKind.ADAPTIVE)
+        plain, _, _ = _run(scenario, longer, one, known, None)
+        error, factor, frozen = _run(scenario, longer, one, known, tuned.tuning)
         cases.append(
             JointCase(
                 variation=one,
@@ -252,10 +253,29 @@ def _plant(mechanism: Mechanism, one: JointVariation) -> Mechanism:
     return with_factor(with_factor(given, (JointTunable.MU,), one.mu), (JointTunable.PRETENSION,), one.pretension)
 
 
+def inverses(scenario: JointScenario, sampled: SampledJoint) -> tuple[FloatArray, FloatArray]:
+    """Motor angles and their commands with the factor at its bounds and at 1, shape (rows, 3) each."""
+    settings: JointAdaptation | None = scenario.adaptation
+    names, (low, high) = ((), (1.0, 1.0)) if settings is None else (settings.parameters, settings.range)
+    motors, commands = [], []
+    for factor in (low, 1.0, high):
+        problem = joint_problem(with_factor(scenario.mechanism, names, factor), scenario.run.level, sampled.motion)
+        found = invert_joint(problem, sampled.angle_rad, scenario.run.step_s)
+        if found.status is JointStatus.FAILED:
+            raise SolveError(f"with a factor of {factor:g}, {found.message}")
+        motors.append(found.motor_rad[:, 0])
+        commands.append(commanded(scenario.mechanism.drive, found.motor_rad, scenario.run.step_s, live=True)[:, 0])
+    return np.column_stack(motors), np.column_stack(commands)
+
+
 def _run(
-    scenario: JointScenario, sampled: SampledJoint, one: JointVariation, kind: RuntimeKind
+    scenario: JointScenario,
+    sampled: SampledJoint,
+    one: JointVariation,
+    known: tuple[FloatArray, FloatArray],
+    tuning: JointTuning | None,
 ) -> tuple[FloatArray, FloatArray, float | None]:
-    """Error of the joint's angle, the factor in use, and when tuning froze."""
+    """Error of the joint's angle, the factor in use, and when tuning froze; the inverse alone without `tuning`."""
     settings: JointAdaptation | None = scenario.adaptation
     delay, noise = (0, 0.0) if settings is None else (settings.delay_samples, settings.noise)
     step, angle = scenario.run.step_s, sampled.angle_rad
@@ -263,21 +283,21 @@ def _run(
     problem = joint_problem(mechanism, scenario.run.level, sampled.motion, segments=verifying_masses(mechanism))
     engine, memory = engine_of(problem, step / _PLANT_SUBSTEPS, Engine.AUTO), start_memory(problem, hanging=True)
     winding = np.array(problem.windings_m) / mechanism.drive.gear_ratio
-    runtime = Runtime(scenario, kind=kind)
-    others = sampled.others(scenario.mechanism.joint.name)
+    fastest = scenario.mechanism.drive.speed_max_rad_per_s
+    change = np.inf if fastest is None else fastest * step
+    tuner = None if tuning is None else JointTuner(tuning, angle, *known, change)
     measured = np.random.default_rng(0).normal(size=rows + 1) * noise + one.zero_rad
     measured[0] += angle[0]
-    found, factor, commands, frozen = np.empty(rows), np.ones(rows), np.zeros(rows + 1), None
+    found, factor, commands, frozen = np.empty(rows), np.ones(rows), known[1][:, 1].copy(), None
     # Within so many samples the measurements are known before the plant moves.
-    ahead = rows if kind is RuntimeKind.JOINT else delay + 1
+    ahead = rows if tuner is None else delay + 1
     for first in range(0, rows, ahead):
         last = min(first + ahead, rows)
-        for k in range(first, last):
-            joints = {name: float(column[k + 1]) for name, column in others.items()}
-            command = runtime.step(float(angle[k + 1]), measured=float(measured[max(k - delay, 0)]), joints=joints)
-            commands[k + 1], factor[k] = float(command), runtime.factor
-            if frozen is None and RuntimeStatus.FROZEN in runtime.status:
-                frozen = (k + 1) * step
+        if tuner is not None:
+            for k in range(first, last):
+                commands[k + 1], factor[k] = tuner.step(float(measured[max(k - delay, 0)])), tuner.factor
+                if frozen is None and tuner.frozen:
+                    frozen = (k + 1) * step
         fine = np.arange((last - first) * _PLANT_SUBSTEPS + 1) / _PLANT_SUBSTEPS
         motor = np.interp(fine, np.arange(last - first + 1), commands[first : last + 1])
         run = engine.run(memory, motor[:, None] * winding, np.zeros(len(motor)), None)

@@ -5,6 +5,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import ClassVar
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -28,6 +29,7 @@ from tendonff.compensator.reporting.page import (
     write_pages,
 )
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure
+from tendonff.compensator.reporting.results import Result, Views
 from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenario.driven.reference import JointQuantity
 from tendonff.compensator.scenario.sampled.joint_motion import posed
@@ -45,8 +47,8 @@ BRANCHES = {"up": 1.0, "down": -1.0}
 _LEAST, _MOST = 5, 1025  # nodes on a branch
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class JointTable:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class JointTable(Result):
     """Motor angles of a joint over its angle and the way it turns.
 
     Attributes
@@ -64,6 +66,8 @@ class JointTable:
     expectation : Expectation
         Of the table, the ratio alone and the exact inverse.
     """
+
+    shown_by: ClassVar[str] = "studies.tables.joint"
 
     scenario: JointScenario
     angle_rad: FloatArray
@@ -108,8 +112,15 @@ class JointTable:
 
         The names in `table.h` begin with `prefix`.
         """
-        with figure_style():
-            figures = {"table": _figure(self)}
+        figures, columns = _figures(self), self.columns
+        with atomic_directory(folder) as partial:
+            write_text(partial / "table.csv", csv_text(columns, zip(*columns.values(), strict=True)))
+            write_text(partial / "table.h", _header(self, prefix))
+            write_pages(partial, self.summary, figures, _report(self, figures), pdf=pdf)
+
+    @property
+    def columns(self) -> dict[str, list[object]]:
+        """Columns of `table.csv`."""
         motors, by_speed = _motors(self.scenario), len(self.speeds_rad_per_s) > 1
         rows = [
             (float(angle), branch, *((speed,) if by_speed else ()), *motor)
@@ -118,10 +129,7 @@ class JointTable:
             for angle, motor in zip(self.angle_rad, values.tolist(), strict=True)
         ]
         names = ["angle_rad", "branch", *(["speed_rad_per_s"] if by_speed else []), *motors]
-        with atomic_directory(folder) as partial:
-            write_text(partial / "table.csv", csv_text(names, rows))
-            write_text(partial / "table.h", _header(self, prefix))
-            write_pages(partial, self.summary, figures, _report(self, figures), pdf=pdf)
+        return {name: list(column) for name, column in zip(names, zip(*rows, strict=True), strict=True)}
 
     @property
     def summary(self) -> dict[str, object]:
@@ -296,6 +304,11 @@ def _header(result: JointTable, prefix: str) -> str:
     )
 
 
+def _figures(table: JointTable) -> dict[str, Figure]:
+    with figure_style():
+        return {"table": _figure(table)}
+
+
 def _figure(result: JointTable) -> Figure:
     """Motor angle beyond a straight line, over the joint's angle."""
     figure, axes = new_figure(1, 1)
@@ -339,3 +352,6 @@ def _report(result: JointTable, figures: dict[str, Figure]) -> Report:
             FileNote(name="summary.json", content="everything on this page for other programs"),
         ),
     )
+
+
+VIEWS = Views(write=JointTable.write, columns=lambda table: table.columns, figures=_figures)

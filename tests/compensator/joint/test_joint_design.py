@@ -12,10 +12,12 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
-from tendonff.compensator.compensators.motors import joint, registry
+from tendonff.compensator.compensators.every import compensator_of
+from tendonff.compensator.compensators.motors import joint
 from tendonff.compensator.compensators.motors.drive import commanded, driven
 from tendonff.compensator.compensators.motors.task import UNSETTLED
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.scenario.kind import Kind
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.design.motors.run import design_motors
 from tendonff.models.errors import ParameterError
@@ -253,13 +255,13 @@ def test_a_homing_stroke_wipes_out_what_was_stored(tmp_path: Path, examples: Pat
     assert errors[1] > 10 * errors[0]
 
 
-def test_a_compensator_that_fails_does_not_end_the_design(examples, tmp_path, monkeypatch):
+def test_a_compensator_that_fails_does_not_end_the_design(examples, tmp_path):
     def fails(_task):
         raise FloatingPointError("divide by zero")
 
-    broken = [replace(each, motor_rad=fails) if each.name == "static" else each for each in registry.MOTOR_COMPENSATORS]
-    monkeypatch.setattr(registry, "MOTOR_COMPENSATORS", tuple(broken))
-    result = design_motors(load_scenario(variant(examples, tmp_path, COARSE)))
+    broken = replace(compensator_of(Kind.JOINT, "static"), profile=fails)
+    given = ("linear", broken, "inverse")
+    result = design_motors(load_scenario(variant(examples, tmp_path, COARSE)), compensators=given)
     assert set(result.profiles) == {"linear", "inverse"}
     assert replace(result, failed={}).is_usable
     pushing = replace(result.inversion, status=JointStatus.WOULD_PUSH)

@@ -1,4 +1,5 @@
 import math
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from tendonff.compensator.mjcf.run import Import, run_import
 from tendonff.compensator.mjcf.tabulate import tabulate
 from tendonff.models.fidelity import Level
 from tendonff.models.mechanism.static import local_arms_m
-from tendonff.ocp.mechanism.compiled import CompiledMechanism
+from tendonff.ocp.mechanism.compiled import CompiledMechanism, table_parts
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "tendon_finger.xml"
 
@@ -89,6 +90,24 @@ def test_compiled_paths_are_those_of_python(two: Import) -> None:
         assert rows[:, :n] == pytest.approx(expected.angle_rad, abs=1e-13)
         assert rows[:, n : 2 * n + 1] == pytest.approx(expected.ratio, rel=1e-12)
         assert rows[:, 2 * n + 1 : -1] == pytest.approx(expected.gained_m, abs=1e-15)
+
+
+@pytest.mark.compiler
+def test_a_table_costs_at_most_two_microseconds_in_c(two: Import) -> None:
+    """Processor time of whole paths over the number of their tables, the best of five."""
+    task = FingerTask.of(two.scenario)
+    problem = task.problem(task.finger)
+    engine = CompiledMechanism(problem, task.step_s)
+    tables = sum(len(table_parts(chain, problem.names)) for chain in problem.chains())
+    rows = np.zeros((2000, 2 + problem.motors))
+    rows[:, :2] = sweep_poses(read_hand(two.scenario.source.with_name("model.xml")), len(rows))
+    spent = []
+    for _ in range(5):
+        begun = time.process_time()
+        engine.path_at(rows)
+        spent.append(time.process_time() - begun)
+    assert tables > 5
+    assert min(spent) / (len(rows) * tables) < 2e-6
 
 
 @pytest.mark.compiler

@@ -11,13 +11,16 @@ import pytest
 
 import tendonff as tf
 from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.motors.adaptation import TunedJoint
 from tendonff.compensator.compensators.motors.drive import commanded
 from tendonff.compensator.compensators.motors.joint import inverse_of
 from tendonff.compensator.export.host import run_on_host
 from tendonff.compensator.export.joint.text import problem_of
 from tendonff.compensator.runtime.code import tendon_runtime
 from tendonff.compensator.scenario.driven.joint import sample_joint
+from tendonff.compensator.studies.adapt.joint import inverses
 from tendonff.models.joint.parameters import DrivenJoint
+from tendonff.ocp.adaptation.joint_tuner import JointTuner
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import CodeError
 
@@ -120,6 +123,26 @@ def test_a_joint_is_commanded_as_its_design_says(joint):
     assert runtime.kind is tf.RuntimeKind.JOINT
     assert commands(runtime, sampled.angle_rad) == pytest.approx(motor_rad, abs=1e-9)
     assert runtime.status == ()
+
+
+def test_a_joint_tunes_itself_as_the_model_of_its_tuner_does(examples):
+    """Of a rig with a third less lost motion, whose motor may turn at half its speed."""
+    scenario = tf.load_scenario(examples / "hand_joint_adaptive.toml")
+    drive = dataclasses.replace(scenario.mechanism.drive, speed_max_rad_per_s=2.5)
+    scenario = dataclasses.replace(scenario, mechanism=dataclasses.replace(scenario.mechanism, drive=drive))
+    sampled = sample_joint(scenario)
+    motor, command = inverses(scenario, sampled)
+    tuning, angle = TunedJoint.of(scenario, sampled).tuning, sampled.angle_rad[:1200]
+    rng = np.random.default_rng(1)
+    measured = angle + 0.3 * (motor[: len(angle), 1] - angle) + 4e-4 * rng.standard_normal(len(angle))
+    model = JointTuner(tuning, angle, motor[: len(angle)], command[: len(angle)], 2.5 * scenario.run.step_s)
+    runtime = tf.Runtime(scenario)
+    found = []
+    for row in range(1, len(angle)):
+        told = float(runtime.step(float(angle[row]), measured=float(measured[row - 1])))
+        found.append((told - model.step(float(measured[row - 1])), runtime.factor - model.factor))
+    assert np.abs(found).max() < 1e-8
+    assert abs(model.factor - 1) > 0.05
 
 
 def test_seventeen_joints_take_less_than_a_millisecond_a_cycle(joint):

@@ -184,16 +184,44 @@ def test_bad_numbers_are_refused_by_place() -> None:
         simulate_joint(given, np.zeros((4, 2)), STEP)
 
 
-@pytest.mark.parametrize("level", [Level.PRESLIDING, Level.ELASTIC])
-def test_without_a_compiler_inverse_and_simulation_give_the_same_numbers(level: Level) -> None:
-    given, rows = problem(mechanism(), level), ANGLE[:150]
+@pytest.mark.parametrize(
+    ("change", "kind", "level"),
+    [
+        (lambda rig: rig, LOOP, Level.PRESLIDING),
+        (bent, LOOP, Level.ELASTIC),
+        (tables, PAIR, Level.PRESLIDING),
+        pytest.param(different, LOOP, Level.ELASTIC, marks=pytest.mark.nightly),
+        pytest.param(rubbing, PAIR, Level.ELASTIC, marks=pytest.mark.nightly),
+    ],
+)
+def test_without_a_compiler_inverse_and_simulation_give_the_same_numbers(change, kind, level: Level) -> None:
+    given, rows = problem(change(mechanism(kind)), level), ANGLE[:600:4]
     by_c, by_casadi = (invert_joint(given, rows, STEP, engine=each) for each in (Engine.COMPILED, Engine.CASADI))
     assert by_casadi.status is by_c.status
     assert by_casadi.motor_rad == pytest.approx(by_c.motor_rad, abs=1e-6 * np.ptp(by_c.motor_rad))
     assert by_casadi.tension_N == pytest.approx(by_c.tension_N, abs=1e-5)
+    assert by_casadi.final.x[0] == pytest.approx(by_c.final.x[0], abs=1e-5)
     runs = [simulate_joint(given, by_c.motor_rad, STEP, engine=each) for each in (Engine.COMPILED, Engine.CASADI)]
-    assert runs[1].angle_rad == pytest.approx(runs[0].angle_rad, abs=1e-6 * np.ptp(rows))
+    assert runs[1].angle_rad == pytest.approx(runs[0].angle_rad, abs=2e-6 * np.ptp(rows))
     assert runs[1].final.x[0][1:] == pytest.approx(runs[0].final.x[0][1:], abs=1e-4)
+
+
+@pytest.mark.parametrize("adhesion_N", [0.0, 1.5])
+def test_without_a_compiler_a_tendon_hangs_loose_as_it_does_with_one(adhesion_N: float) -> None:
+    given = problem(heavier(mechanism(tension_N=2.0, adhesion_N=adhesion_N), 0.15))
+    by_c, by_casadi = (invert_joint(given, ANGLE[::8], STEP, engine=e) for e in (Engine.COMPILED, Engine.CASADI))
+    assert by_casadi.status is by_c.status is JointStatus.SLACK
+    assert by_casadi.motor_rad == pytest.approx(by_c.motor_rad, abs=1e-6 * np.ptp(by_c.motor_rad))
+    assert by_casadi.slack_m == pytest.approx(by_c.slack_m, abs=1e-7)
+
+
+def test_without_a_compiler_a_tendon_that_would_have_to_push_is_told_too() -> None:
+    rig = mechanism(PAIR, 1.0)
+    spring = replace(rig.joint, stiffness_N_m_per_rad=0.2, rest_rad=-0.1)
+    given = problem(replace(rig, joints=(spring,), tendons=rig.tendons[:1]))
+    by_c, by_casadi = (invert_joint(given, ANGLE[::8], STEP, engine=e) for e in (Engine.COMPILED, Engine.CASADI))
+    assert by_casadi.status is by_c.status is JointStatus.WOULD_PUSH
+    assert by_casadi.lowest_N == pytest.approx(by_c.lowest_N, abs=1e-5)
 
 
 def test_without_a_compiler_a_run_goes_on_where_the_last_one_ended() -> None:
