@@ -234,8 +234,6 @@ NEEDED = (
 )
 """What the commands of a page take as given."""
 
-# The first reference of an imported hand is beyond the quasi-static law, so `design` leaves it out and ends with 1.
-LEAVES_OUT_A_COMPENSATOR = {"docs/guide/import.md"}
 BY_OTHER_TESTS = {f"docs/tutorials/{name}.md" for name in ("bowden", "finger", "identify")}
 
 
@@ -253,8 +251,7 @@ def test_the_commands_of_a_page_run_with_its_files(page, prepare, tmp_path, monk
         if command[0] == "explore":  # serves until it is stopped; has tests of its own
             continue
         words = [file for word in command for file in (sorted(map(str, Path().glob(word))) if "*" in word else [word])]
-        incomplete = command[0] == "design" and page in LEAVES_OUT_A_COMPENSATOR
-        assert run(words) == (1 if incomplete else 0), command
+        assert run(words) == 0, command
 
 
 @pytest.fixture

@@ -12,6 +12,7 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 
 from tendonff.compensator.compensators.expectation import ErrorBand, Expectation, error_bands, expectation_of
+from tendonff.compensator.compensators.next_step import within_reach
 from tendonff.compensator.compensators.plant import FINE_SEGMENTS, Plant, Slack, delivered_of, followed
 from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
 from tendonff.compensator.compensators.score import Score, slack_warnings, verify
@@ -207,7 +208,13 @@ class Problem:
 
     def expect(self, profiles: Mapping[str, Profile]) -> Expectation:
         """Try profiles, by name of the compensator, on all transmissions that may be the real one."""
-        return expectation_of(self.doubt, self.level, self.bands(profiles), self.share_of, self.unit)
+        bands = self.bands(profiles)
+        return expectation_of(self.doubt, self.level, bands, self.share_of, self.unit, change=self.change)
+
+    @property
+    def change(self) -> str:
+        """Change with which the reference comes into the actuator's reach; empty where it is."""
+        return within_reach(self.transmission, float(self.reference.tension_N.max()))
 
     @cached_property
     def chain(self) -> Chain:

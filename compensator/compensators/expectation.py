@@ -118,6 +118,8 @@ class Expectation:
         Scale of percentages in words: "range", and of what where that is not the reference as written.
     unit : Unit
         Of the errors.
+    change : str
+        What to change where the reference is out of the actuator's reach: the next step whatever is uncertain.
     """
 
     doubt: Doubt[Any]
@@ -126,6 +128,7 @@ class Expectation:
     recommended: str
     share_of: str = "range"
     unit: Unit = NEWTON
+    change: str = ""
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: up to {self.error}, with {self.recommended!r}, for {self.doubt}>"
@@ -225,13 +228,17 @@ def expectation_of(
     share_of: str = "range",
     unit: Unit = NEWTON,
     recommended: str | None = None,
+    *,
+    change: str = "",
 ) -> Expectation:
     """The expectation of known error bands; by default the compensator with the smallest worst error is recommended."""
     shown = {name: float(f"{band.worst.rmse_percent_of_range:.2g}") for name, band in bands.items()}
     least = min(shown.values())
     equal = [name for name in bands if shown[name] <= least]
     best = recommended or min(equal, key=lambda name: bands[name].nominal.rmse)
-    return Expectation(doubt=doubt, level=level, bands=bands, recommended=best, share_of=share_of, unit=unit)
+    return Expectation(
+        doubt=doubt, level=level, bands=bands, recommended=best, share_of=share_of, unit=unit, change=change
+    )
 
 
 def error_bands(

@@ -44,5 +44,11 @@ def expect_live(problem: Problem, known: Mapping[str, Profile] | None = None) ->
     bands = problem.bands(profiles)
     reference = problem.reference
     return expectation_of(
-        problem.doubt, problem.level, bands, reference.share_of, reference.unit, recommended=inverse.name
+        problem.doubt,
+        problem.level,
+        bands,
+        reference.share_of,
+        reference.unit,
+        recommended=inverse.name,
+        change=problem.change,
     )

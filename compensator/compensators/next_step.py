@@ -23,9 +23,9 @@ def next_step(found: Expectation, file: str, then: str, *, change: str = "") -> 
     then : str
         Command where no single measurement pays.
     change : str, optional
-        What to change where the reference is out of reach: it comes first.
+        What to change where limits cause most of the error; where the reference is out of reach, that comes first.
     """
-    if change:
+    if change := found.change or change:
         return change
     worth = next((each for each in found.contributions if _pays(found, each)), None)
     if worth is None:

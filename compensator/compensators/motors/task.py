@@ -286,6 +286,11 @@ class MotorTask(ABC):
         """Commands of the exact inverse where the reference arrives live, shape (rows, motors)."""
         return self.commanded(self.inversion.motor_rad)
 
+    @property
+    def change(self) -> str:
+        """Change with which a reference comes into reach: none is known before motors are simulated."""
+        return ""
+
     def expect(self, commands: Mapping[str, FloatArray], recommended: str | None = None) -> Expectation:
         """Try commands, by name of the compensator, on all mechanisms that may be the real one."""
         bands = self.bands(commands)

@@ -8,7 +8,7 @@ from typing import ClassVar
 from tendonff.compensator.compensators.base import Compensator
 from tendonff.compensator.compensators.expectation import Expectation
 from tendonff.compensator.compensators.ignored import IgnoredMotion
-from tendonff.compensator.compensators.next_step import limited_by, next_step, within_reach
+from tendonff.compensator.compensators.next_step import limited_by, next_step
 from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
 from tendonff.compensator.compensators.score import Score, Verified
 from tendonff.compensator.feedback.result import FeedbackResult
@@ -95,9 +95,7 @@ class Design(Result):
     def headline(self) -> str:
         """Expected error on a rig, and the next step."""
         found, file = self.expectation, as_argument(self.scenario.source)
-        change = within_reach(self.scenario.transmission, float(self.reference.tension_N.max()))
-        if self.tracking is not None:
-            change = change or limited_by(found, self.tracking.reasons)
+        change = "" if self.tracking is None else limited_by(found, self.tracking.reasons)
         then = next_step(found, file, f"tendonff export-c {file} --out c", change=change)
         return found.headline(self.recommended.label, then)
 

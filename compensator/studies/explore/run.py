@@ -272,7 +272,7 @@ class Explorer(Subject):
         fast = [curve.compensator for curve in FAST if curve.compensator is not None]
         profiles = answers_of(problem, fast, Parts(silent, len(fast))).profiles
         bands = error_bands(doubt, problem.level, profiles, problem.reference)
-        found = expectation_of(doubt, problem.level, bands, problem.share_of, problem.unit)
+        found = expectation_of(doubt, problem.level, bands, problem.share_of, problem.unit, change=problem.change)
         file = self._scenario.source.name
         then = next_step(found, file, f"tendonff design {file} --out out")
         return found.headline(labels[found.recommended], then)

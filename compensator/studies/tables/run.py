@@ -64,7 +64,13 @@ def make_tables(
     nothing = verify(Plant(transmission, problem.level), "none", profiles["none"], reference).score
     bands = problem.bands(profiles)
     expectation = expectation_of(
-        problem.doubt, problem.level, bands, reference.share_of, reference.unit, recommended="table"
+        problem.doubt,
+        problem.level,
+        bands,
+        reference.share_of,
+        reference.unit,
+        recommended="table",
+        change=problem.change,
     )
     harm = harm_warnings({"none": nothing, "table": scores[problem.level]}, reference.wanted, "table")
     met = limit_warnings("table", compensation.wanted_N(problem), profile.force_N)

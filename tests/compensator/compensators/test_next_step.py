@@ -6,7 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.expectation import ErrorBand, expectation_of
+from tendonff.compensator.compensators.live import expect_live
 from tendonff.compensator.compensators.next_step import limited_by, next_step, within_reach
 from tendonff.compensator.compensators.score import Score
 from tendonff.compensator.compensators.uncertain import Doubt
@@ -100,6 +102,16 @@ def test_a_reference_out_of_reach_says_what_to_change(transmission):
     assert needed == pytest.approx(1.2 * within * math.exp(law.pull_exponent), rel=1e-9)
     found = expected(transmission, (MU,), (6.0,))
     assert next_step(found, "rig.toml", EXPORT, change=change) == change
+
+
+def test_table_and_export_say_so_as_design_does(examples):
+    """The expectation of a problem carries the change, whichever command shows it."""
+    scenario = load_scenario(examples / "finger.toml")
+    weak = replace(scenario.transmission, actuator=replace(scenario.transmission.actuator, force_max_N=30.0))
+    problem = Problem.of(replace(scenario, transmission=weak, run=replace(scenario.run, step_s=4e-3)))
+    found = expect_live(problem)
+    assert found.change == within_reach(weak, float(problem.reference.tension_N.max())) != ""
+    assert next_step(found, "rig.toml", EXPORT) == found.change
 
 
 def test_a_limit_of_the_drive_is_named_where_it_causes_most_of_the_error(transmission):
