@@ -225,7 +225,7 @@ class StepCode:
 
         def of_masses(name: str) -> str:
             row = self.of_masses.index(name)
-            return f"c->of_masses[({row} * n) + i]" if row else "c->of_masses[i]"
+            return f"c->of_masses[{('', 'n + ')[row] if row < 2 else f'({row} * n) + '}i]"
 
         def at(name: str) -> str:
             return _text(*states.offset(name), "n")

@@ -130,26 +130,14 @@ def test_cppcheck_and_its_misra_rules_are_quiet_about_the_tuner(
     assert checked(toolbox, files, "--suppress=unusedStructMember") == []
 
 
-JOINT_DEVIATIONS = {
-    "2.2": "sums of what a law has folded",
-    "8.9": "constant records stand together",
-    "10.6": "1 and 0 of a conditional are taken as int32_t",
-    "11.8": "a constant view has pointers to states",
-    "12.1": "conditionals as arguments",
-    "14.1": "a search ends where a real number is small",
-    "15.5": "a failure returns at once",
-}
-
-
 @pytest.mark.nightly
-def test_cppcheck_and_its_misra_rules_are_quiet_about_a_joint_but_for_stated_deviations(toolbox, examples, tmp_path):
-    """Deviations are advisory but for 10.6 and 14.1, whose hits are no conversions and no steps of a real number."""
+def test_cppcheck_and_its_misra_rules_are_quiet_about_a_joint(toolbox, examples, tmp_path):
+    """One advisory rule is set aside: 8.9 wants the records of hinges inside the function that reads them."""
     for name, text in joint_sources([load_scenario(examples / "hand_joint_adaptive.toml")]).items():
         (tmp_path / name).write_text(text)
     more = ("--suppress=unusedStructMember", "--suppress=variableScope", "--suppress=unreadVariable")
     hits = checked(toolbox, sorted(tmp_path.glob("*.c")), *more)
-    rules = {hit.rpartition("misra-c2012-")[2].rstrip("]") for hit in hits if hit.startswith("[")}
-    assert rules <= set(JOINT_DEVIATIONS)
+    assert [hit for hit in hits if "8.9]" not in hit] == []
 
 
 def shorten_the_profile(folder):
