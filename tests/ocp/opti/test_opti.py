@@ -10,12 +10,13 @@ import tendonff as tf
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.compensators.motors.joint import JointTask
-from tendonff.compensator.compensators.optimal import solve
+from tendonff.compensator.compensators.optimal import posed, solve
 from tendonff.models.mechanism.chain import chain_equations
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.integrate.integrate import integrate
 from tendonff.ocp.opti.collocation import History, collocate
 from tendonff.ocp.opti.tendon import ipopt_options
+from tendonff.ocp.tracking.cost import evaluate
 from tendonff.ocp.tracking.options import Solver, TrackOptions
 
 NOMINAL = TrackOptions(stiffer_weight=0.0)
@@ -57,14 +58,29 @@ def test_limits_of_the_actuator_hold_and_bind(limited):
     assert most * (1 - 1e-4) < rate.max() <= most * (1 + 1e-6)
 
 
-def test_ipopt_and_sqp_come_to_like_errors_on_the_design_model(limited):
-    scenario, problem, answer = limited
-    posed = Problem.of(scenario, options=NOMINAL)
-    rows = posed.reference.time_s
-    force = np.interp(rows, problem.time_s, answer.value(problem.force_N))
-    run = tf.simulate(posed.chain, force, scenario.run.step_s, initial_tension_N=30.0)
-    by_ipopt = float(np.sqrt(np.mean((run.output_tension_N - posed.reference.tension_N) ** 2)))
-    assert by_ipopt < 1.25 * solve(posed).rms_error_N
+def apart(scenario, problem, answer):
+    """Cost of an answer over that of the default search, both simulated by the design model."""
+    posing = Problem.of(scenario, options=scenario.optimal)
+    tracking = posed(posing)
+    force = np.interp(posing.reference.time_s, problem.time_s, answer.value(problem.force_N))
+    return evaluate(tracking, tracking.clipped(force)).merit / evaluate(tracking, solve(posing).force_N).merit
+
+
+def test_ipopt_and_sqp_come_to_the_same_cost_where_a_limit_binds(limited):
+    assert 0.95 < apart(*limited) < 1.05
+
+
+def test_ipopt_and_sqp_come_to_the_same_cost_of_a_tendon_without_friction(examples):
+    """With effort, so that the best force is not the inverse."""
+    scenario = finger(examples, "finger", duration_s=0.2)
+    friction = replace(scenario.transmission.friction, mu_dynamic=0.0, mu_static=0.0)
+    smooth = replace(
+        scenario,
+        transmission=replace(scenario.transmission, friction=friction),
+        optimal=replace(NOMINAL, effort_weight=1e-2),
+    )
+    problem = tf.opti(smooth)
+    assert 0.95 < apart(smooth, problem, problem.solve()) < 1.05
 
 
 def test_the_scenario_chooses_the_solver(examples):
