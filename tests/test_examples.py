@@ -4,7 +4,9 @@ import re
 import runpy
 from pathlib import Path
 
+import casadi as ca
 import matplotlib as mpl
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -29,6 +31,21 @@ def test_a_script_that_the_manual_shows_runs(script, monkeypatch):
     monkeypatch.chdir(ROOT)
     with mpl.rc_context():
         runpy.run_path(str(script), run_name="__main__")
+
+
+def test_the_model_of_acados_has_the_rates_of_the_equations(monkeypatch):
+    """Well beyond the widths of its rounded switches, where they are (w/x)^2/2 off."""
+    monkeypatch.chdir(ROOT)
+    names = runpy.run_path(str(ROOT / "examples" / "opti" / "acados_model.py"))
+    page, model = names["page"], names["model"]
+    given = [page.state, page.inputs]
+    found, exact = (ca.Function("rate", given, [each]) for each in (model.f_expl_expr, page.rate))
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        at = rng.uniform(0.1, 1.0, page.state.numel()) * rng.choice([-1, 1], page.state.numel()), [30.0, 0.0]
+        here = at[0], at[1][: page.inputs.numel()]
+        wanted = np.asarray(exact(*here)).ravel()
+        assert np.asarray(found(*here)).ravel() == pytest.approx(wanted, rel=1e-5, abs=1e-5 * np.abs(wanted).max())
 
 
 @pytest.mark.compiler

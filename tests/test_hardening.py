@@ -278,6 +278,16 @@ LONG = {
     "sweep of a tension": ("sweep", "bowden", "--samples", "2000"),
     "experiment of a tension": ("experiment", "bowden"),
     "study of self-tuning": ("adapt", "finger_adaptive"),
+    "study of self-tuning of a joint": ("adapt", "hand_joint_adaptive"),
+    "design of a tension": ("design", "bowden"),
+    "design of a pair": ("design", "instrument_pair"),
+    "design of a path that moves": ("design", "finger_moving"),
+    "comparison of a tension": ("compare", "bowden"),
+    "sweep of a finger": ("sweep", "three_joint_finger", "--samples", "2000"),
+    "export of a joint": ("export-c", "hand_joint"),
+    "export of a finger": ("export-c", "three_joint_finger"),
+    "unit of a finger": ("export-fmu", "three_joint_finger"),
+    "table of a pair": ("table", "instrument_pair"),
 }
 
 

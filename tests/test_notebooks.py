@@ -13,7 +13,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
-LONG = {"6_the_second_day"}  # its study; tests of `adapt` make it too
+LONG = {"6_the_second_day", "7_a_problem_of_your_own"}  # tests of `adapt` and of `examples/opti` make theirs too
 STORE = runpy.run_path(str(ROOT / "notebooks" / "store.py"))
 NUMBER = re.compile(r"[-+]?\d+(?:[.,]\d+)*(?:e[-+]?\d+)?")
 

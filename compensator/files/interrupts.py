@@ -7,7 +7,7 @@ from types import FrameType
 
 _STOPPED = threading.Event()
 _DEFERRED = getattr(signal, "SIGALRM", None)  # asks again; Windows has none
-_AGAIN_S, _LOST_S = 0.02, 2.0  # after an import; after an interrupt that may be lost
+_AGAIN_S, _LOST_S = 0.02, 2.0  # after an import or a deletion; after an interrupt that may be lost
 
 
 class Interrupted(Exception):  # noqa: N818 - an interrupt, like KeyboardInterrupt, and no error
@@ -18,19 +18,24 @@ def _stop(number: int, frame: FrameType | None) -> None:
     again = _STOPPED.is_set() and number != _DEFERRED
     _STOPPED.set()
     if _DEFERRED is not None and not again:
-        imports = _imports(frame)
+        waits = _is_lost_in(frame)
         signal.signal(_DEFERRED, _stop)
-        signal.setitimer(signal.ITIMER_REAL, _AGAIN_S if imports else _LOST_S)
-        if imports or (number == _DEFERRED and sys.exc_info()[0] is not None):  # what was raised is on its way
+        signal.setitimer(signal.ITIMER_REAL, _AGAIN_S if waits else _LOST_S)
+        if waits or (number == _DEFERRED and sys.exc_info()[0] is not None):  # what was raised is on its way
             return
     raise KeyboardInterrupt
 
 
-def _imports(frame: FrameType | None) -> bool:
-    """Whether a module is being imported: what is raised then is lost, or ends a compiled module by `abort`."""
-    while frame is not None and frame.f_code.co_filename != "<frozen importlib._bootstrap>":
+def _is_lost_in(frame: FrameType | None) -> bool:
+    """Whether a module is being imported or an object deleted.
+
+    What is raised in an import is lost, or ends a compiled module by `abort`; in `__del__` it is printed and dropped.
+    """
+    while frame is not None:
+        if frame.f_code.co_filename == "<frozen importlib._bootstrap>" or frame.f_code.co_name == "__del__":
+            return True
         frame = frame.f_back
-    return frame is not None
+    return False
 
 
 def install() -> None:

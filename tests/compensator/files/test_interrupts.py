@@ -66,6 +66,20 @@ def test_an_interrupt_waits_for_the_end_of_an_import(tmp_path: Path, monkeypatch
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="this system has no SIGALRM")
+def test_an_interrupt_waits_for_the_end_of_a_deletion() -> None:
+    """Python prints a traceback of what `__del__` raises, and drops it: here a warning, which is an error."""
+
+    class Deleted:
+        def __del__(self) -> None:
+            signal.raise_signal(signal.SIGINT)
+
+    thing = Deleted()
+    del thing
+    with pytest.raises(KeyboardInterrupt):
+        time.sleep(10)
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="this system has no SIGALRM")
 def test_a_second_interrupt_does_not_wait(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     text = "import signal\nsignal.raise_signal(signal.SIGINT)\nsignal.raise_signal(signal.SIGINT)\n"
     (tmp_path / "interrupted_twice.py").write_text(text, encoding="utf-8")
