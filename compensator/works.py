@@ -133,8 +133,8 @@ WORKS: Mapping[str, Work] = MappingProxyType(
             refused=_not(
                 (Kind.TENSION, Kind.FINGER),
                 "watch follows friction and pre-tension of a closed loop by the torque of its own motor; a tension is "
-                "set by its drive, and of tendons that fingers share one torque tells of many: identify the log of "
-                "each day instead",
+                "set by its drive, and of tendons that fingers share one torque tells of many: tendonff "
+                "identify with several --data compares days there",
             ),
         ),
         "adapt": Work(

@@ -4,7 +4,6 @@ import casadi as ca
 import numpy as np
 
 import tendonff as tf
-from tendonff.models.mechanism import Mechanism
 from tendonff.ocp.codegen.smoothing import smoothed, switches
 
 try:
@@ -13,7 +12,7 @@ except ImportError:  # the same attributes on a plain record
     from types import SimpleNamespace as AcadosModel
 
 scenario = tf.load_scenario("examples/finger.toml")
-page = tf.mechanism_equations(Mechanism.of(scenario.transmission), tf.Level.PRESLIDING)
+page = tf.mechanism_equations(scenario.transmission, tf.Level.PRESLIDING)
 law = ca.Function("law", [page.state, page.inputs], [page.rate])
 smooth = smoothed(law, np.full(switches(law).size1_out(0), 1e-5))  # widths [m/s] of sliding speeds, [N] of tensions
 

@@ -25,6 +25,7 @@ import numpy as np
 from tendonff.models.fidelity import Level
 from tendonff.models.mechanism.mechanism import CutMechanism, CutTendon, Mechanism
 from tendonff.models.mechanism.parts import Body, Places
+from tendonff.models.parameters import Transmission
 from tendonff.models.path import ANGLE_FLOOR_RAD, CutPath
 from tendonff.models.tendon.assembly import normal_force, path_force
 from tendonff.models.tendon.bounds import at_least
@@ -86,12 +87,15 @@ class Pose:
 
 
 @in_turn
-def mechanism_equations(mechanism: Mechanism, level: Level, segments: int | None = None) -> MechanismEquations:
+def mechanism_equations(
+    mechanism: Mechanism | Transmission, level: Level, segments: int | None = None
+) -> MechanismEquations:
     """Equations of a mechanism as CasADi expressions, for an integrator, a problem of optimal control, a linearisation.
 
     Parameters
     ----------
-    mechanism : Mechanism
+    mechanism : Mechanism or Transmission
+        A single tendon is the mechanism of two bodies.
     level : Level
     segments : int, optional
         Number of masses of each tendon; default: each path's own.
@@ -100,15 +104,15 @@ def mechanism_equations(mechanism: Mechanism, level: Level, segments: int | None
     --------
     >>> import casadi as ca
     >>> import tendonff as tf
-    >>> from tendonff.models.mechanism import Mechanism
     >>> scenario = tf.load_scenario("examples/finger.toml")
-    >>> page = tf.mechanism_equations(Mechanism.of(scenario.transmission), tf.Level.PRESLIDING)
+    >>> page = tf.mechanism_equations(scenario.transmission, tf.Level.PRESLIDING)
     >>> page.input_names, page.effort_names
     (('actuator_force_N', 'load_force_N'), ('actuator_effort_N', 'load_effort_N'))
     >>> dae = {"x": page.state, "u": page.inputs, "ode": page.rate}
     >>> advance = ca.integrator("advance", "cvodes", dae, 0.0, 1e-3)
     """
-    return equations_of(mechanism.cut(level, segments))
+    whole = Mechanism.of(mechanism) if isinstance(mechanism, Transmission) else mechanism
+    return equations_of(whole.cut(level, segments))
 
 
 @in_turn

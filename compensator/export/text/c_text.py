@@ -412,8 +412,8 @@ def _observer_bytes(chain: Chain, law: CapstanLaw, size: int, path: int) -> int:
     common = _padded(3 * size + 8, size) + _padded(4 * size + 4, size) + 4 * size
     if law.plays is not None:
         return _padded(common + PLAYS * size + 4, size)
-    far = 0 if chain.far_joint is not None else 4 * size + 4
-    return _padded(common + path + 2 * chain.led_by_tension().layout.size * size + far + 8, size)
+    far = 0 if chain.far_joint is not None else 3 * size + 4
+    return _padded(common + path + 2 * chain.led_by_tension().layout.size * size + far + 12, size)
 
 
 def _rated(joints: Joints) -> list[bool]:

@@ -209,11 +209,11 @@ def test_it_is_exported_as_c(generic: Transmission, tmp_path: pathlib.Path) -> N
             double least;
             return inv_invert_step(inv_rows(), reference, fresh, x, x_old, &least);
         }
-        double run_plant(double before, double force, int fresh, double *x, double *x_old) {
+        double run_plant(double force, int fresh, double *x, double *x_old) {
             plant_work w;
-            plant_report r = { 0, 0.0, 0, 0 };
-            const plant_input a = { before, 0.0, 0.0, 0.0 }, b = { force, 0.0, 0.0, 0.0 };
-            plant_step(plant_rows(), &a, &b, fresh, x, x_old, &w, &r);
+            plant_report r = { 0 };
+            const plant_input u = { force };
+            plant_step(plant_rows(), &u, fresh, x, x_old, &w, &r);
             return r.converged ? w.force[PLANT_COUNT] : -1.0;
         }
         """
@@ -231,8 +231,8 @@ def test_it_is_exported_as_c(generic: Transmission, tmp_path: pathlib.Path) -> N
     for k in range(1, len(reference)):
         force = library.run_inverse(ctypes.c_double(reference[k]), ctypes.c_int(k == 1), *places["inv"])
         assert force == pytest.approx(expected[k], abs=1e-9)
-        given = (ctypes.c_double(expected[j]) for j in (k - 1, k))
-        assert library.run_plant(*given, ctypes.c_int(k == 1), *places["plant"]) == pytest.approx(answer[k], abs=1e-8)
+        tension = library.run_plant(ctypes.c_double(expected[k]), ctypes.c_int(k == 1), *places["plant"])
+        assert tension == pytest.approx(answer[k], abs=1e-8)
 
 
 TWO_TIMES = Tendon(
