@@ -282,7 +282,7 @@ def test_the_commands_of_the_identification_tutorial_find_the_friction(tmp_path,
     assert found.mu_dynamic == pytest.approx(0.2, rel=0.055)  # "to 5 %", says the page
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_commands_of_the_moving_finger_end_in_tested_c_and_its_numbers_are_those_of_the_design(
     tmp_path, run_commands_of
 ):

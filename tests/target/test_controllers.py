@@ -134,6 +134,7 @@ def test_the_figures_in_the_readme_are_those_measured(toolbox, exported, finger,
                 assert then[name] == value or then[name] == pytest.approx(value, rel=0.2), name
 
 
+@pytest.mark.nightly  # bits and counts of the other boards are the ordinary run's
 def test_with_stribeck_a_controller_stays_within_a_millinewton_of_the_host(
     toolbox, exported, course, tmp_path, record_property
 ):

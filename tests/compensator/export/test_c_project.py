@@ -131,7 +131,7 @@ def test_the_first_call_may_be_the_sample_at_zero_or_the_one_after_it(library):
 
 
 @pytest.mark.compiler
-@pytest.mark.parametrize("level", Level)
+@pytest.mark.parametrize("level", [Level.ELASTIC, pytest.param(Level.VISCOELASTIC, marks=pytest.mark.nightly)])
 def test_every_level_exports_and_passes_its_own_test(examples, tmp_path, level):
     if shutil.which("make") is None or shutil.which("cc") is None:
         pytest.skip("make or cc is not installed")

@@ -88,6 +88,7 @@ def test_friction_is_found_from_the_position_where_the_load_is_off_too(bench, re
     assert percent(plain, longer) > 8
 
 
+@pytest.mark.nightly  # the study of adapt has such a plant, and test_adaptive the C
 def test_friction_that_falls_with_the_tension_is_found_with_its_exponent_from_the_position(bench, reference, percent):
     """0.2 is stated, and the rig has 0.3 and a fifth less friction; friction alone leaves a third of what plain has."""
     friction = replace(bench.transmission.friction, load_exponent=0.2, reference_tension_N=bench.start_N)

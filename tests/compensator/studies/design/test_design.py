@@ -93,7 +93,8 @@ def test_the_finger_can_be_designed_on_every_level(examples, level):
     "name",
     [
         *WITHOUT_STRIBECK,
-        *(pytest.param(name, marks=pytest.mark.compiler) for name in ("finger_fast", "finger_stribeck")),
+        pytest.param("finger_fast", marks=pytest.mark.compiler),
+        pytest.param("finger_stribeck", marks=[pytest.mark.compiler, pytest.mark.nightly]),
     ],
 )
 def test_every_profile_but_the_uncompensated_respects_the_actuator(output, examples, name):
