@@ -100,7 +100,7 @@ def a_minute(scenario):
     [
         pytest.param("finger", Precision.DOUBLE, marks=pytest.mark.nightly),
         pytest.param("finger", Precision.FLOAT, marks=pytest.mark.nightly),
-        ("bowden", Precision.DOUBLE),
+        pytest.param("bowden", Precision.DOUBLE, marks=pytest.mark.nightly),
         ("bowden", Precision.FLOAT),
         pytest.param("finger_stribeck", Precision.FLOAT, marks=pytest.mark.nightly),
         pytest.param("surgical", Precision.FLOAT, marks=pytest.mark.nightly),

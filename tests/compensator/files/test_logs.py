@@ -164,6 +164,7 @@ def estimates(path, how, examples):
 
 
 @pytest.mark.compiler
+@pytest.mark.nightly
 def test_a_record_gives_the_same_estimates_from_every_format(rubbed, tmp_path, examples):
     write_csv(tmp_path / "plain.csv", rubbed)
     wanted = estimates(tmp_path / "plain.csv", Measurement(), examples)

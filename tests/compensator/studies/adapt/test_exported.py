@@ -101,6 +101,7 @@ MUTANTS = {
 }
 
 
+@pytest.mark.nightly
 def test_the_shipped_self_test_dies_with_every_safety_mutant_of_the_tuner(examples, tmp_path):
     if shutil.which("cc") is None:
         pytest.skip("cc is not installed")

@@ -349,6 +349,7 @@ def test_a_joint_with_the_period_of_the_cycle_is_followed(exosuit, record_proper
 
 
 @pytest.mark.usefixtures("unpainted")
+@pytest.mark.nightly
 def test_the_motor_of_the_exosuit_is_sized(exosuit, tmp_path):
     assert run(["design", str(exosuit.source), "--out", str(tmp_path)]) == 0
     summary = json.loads((tmp_path / "summary.json").read_text())
