@@ -1,6 +1,7 @@
 """Survey of imported tendons: bends, what they multiply tensions by, moment arms, and how well the tables fit."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -152,13 +153,15 @@ def survey_figure(found: Survey) -> Figure:
     rows = [(t, joint, span) for t in found.tendons for joint, span in t.arms_m.items()]
     height = 1.2 + 0.22 * max(len(rows), len(found.tendons))
     figure, [[left, right]] = new_figure(1, 2, height_in=height)
+    # Marks at its ends: a moment arm that is constant has no length.
+    bar: dict[str, Any] = {"color": BLUE, "linewidth": 5, "solid_capstyle": "butt", "marker": "|", "markersize": 5}
     for k, t in enumerate(found.tendons):
-        left.plot(t.wrap_rad, (-k, -k), color=BLUE, linewidth=5, solid_capstyle="butt")
+        left.plot(t.wrap_rad, (-k, -k), **bar)
     left.set_yticks([-k for k in range(len(found.tendons))], [t.name for t in found.tendons])
     left.set_xlabel("wrap angle [rad]")
     left.set_xlim(left=0)
     for k, (_, _, span) in enumerate(rows):
-        right.plot([1e3 * end for end in span], (-k, -k), color=BLUE, linewidth=5, solid_capstyle="butt")
+        right.plot([1e3 * end for end in span], (-k, -k), **bar)
     right.axvline(0.0, color=INK, linewidth=0.7)
     right.set_yticks([-k for k in range(len(rows))], [f"{t.name}, {joint}" for t, joint, _ in rows])
     right.set_xlabel("moment arm [mm]")
