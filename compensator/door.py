@@ -13,7 +13,7 @@ from tendonff.compensator.export.kinds import FmiVersion
 from tendonff.compensator.export.kinds import Kind as Unit
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.text import InputError
-from tendonff.compensator.works import function_of
+from tendonff.compensator.works import function_of, require_one_work
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
@@ -54,9 +54,6 @@ if TYPE_CHECKING:
     MotorScenario = JointScenario | FingerScenario
     AnyScenario = Scenario | MotorScenario
     Files = Sequence[str | os.PathLike[str]]
-
-
-_APART = "a project holds tensions, single joints or fingers; give one kind at a time"
 
 
 def look_at(
@@ -461,9 +458,7 @@ def export_c(
     >>> exported.write("c")  # doctest: +SKIP
     """
     export = function_of("export_c", scenario, {"further": further})
-    for each in further:
-        if each.kind is not scenario.kind:
-            raise InputError(f"{each.source.name}: {_APART}")
+    require_one_work("export_c", (scenario, *further))
     found: Exported | ExportedTensions | ExportedMotors = export(
         scenario, precision=precision, prefix=prefix, level=level, force_export=force_export
     )
@@ -558,9 +553,10 @@ def export_fmu(
 
     Parameters
     ----------
-    scenario : Scenario or JointScenario
+    scenario : Scenario, JointScenario or FingerScenario
     kind : Kind, optional
-        What it computes; of a joint its inverse.
+        What it computes; of a joint inverse, adaptive, plant or observer, the last two of one motor; of a finger its
+        inverse.
     fmi : FmiVersion, optional
     prefix : str, optional
         Prefix of the C names.

@@ -99,7 +99,7 @@ def _course(task: JointTask, name: str, cycles: int) -> Course:
     """Reference and commands behind the drive, without the play of its gear; of a cycle several."""
     scenario, sampled = task.scenario, task.sampled
     step, drive = scenario.run.step_s, replace(task.mechanism.drive, backlash_rad=0.0)
-    command = driven(drive, task.answer(compensator_of(task.kind, name)), step)
+    command = driven(drive, task.answer(compensator_of(task, name)), step)
     others = np.column_stack([sampled.angle_rad, *sampled.others(task.mechanism.joint.name).values()])
 
     def repeated(rows: FloatArray) -> FloatArray:

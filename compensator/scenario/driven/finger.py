@@ -127,6 +127,16 @@ class FingerScenario:
         """The text of the file, and as comments what was changed since."""
         return self.text + "".join(f"\n# changed: {key} = {value:.9g}" for key, value in self.changed.items())
 
+    def put_motors(self, raw: dict[str, Any], motors: Sequence[Motor]) -> None:
+        """Put dry friction and pre-tension of motors into the tables of its file."""
+        rows = raw.setdefault(
+            "motors", [{"name": m.name, "drums_m": dict(zip(m.winds, m.radii_m, strict=True))} for m in motors]
+        )
+        for row, motor in zip(rows, motors, strict=True):
+            row["coulomb_N_m"] = motor.drive.coulomb_N_m
+            if len(motor.winds) > 1:
+                row["pretension_N"] = motor.drive.pretension_N
+
     def reference_file(self) -> Path | None:
         """The file of a CSV reference, resolved; None for the other kinds."""
         return None if self.file is None else self.source.parent / self.file

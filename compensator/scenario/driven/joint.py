@@ -5,7 +5,7 @@ import json
 import math
 import os
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar
@@ -30,6 +30,7 @@ from tendonff.compensator.scenario.toml import toml_of
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.joint.parameters import Arm, DrivenJoint, JointDrive, JointTendon, LengthTable, Mechanism
+from tendonff.models.joint.parameters.finger import Motor
 from tendonff.models.parameters import Friction, Tendon
 from tendonff.models.parameters import Path as TendonPath
 from tendonff.models.parameters.uncertainty import Uncertainty
@@ -104,6 +105,10 @@ class JointScenario:
         angle = self.reference.quantity is JointQuantity.ANGLE
         quantity = "joint angle" if angle else "torque of the joint"
         return Goal(quantity=quantity, unit=self.reference.shown, names=(self.mechanism.joint.name,))
+
+    def put_motors(self, raw: dict[str, Any], motors: Sequence[Motor]) -> None:
+        """Put dry friction of motors, of which it states one, into the tables of its file."""
+        raw["drive"]["coulomb_N_m"] = float(np.mean([m.drive.coulomb_N_m for m in motors]))
 
     def reference_file(self) -> Path | None:
         """The file of a CSV reference, resolved; None for the other kinds."""

@@ -49,7 +49,7 @@ def design(
     """
     problem = Problem.of(scenario, reference=sample_reference(scenario, strict=strict))
     reference, transmission, level = problem.reference, problem.transmission, problem.level
-    compensators = chosen(scenario.kind, compensators)
+    compensators = chosen(scenario, compensators)
     shares = sum(1 if c.is_fast else SLOW_PARTS for c in compensators)
     parts = Parts(progress, shares + len(compensators) * (len(Level) + 1))
     warnings = [*reference.warnings, *_file_warnings(scenario, problem)]

@@ -47,7 +47,7 @@ def design_motors(
     inversion, lead = task.inversion, task.lead
     if strict and (refused := task.refusal):
         raise InputError(f"{scenario.source.name}: {refused}")
-    tried_ones = answering(task) if compensators is None else chosen(task.kind, compensators)
+    tried_ones = answering(task) if compensators is None else chosen(task, compensators)
     require_needed(task, tried_ones)
     parts = Parts(progress, 2 * len(tried_ones) + 1)
     found = tried(task, tried_ones, parts)
