@@ -13,7 +13,7 @@ from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.compensators.motors.sheet import joint_sheets, tendon_sheets
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.runtime.kinds import RuntimeStatus
-from tendonff.compensator.scenario.driven.finger import load_finger_scenario, parse_finger_scenario, sample_finger
+from tendonff.compensator.scenario.driven.finger import parse_finger_scenario, sample_finger
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.compare.run import compare
 from tendonff.compensator.studies.design.check import check_driven
@@ -141,7 +141,7 @@ def test_slips_are_named_with_the_way_out(before, after, message):
 
 
 def test_moment_arms_at_the_far_end_are_those_of_sections():
-    given = load_finger_scenario(EXAMPLE)
+    given = load_scenario(EXAMPLE)
     tendon = given.mechanism.tendons[0]
     by_sections = given.mechanism.geometry().moment_arm_m(np.zeros((1, 3)))[0, 0]
     plain = scenario(

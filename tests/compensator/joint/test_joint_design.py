@@ -17,7 +17,6 @@ from tendonff.compensator.compensators.motors import joint
 from tendonff.compensator.compensators.motors.drive import commanded, driven
 from tendonff.compensator.compensators.motors.task import UNSETTLED
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.scenario.kind import Kind
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.design.motors.run import design_motors
 from tendonff.models.errors import ParameterError
@@ -259,9 +258,10 @@ def test_a_compensator_that_fails_does_not_end_the_design(examples, tmp_path):
     def fails(_task):
         raise FloatingPointError("divide by zero")
 
-    broken = replace(compensator_of(Kind.JOINT, "static"), profile=fails)
+    scenario = load_scenario(variant(examples, tmp_path, COARSE))
+    broken = replace(compensator_of(scenario, "static"), profile=fails)
     given = ("linear", broken, "inverse")
-    result = design_motors(load_scenario(variant(examples, tmp_path, COARSE)), compensators=given)
+    result = design_motors(scenario, compensators=given)
     assert set(result.profiles) == {"linear", "inverse"}
     assert replace(result, failed={}).is_usable
     pushing = replace(result.inversion, status=JointStatus.WOULD_PUSH)
