@@ -10,7 +10,7 @@ import tendonff as tf
 from tendonff.compensator.cli import run
 from tendonff.compensator.export.joint.fmu import build_joint_fmu
 from tendonff.compensator.export.kinds import FmiVersion, Kind
-from tests.compensator.joint.test_joint_export import changed
+from tests.compensator.export.test_joint_export import changed
 
 fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed")
 pytestmark = pytest.mark.compiler
