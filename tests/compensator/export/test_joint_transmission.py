@@ -144,7 +144,8 @@ def test_the_ros_2_transmission_commands_as_the_runtime_and_sees_the_joint(hand,
     package = folder / "ros2" / "tff_transmission"
     flags = ("-O0", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off", "-I", folder)
     subprocess.run(["gcc", *flags, "-c", folder / "tff_joint.c", "-o", tmp_path / "joint.o"], check=True)
-    sources = (HERE / "ros2_transmission" / "main.cpp", package / "tff_transmission_loader.cpp", tmp_path / "joint.o")
+    stubs = HERE / "ros2_transmission"
+    sources = (stubs / "main.cpp", package / "tff_transmission_loader.cpp", tmp_path / "joint.o")
     command = [
         "g++",
         "-std=c++17",
