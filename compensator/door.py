@@ -23,7 +23,6 @@ from tendonff.ocp.opti.choices import Collocation
 
 if TYPE_CHECKING:
     from tendonff.compensator.compensators.base import Compensator
-    from tendonff.compensator.compensators.method_check import MethodCheck
     from tendonff.compensator.compensators.motors.task import MotorCompensator
     from tendonff.compensator.export.c_project import Exported
     from tendonff.compensator.export.motors import ExportedMotors
@@ -124,17 +123,6 @@ def design(
     found: Design | MotorDesign = function_of("design", scenario, {"compensators": compensators})(
         scenario, strict=strict, progress=progress
     )
-    return found
-
-
-def show(result: "Design | MotorDesign", folder: Path) -> None:
-    """Print the scores of a design, what to expect on a rig, and where its files are."""
-    function_of("show", result.scenario)(result, folder)
-
-
-def check(result: "Design | MotorDesign", method: Method) -> "MethodCheck":
-    """Simulate the recommended command of a design by another method too; SolveError if that fails."""
-    found: MethodCheck = function_of("check", result.scenario)(result, method)
     return found
 
 

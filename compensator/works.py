@@ -93,20 +93,6 @@ WORKS: Mapping[str, Work] = MappingProxyType(
                 Kind.FINGER: "studies.design.motors.run:design_motors",
             },
         ),
-        "show": Work(
-            by={
-                Kind.TENSION: "studies.design.output:show",
-                Kind.JOINT: "studies.design.motors.output:show",
-                Kind.FINGER: "studies.design.motors.output:show",
-            }
-        ),
-        "check": Work(
-            by={
-                Kind.TENSION: "studies.design.check:check_design",
-                Kind.JOINT: "studies.design.check:check_driven",
-                Kind.FINGER: "studies.design.check:check_driven",
-            }
-        ),
         "compare": Work(
             by={
                 Kind.TENSION: "studies.compare.run:compare",
