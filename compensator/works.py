@@ -58,6 +58,13 @@ WORKS: Mapping[str, Work] = MappingProxyType(
                 Kind.FINGER: "compensators.motors.finger:FingerTask.of",
             }
         ),
+        "compensators": Work(
+            by={
+                Kind.TENSION: "compensators.registry:known",
+                Kind.JOINT: "compensators.motors.registry:known",
+                Kind.FINGER: "compensators.motors.registry:known",
+            }
+        ),
         "expect_live": Work(
             by={
                 Kind.TENSION: "compensators.live:expect_live",

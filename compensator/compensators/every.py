@@ -1,25 +1,25 @@
 """Problem of any scenario, and the compensators that answer it: design, compare, sweep and explore see no more."""
 
 from collections.abc import Sequence
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from tendonff.compensator.compensators.base import Compensator
-from tendonff.compensator.compensators.motors.registry import MOTOR_COMPENSATORS
-from tendonff.compensator.compensators.motors.task import MotorCompensator
 from tendonff.compensator.compensators.registry import COMPENSATORS
 from tendonff.compensator.files.reading import InputError, suggestion
-from tendonff.compensator.scenario.driven.finger import FingerScenario
-from tendonff.compensator.scenario.driven.joint import JointScenario
-from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.works import function_of
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 
-AnyScenario: TypeAlias = Scenario | JointScenario | FingerScenario
-AnyCompensator: TypeAlias = Compensator | MotorCompensator
+if TYPE_CHECKING:
+    from tendonff.compensator.compensators.motors.task import MotorCompensator
+    from tendonff.compensator.scenario.driven.finger import FingerScenario
+    from tendonff.compensator.scenario.driven.joint import JointScenario
+    from tendonff.compensator.scenario.scenario import Scenario
 
-EVERY: tuple[AnyCompensator, ...] = (*COMPENSATORS, *MOTOR_COMPENSATORS)
-"""Every compensator, in the order in which they are shown."""
+    AnyScenario: TypeAlias = Scenario | JointScenario | FingerScenario
+    AnyCompensator: TypeAlias = Compensator | MotorCompensator
+else:  # those of driven joints are imported for their own scenarios alone
+    AnyScenario = AnyCompensator = Any
 
 
 def problem_of(scenario: AnyScenario, level: Level | None = None) -> Any:
@@ -28,8 +28,9 @@ def problem_of(scenario: AnyScenario, level: Level | None = None) -> Any:
 
 
 def known_to(posed: Any) -> tuple[Any, ...]:
-    """Compensators that are for a scenario, or the problem that it poses; each states its kinds."""
-    return tuple(each for each in EVERY if posed.kind in each.kinds)
+    """Compensators that are for a scenario, or the problem that it poses, as shown; each states its kinds."""
+    every = dict.fromkeys((*COMPENSATORS, *function_of("compensators", posed)()))
+    return tuple(each for each in every if posed.kind in each.kinds)
 
 
 def compensator_of(posed: Any, name: str) -> Any:

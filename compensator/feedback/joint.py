@@ -8,6 +8,8 @@ from tendonff.compensator.compensators.every import compensator_of
 from tendonff.compensator.compensators.motors.drive import driven
 from tendonff.compensator.compensators.motors.joint import JointTask
 from tendonff.compensator.compensators.motors.task import verifying_masses
+from tendonff.compensator.feedback.result import FeedbackResult
+from tendonff.compensator.feedback.run import design_feedback
 from tendonff.compensator.feedback.task import FeedbackTask
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.scenario.driven.reference import JointQuantity
@@ -81,6 +83,11 @@ class JointFeedbackTask(FeedbackTask):
             drive_delay_s=drive.servo.lag_s(self.joint.scenario.run.step_s, live=True),
             play=drive.play_rad,
         )
+
+
+def feedback_of(task: JointTask, settings: Feedback) -> FeedbackResult:
+    """Feedback beside the feedforward; errors as of `JointFeedbackTask.of`."""
+    return design_feedback(JointFeedbackTask.of(task, settings))
 
 
 def require_joint_sensor(settings: Feedback, file: str) -> None:

@@ -1,4 +1,4 @@
-"""What files of one driven joint and of several have in common: [[tendons]], [robust], and how they are written."""
+"""Common parts of the files of one driven joint and of several: [[tendons]], [robust], and how they are written."""
 
 import hashlib
 import json

@@ -1,6 +1,7 @@
 """The page of a design, one for every kind of scenario: a further section for all stands here."""
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from tendonff.compensator.feedback.report import feedback_section
 from tendonff.compensator.reporting.page import (
@@ -12,12 +13,14 @@ from tendonff.compensator.reporting.page import (
     Section,
     provenance_of,
 )
-from tendonff.compensator.studies.design.motors.result import MotorDesign
-from tendonff.compensator.studies.design.result import Design
+
+if TYPE_CHECKING:  # one kind of design needs nothing of the other
+    from tendonff.compensator.studies.design.motors.result import MotorDesign
+    from tendonff.compensator.studies.design.result import Design
 
 
 def design_page(
-    result: Design | MotorDesign,
+    result: "Design | MotorDesign",
     pictures: Mapping[str, Picture],
     view: Interactive | None,
     *,

@@ -1,4 +1,4 @@
-"""What every design shows, whatever its scenario describes."""
+"""Common part of all designs, whatever their scenarios describe."""
 
 import os
 from pathlib import Path
@@ -27,7 +27,7 @@ class ShownDesign(Result):
 
         @property
         def expectation(self) -> Expectation:
-            """What to expect on a rig."""
+            """Expected errors on a rig."""
 
     @property
     def recommended(self) -> Any:
