@@ -1,4 +1,4 @@
-"""What every plant has in common that MuJoCo calls for its passive forces."""
+"""Common part of the plants that MuJoCo calls for its passive forces."""
 
 from abc import ABC, abstractmethod
 from types import TracebackType
