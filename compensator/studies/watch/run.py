@@ -55,6 +55,8 @@ def watch(
     >>> found = tf.watch(scenario, ["monday.csv", "tuesday.csv"])  # doctest: +SKIP
     >>> print(found.headline)  # doctest: +SKIP
     """
+    if not isinstance(scenario, JointScenario):
+        raise ParameterError(f"scenario must be that of one driven joint, got {scenario!r:.80}; load its fitted.toml")
     try:
         require_loop(scenario.mechanism, scenario.source.name)
     except ParameterError as error:
