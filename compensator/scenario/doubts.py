@@ -25,6 +25,7 @@ LARGEST_SPEED_RAD_PER_S = 3000.0
 LONG_RUN = 200_000
 """Steps of a run that takes long."""
 _MOST_WRAP_RAD = 25.0  # four turns
+_MOST_SEGMENTS = 200  # five times those that a design is verified with
 _MOST_LOSS = 5.0  # e^5: 148 N for 1 N
 _SLOWEST_RAD_PER_S = 250.0  # sqrt(k/m) of a tendon: 15 m of steel rope have so much
 _LONGEST_STEP_S, _LONGEST_RELAXATION_S, _LONGEST_LAG_S = 0.05, 3600.0, 5.0  # of a controller, a tendon, a filter
@@ -165,6 +166,8 @@ def force_doubts(transmission: Transmission, force_N: FloatArray, run: Run, *, f
     highest, most, found = float(force_N.max()), transmission.actuator.force_max_N, []
     if highest > _BEYOND * most:
         found.append(UnitDoubt("force", f"{file} asks for {highest:.4g} N where force_max_N is {most:g}: mN?"))
+    elif highest < 0:
+        found.append(UnitDoubt("force", f"{file}: every force is below zero, up to {highest:.3g} N: another sign?"))
     elif highest < _SMALLEST_N:
         found.append(UnitDoubt("force", f"{file}: the force stays below {highest:.3g} N: kN?"))
     return unaccepted(found, run)
@@ -245,6 +248,9 @@ def rope_doubts(path: Path, tendon: Tendon, friction: Friction, force_N: float) 
         turns = angle / (2 * math.pi)
         text = f"is {turns:.3g} turns: degrees? Then it is {math.radians(angle):.4g}"
         yield UnitDoubt("path.total_angle_rad", f"[path] total_angle_rad = {angle:g} {text}")
+    if path.segments > _MOST_SEGMENTS:
+        text = f"[path] segments = {path.segments}: so many masses take long, and 3 to 12 are usual"
+        yield UnitDoubt("path.segments", text)
     if path.radius_m is not None and path.radius_m > 5:
         yield value_doubt("path.radius_m", path.radius_m, f"millimetres? Then it is {path.radius_m / 1e3:g}")
     for section in path.sections:

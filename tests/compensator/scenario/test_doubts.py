@@ -89,6 +89,7 @@ def changed(scenario: Scenario, key: str, factor: float) -> Scenario:
         ("actuator.mass_kg", 1e3, "grams?"),
         ("load.mass_kg", 1e3, "grams?"),
         ("load.stiffness_N_per_m", 1e-3, "N/mm?"),
+        ("path.segments", 100, "so many masses take long"),
         ("run.step_s", 1e3, "milliseconds? Then it is 0.001"),
     ],
 )
@@ -204,13 +205,13 @@ def test_what_the_peak_needs_is_the_capstan_law_and_the_drives_friction(finger: 
     assert f"the peak of 150 N at t = 1.5 s needs {needed:.4g} N through the friction" in out_of_reach(rig, 1.5, 150.0)
 
 
-@pytest.mark.parametrize(("force_N", "asked"), [(3e4, "mN?"), (0.03, "kN?"), (300.0, "")])
+@pytest.mark.parametrize(("force_N", "asked"), [(3e4, "mN?"), (0.03, "kN?"), (300.0, ""), (-40.0, "another sign?")])
 def test_a_force_file_in_another_unit_is_asked_about(finger: Scenario, force_N: float, asked: str) -> None:
     force = np.array([0.5, 1.0]) * force_N
     found = force_doubts(finger.transmission, force, finger.run, file="f.csv")
     assert [str(doubt).endswith(asked) for doubt in found] == ([True] if asked else [])
     notes = force_notes(finger.transmission, force, 30.0, file="f.csv")
-    assert any(note.endswith("simulated as it is") for note in notes) is (force_N > 200)
+    assert any(note.endswith("simulated as it is") for note in notes) is (force_N > 200 or force_N < 0)
 
 
 @pytest.mark.parametrize(
