@@ -223,7 +223,10 @@ def require_one_work(work: str, scenarios: Sequence[Any]) -> None:
             raise InputError(f"{scenario.source.name}: {_APART}")
 
 
-_APART = "a project holds tensions, single joints or fingers; give one kind at a time"
+_APART = (
+    "a project holds tensions, single joints or fingers; give one kind at a time, each with a --prefix of its own: "
+    "the folders then go into one program"
+)
 
 
 def _is_given(value: object) -> bool:

@@ -37,9 +37,7 @@ def compensator_of(posed: Any, name: str) -> Any:
     """The compensator of a name for a scenario or its problem; InputError if there is none."""
     known = {each.name: each for each in known_to(posed)}
     if name not in known:
-        raise InputError(
-            f'this scenario has no compensator "{name}"{suggestion(name, list(known))}; it has {", ".join(known)}'
-        )
+        raise InputError(f'this scenario has no compensator "{name}"{suggestion(name, list(known))}')
     return known[name]
 
 
@@ -50,8 +48,12 @@ def answering(problem: Any) -> tuple[Any, ...]:
 
 def chosen(posed: Any, given: Sequence[AnyCompensator | str]) -> tuple[Any, ...]:
     """Compensators given by themselves or by name; InputError for those that are for another kind of scenario."""
+    if isinstance(given, str):
+        raise ParameterError(f'compensators must be a list, got "{given}"; write ["{given}"]')
     found = tuple(compensator_of(posed, each) if isinstance(each, str) else each for each in given)
     for each in found:
+        if isinstance(each, type):
+            raise ParameterError(f"{each.__name__} is a class; give an instance, {each.__name__}()")
         if posed.kind not in getattr(each, "kinds", ()):
             known = ", ".join(one.name for one in known_to(posed))
             raise InputError(f"{each} is no compensator of this scenario; {known} are")
