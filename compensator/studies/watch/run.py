@@ -14,6 +14,7 @@ from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.studies.watch.chart import courses_of
 from tendonff.compensator.studies.watch.output import Watch
 from tendonff.compensator.studies.watch.windows import Window, fit_window, windows_of
+from tendonff.compensator.works import function_of
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.closed_form import GrossSliding, data_sheet
 from tendonff.models.turns import in_turn
@@ -55,6 +56,7 @@ def watch(
     >>> found = tf.watch(scenario, ["monday.csv", "tuesday.csv"])  # doctest: +SKIP
     >>> print(found.headline)  # doctest: +SKIP
     """
+    function_of("watch", scenario)  # which refuses the others
     try:
         require_loop(scenario.mechanism, scenario.source.name)
     except ParameterError as error:
