@@ -114,6 +114,7 @@ def test_a_value_in_another_unit_is_refused_by_its_key_and_accepted_by_it(
         ({"drum_radius_m": 20.0}, "drum_radius_m = 20: millimetres?"),
         ({"inertia_kg_m2": 10.0}, "inertia_kg_m2 = 10 is 2.5e+06 kg at the drum: g cm2?"),
         ({"torque_max_N_m": 500.0}, "torque_max_N_m = 500 is 2.5e+05 N at the drum: mN m?"),
+        ({"torque_max_N_m": 100.0}, "torque_max_N_m = 100 is 5e+04 N at the drum: mN m?"),
         ({"speed_max_rad_per_s": 9000.0}, "speed_max_rad_per_s = 9000: turns a minute? Then it is 942.5"),
         ({"gear_ratio": 0.05}, "gear_ratio = 0.05: the drum would turn faster than the motor; drum over motor?"),
     ],
@@ -128,6 +129,7 @@ def test_a_motor_in_another_unit_is_asked_about_by_its_key(
         actuator = replace(finger.transmission.actuator, motor=motor, **motor.at_the_drum)
         found = scenario_doubts(replace(finger, transmission=replace(finger.transmission, actuator=actuator)))
         assert any(str(doubt).startswith(f"[actuator.motor] {question}") for doubt in found) is asked
+        assert all(doubt.key.startswith("actuator.") for doubt in found)  # not the tendon that it would stretch
 
 
 @pytest.mark.parametrize(
