@@ -162,7 +162,7 @@ def load_library(source: str) -> ctypes.CDLL:
     """
     compiler = find_compiler()
     if compiler is None:
-        raise CodeError(f"{why_no_compiler()}, or use the CasADi engine")
+        raise CodeError(f"this runs as compiled C alone; {why_no_compiler()}")
     return ctypes.CDLL(str(_built(source, compiler)))
 
 
