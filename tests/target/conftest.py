@@ -274,7 +274,8 @@ def code_size(board: Board, source: Path) -> tuple[dict[str, int], dict[str, int
             stack[where.split(":")[-1]] = int(size)
     inner = [size for name, size in stack.items() if name.startswith("tff_inverse_after")]  # where it is not inlined
     inverse = stack["tff_inverse_step"] + max(inner, default=0) + stack["tff_output_set"]
-    plant = stack["tff_plant_step"] + stack.get("tff_chain_solve", 0) + stack.get("tff_chain_evaluate", 0)
+    inner = ("advance", "step", "solve", "evaluate")  # where they are not inlined
+    plant = stack["tff_plant_step"] + sum(stack.get(f"tff_chain_{name}", 0) for name in inner)
     return sizes, {"inverse": inverse, "plant": plant}
 
 
