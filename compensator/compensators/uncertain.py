@@ -101,7 +101,7 @@ def _of_drive(system: object, stated: Uncertainty) -> list[Spread]:
             found += [
                 Spread(keys=(f"{table}.{key}",), low=low, high=high)
                 for key, (low, high) in intervals.items()
-                if not getattr(drive, key) and f"{table}.{key}" not in known
+                if getattr(drive, key) is None and f"{table}.{key}" not in known
             ]
     return found
 
