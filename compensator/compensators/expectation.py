@@ -10,11 +10,12 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
+from scipy.special import gammaincinv
 
 from tendonff.compensator.compensators.plant import FINE_SEGMENTS, Plant
 from tendonff.compensator.compensators.profile import FloatArray, Profile
 from tendonff.compensator.compensators.score import Score, score
-from tendonff.compensator.compensators.uncertain import Doubt, Sample
+from tendonff.compensator.compensators.uncertain import TWO_SIDED, Doubt, Sample, correlation_root
 from tendonff.compensator.files.notices import Danger
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.unit import NEWTON, Unit
@@ -92,7 +93,8 @@ class Contribution:
     key : str
         Its key in the scenario; several that vary together are separated by commas.
     rmse : float
-        RMS error at the worse end of its interval, with all else nominal, in the unit of the reference.
+        RMS error at the worse end of its interval, with all else nominal but what is correlated with it, in the unit of
+        the reference.
     """
 
     key: str
@@ -282,12 +284,19 @@ def worst_corner(doubt: Doubt[Any], error: FloatArray) -> list[float]:
 
     Errors, shape (samples, n), are those on the samples of the doubt. Between both ends of an interval the error is
     taken as linear and those of several intervals as additive; from three starts ends are exchanged while the mean
-    square grows.
+    square grows. Numbers that are correlated are together at one point of their normal distribution: the direction in
+    which the error grows most, as far out as the error of 95 % of what may be drawn is.
     """
     nominal = np.nan_to_num(error[0])
     low, high = (np.nan_to_num(error[[doubt.ends(k)[side] for k in range(len(doubt.spreads))]]) for side in (0, 1))
     slope, middle = 0.5 * (high - low), nominal + (0.5 * (high + low) - nominal).sum(axis=0)
+    together = list(doubt.together)
+    alone = [k for k in range(len(slope)) if k not in together]
+    root = correlation_root(doubt.uncertainty.correlations[np.ix_(together, together)])
+    # Along an end that is correlated the others move as well: the slopes over independent coordinates.
+    slope[together] = np.linalg.pinv(root, rcond=_LEAST_SHARE, hermitian=True) @ slope[together]
     gram, linear = slope @ slope.T, slope @ middle
+    reach = _reach(gram[np.ix_(together, together)])
 
     def size(places: FloatArray) -> float:
         return float(places @ gram @ places + 2 * linear @ places)
@@ -295,19 +304,47 @@ def worst_corner(doubt: Doubt[Any], error: FloatArray) -> list[float]:
     worse = np.where((high**2).sum(axis=1) >= (low**2).sum(axis=1), 1.0, -1.0)
     found = []
     for start in (worse, np.ones(len(worse)), -np.ones(len(worse))):
-        places, largest = start.copy(), size(start)
+        places = start.copy()
+        places[together] *= reach / max(math.sqrt(len(together)), 1.0)
+        largest = size(places)
         grew = True
         while grew:
             grew = False
-            for k in range(len(places)):
+            for k in alone:
                 places[k] *= -1
                 if (changed := size(places)) > largest * (1 + 1e-12) + 1e-300:
                     largest, grew = changed, True
                 else:
                     places[k] *= -1
+            for _ in range(_POWER_STEPS if together else 0):  # the way uphill on a sphere ends at its highest point
+                uphill = (gram @ places + linear)[together]
+                places[together] = reach * uphill / max(float(np.linalg.norm(uphill)), 1e-300)
+            if (changed := size(places)) > largest * (1 + 1e-6) + 1e-300:
+                grew = True
+            largest = changed
         found.append((largest, places.tolist()))
-    corner: list[float] = max(found)[1]
-    return corner
+    corner = np.array(max(found)[1])
+    corner[together] = np.clip(root @ corner[together], -1, 1)
+    places_of_all: list[float] = corner.tolist()
+    return places_of_all
+
+
+_LEAST_SHARE = 0.03  # of the root of a correlation, below which a direction is rounding
+_POWER_STEPS = 20
+
+
+def _reach(gram: FloatArray) -> float:
+    """Length in half-widths along the worst direction at which the error is that of 95 % of all draws.
+
+    The mean square error of normal numbers is a sum of squares, taken as one gamma distribution of the same mean and
+    variance (Satterthwaite 1946). `gram` is that of the slopes over independent numbers.
+    """
+    sizes = np.linalg.eigvalsh(gram)
+    if not len(sizes) or sizes[-1] <= 0:
+        return 1.0
+    mean, square = float(sizes.sum()), float((sizes**2).sum())
+    most = square / mean * 2 * float(gammaincinv(mean**2 / square / 2, 0.95))
+    return math.sqrt(max(most / (TWO_SIDED**2 * float(sizes[-1])), 1.0))
 
 
 def _band(doubt: Doubt[S], wanted: FloatArray, respond: Callable[[S], tuple[FloatArray, bool]]) -> ErrorBand:

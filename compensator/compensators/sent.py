@@ -9,9 +9,10 @@ from tendonff.compensator.compensators.profile import FloatArray, Profile
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.models.parameters.drive import Drive
 from tendonff.models.servo import CommandHold
-from tendonff.ocp.tracking.held import improve_samples
+from tendonff.ocp.tracking.held import MOVES, improve_samples
 
 _MOST_SAMPLES = 400  # of held commands that are improved on the plant, with a simulation for each
+_FINE_MOVES = 2  # of the search at half the step: a third does nothing
 _NUDGE = 1e-3  # of a command's range, for slopes
 
 
@@ -50,12 +51,18 @@ def _improved(
     if len(at) > _MOST_SAMPLES:
         return command
     force = Plant.by_force(plant.transmission, plant.level, plant.joints)
-    wanted = force.respond(replace(profile, command_m=None, command_N=None), reference).require().output_N
+    samples, nudge = np.interp(at, time, command), _NUDGE * float(np.ptp(command))
+    # A step of the command rings within a step of the design, which shorter steps show: from near the answer only, for
+    # from afar their error is rougher.
+    for refinement, moves in ((plant.refinement, MOVES), (2 * plant.refinement, _FINE_MOVES)):
+        judge = replace(plant, refinement=refinement)
+        free = replace(force, refinement=refinement)
+        wanted = free.respond(replace(profile, command_m=None, command_N=None), reference).require().output_N
 
-    def respond(samples: FloatArray) -> FloatArray:
-        tried = _with_command(profile, np.interp(time, at, samples), drive)
-        return plant.respond(tried, reference).require().output_N
+        def respond(samples: FloatArray, judge: Plant = judge) -> FloatArray:
+            tried = _with_command(profile, np.interp(time, at, samples), drive)
+            return judge.respond(tried, reference).require().output_N
 
-    samples = improve_samples(respond, np.interp(at, time, command), wanted, _NUDGE * float(np.ptp(command)))
+        samples = improve_samples(respond, samples, wanted, nudge, moves)
     line: FloatArray = np.interp(time, at, samples)
     return line

@@ -5,6 +5,8 @@ from dataclasses import dataclass, field, replace
 from typing import Final, Generic, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
 
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.models.parameters.uncertainty import Spread, Uncertainty
@@ -13,7 +15,11 @@ from tendonff.models.servo import ASSUMED_S, DriveClass
 ASSUMED: Final = Uncertainty(mu=0.1, samples=3)
 """Uncertainty where the scenario states none: friction known to 10 % either way."""
 
+TWO_SIDED: Final = 1.96
+"""Half of an interval of 95 % over the standard deviation of a normal distribution."""
+
 S = TypeVar("S")
+FloatArray = NDArray[np.float64]
 
 _NAMED = 3  # spreads that a sentence names
 
@@ -78,6 +84,11 @@ class Doubt(Generic[S]):
         return _sample(self.system, self.spreads, places)
 
     @property
+    def together(self) -> tuple[int, ...]:
+        """Numbers of the intervals that are correlated."""
+        return self.uncertainty.correlated
+
+    @property
     def widths(self) -> str:
         """The intervals in words: "mu ±10 %"; the first three where there are more."""
         words = [spread.words for spread in self.spreads]
@@ -107,17 +118,24 @@ def _of_drive(system: object, stated: Uncertainty) -> list[Spread]:
 
 
 def sample_systems(system: S, uncertainty: Uncertainty) -> tuple[Sample[S], ...]:
-    """The nominal system, both ends of each interval, then points of a Sobol sequence up to `samples` in all."""
-    nominal, spreads = Sample(system=system), uncertainty.spreads
+    """The nominal system, both ends of each interval, then points of a Sobol sequence up to `samples` in all.
+
+    At an end of an interval all else is nominal, but for what is correlated with it: that is where it is then expected.
+    """
+    nominal, spreads, along = Sample(system=system), uncertainty.spreads, uncertainty.correlations
     ends: list[Sample[S]] = []
-    for spread in spreads:
-        ends += [_sample(system, (spread,), (side,)) for side in (-1.0, 1.0)]
+    for k in range(len(spreads)):
+        moved = np.flatnonzero(along[k]).tolist()
+        ends += [_sample(system, [spreads[m] for m in moved], side * along[k, moved]) for side in (-1.0, 1.0)]
     further = draw_systems(system, uncertainty, max(uncertainty.samples - 1 - len(ends), 0))
     return (nominal, *ends, *further)
 
 
 def draw_systems(system: S, uncertainty: Uncertainty, count: int) -> tuple[Sample[S], ...]:
-    """Points of a Sobol sequence over all intervals, shifted by the seed (Cranley, Patterson 1976)."""
+    """Points of a Sobol sequence over all intervals, shifted by the seed (Cranley, Patterson 1976).
+
+    Numbers that are correlated are drawn from their normal distribution, none beyond its interval.
+    """
     spreads = uncertainty.spreads
     if count == 0 or not spreads:
         return ()
@@ -125,10 +143,22 @@ def draw_systems(system: S, uncertainty: Uncertainty, count: int) -> tuple[Sampl
 
     points = qmc.Sobol(len(spreads), scramble=False).random_base2((count - 1).bit_length())[:count]
     shifted = (points + np.random.default_rng(uncertainty.seed).random(len(spreads))) % 1.0
-    return tuple(_sample(system, spreads, row) for row in 2 * shifted - 1)
+    places = 2 * shifted - 1
+    if together := list(uncertainty.correlated):
+        root = correlation_root(uncertainty.correlations[np.ix_(together, together)])
+        normal = ndtri(np.clip(shifted[:, together], 1e-12, 1 - 1e-12)) / TWO_SIDED
+        places[:, together] = np.clip(normal @ root, -1, 1)
+    return tuple(_sample(system, spreads, row) for row in places)
 
 
-def _sample(system: S, spreads: Sequence[Spread], places: Sequence[float]) -> Sample[S]:
+def correlation_root(correlation: FloatArray) -> FloatArray:
+    """Symmetric square root of a correlation, what rounding took below nothing left out."""
+    sizes, directions = np.linalg.eigh(correlation)
+    root: FloatArray = (directions * np.sqrt(np.clip(sizes, 0, None))) @ directions.T
+    return root
+
+
+def _sample(system: S, spreads: Sequence[Spread], places: Sequence[float] | FloatArray) -> Sample[S]:
     values: dict[str, float] = {}
     for spread, place in zip(spreads, places, strict=True):
         values |= spread.values(system, float(place))

@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from tendonff.compensator.compensators.uncertain import ASSUMED
 from tendonff.compensator.identification.answer.result import Estimate
 from tendonff.compensator.identification.constants import TUNED
@@ -11,7 +13,7 @@ from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.parameters import MU_PULL, MU_RELEASE, PARAMETERS, Parameter
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.parameters.numbers import number_of
-from tendonff.models.parameters.uncertainty import Spread
+from tendonff.models.parameters.uncertainty import Correlation, Spread
 
 LEAST = 1e-4
 """Least half-width that is written: no rig is known better."""
@@ -21,7 +23,7 @@ _FACTORS = {"mu": MU_PULL, "stiffness": Parameter.STIFFNESS, "bristle_stiffness"
 
 
 def with_spread(scenario: Scenario, estimates: Sequence[Estimate], names: Sequence[str], matrix: Array) -> Scenario:
-    """The scenario with the interval of every identified value; `matrix` is the correlation of the values `names`.
+    """The scenario with the interval of every identified value, and their correlation: `matrix`, of the values `names`.
 
     Coefficients of both directions that are one value, or known only together, vary together. Friction that is not
     identified has the width that the scenario states or, where it states none, the one that a design assumes: beside
@@ -54,7 +56,19 @@ def with_spread(scenario: Scenario, estimates: Sequence[Estimate], names: Sequen
         covered = taken | {key for spread in others for key in spread.keys}
         kept, known["mu"] = _of_kept_friction(scenario, taken, covered)
         spreads += kept
-    return replace(scenario, robust=replace(scenario.robust, spread=(*others, *spreads), **known))
+    robust = replace(scenario.robust, spread=(*others, *spreads), correlation=None, **known)
+    return replace(scenario, robust=replace(robust, correlation=_correlation(spreads, names, matrix)))
+
+
+def _correlation(spreads: Sequence[Spread], names: Sequence[str], matrix: Array) -> Correlation | None:
+    """Correlation of the intervals that a fit has; an interval that is cut off at nothing goes by itself."""
+    rows = {Parameter(name).spec.key: k for k, name in enumerate(names) if name in PARAMETERS}
+    kept = [spread for spread in spreads if spread.keys[0] in rows and spread.half_width is not None]
+    if len(kept) < 2:
+        return None
+    at = [rows[spread.keys[0]] for spread in kept]
+    found = np.round(matrix[np.ix_(at, at)], 3)
+    return Correlation(keys=tuple(spread.name for spread in kept), rows=tuple(map(tuple, found.tolist())))
 
 
 def _of_kept_friction(scenario: Scenario, taken: set[str], covered: set[str]) -> tuple[list[Spread], float]:

@@ -275,6 +275,7 @@ def with_spread(robust: Uncertainty, spread: tuple[Spread, ...], system: object,
             raise InputError(f'{file} [robust.spread]: unknown key "{key}"{suggestion(key, known)}')
     try:
         robust = replace(robust, spread=spread)
+        robust.check_correlation()
         for one in robust.spreads:
             one.check(system)
             for place in (-1.0, 1.0):
@@ -409,7 +410,7 @@ def scenario_to_toml(scenario: Scenario, *, folder: str | os.PathLike[str] | Non
             parts.append(f"\n[{table}]\n{lines}{sections}")
             continue
         if isinstance(value, Uncertainty):
-            lines += toml_table(replace(value, spread=())) + _spread_toml(value.spread)
+            lines += toml_table(replace(value, spread=()), table) + _spread_toml(value.spread)
         else:
             motor = transmission.actuator.motor if table == "actuator" else None
             lines += toml_table(value, table, without=() if motor is None else tuple(motor.at_the_drum))

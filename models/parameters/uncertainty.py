@@ -4,7 +4,10 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 
+import numpy as np
+
 from tendonff.models.errors import ParameterError, require_whole
+from tendonff.models.layout import Array
 from tendonff.models.parameters.numbers import FACTORS, is_whole, number_of
 
 
@@ -88,6 +91,39 @@ class Spread:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Correlation:
+    """Correlation of numbers that were measured together, whose intervals are those of 95 % of a normal distribution.
+
+    Parameters
+    ----------
+    keys : tuple of str
+        Intervals by their keys, as [robust.spread] has them.
+    rows : tuple of tuple of float
+        Correlation of each with each [-], 1 with itself.
+    """
+
+    keys: tuple[str, ...]
+    rows: tuple[tuple[float, ...], ...]
+
+    def __post_init__(self) -> None:
+        count = len(self.keys)
+        if count < 2 or len(set(self.keys)) != count:
+            raise ParameterError(f"correlation: keys must be two different ones at least, got {list(self.keys)}")
+        if [len(row) for row in self.rows] != [count] * count:
+            raise ParameterError(f"correlation: rows must be {count} rows of {count} numbers, one for each key")
+        matrix = np.array(self.rows)
+        symmetric = np.allclose(matrix, matrix.T, atol=1e-9) and np.allclose(np.diag(matrix), 1)
+        if not symmetric or float(np.linalg.eigvalsh(matrix).min()) < -_ROUNDING:
+            raise ParameterError(
+                "correlation: rows must be symmetric, with 1 on the diagonal and no negative eigenvalue; copy them "
+                "from fitted.toml"
+            )
+
+
+_ROUNDING = 0.02  # of the rows' decimals, in their least eigenvalue
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Uncertainty:
     """Uncertainty of the parameters; the default is certainty.
 
@@ -105,6 +141,8 @@ class Uncertainty:
         Seed of the sampling, >= 0. Default 0.
     spread : tuple of Spread, optional
         Intervals of further numbers of the scenario. Default none.
+    correlation : Correlation, optional
+        Of intervals that were measured together. Default: each number is uncertain by itself.
     """
 
     mu: float = 0.0
@@ -114,6 +152,7 @@ class Uncertainty:
     objective: Objective = Objective.WORST
     seed: int = 0
     spread: tuple[Spread, ...] = ()
+    correlation: Correlation | None = None
 
     def __post_init__(self) -> None:
         for name in FACTORS:
@@ -128,6 +167,13 @@ class Uncertainty:
         if twice := [key for key in keys if keys.count(key) > 1]:
             raise ParameterError(f'"{twice[0]}" has two spreads; give one')
 
+    def check_correlation(self) -> None:
+        """Refuse a correlation of what has no interval."""
+        known = [spread.name for spread in self.spreads]
+        for key in () if self.correlation is None else self.correlation.keys:
+            if key not in known:
+                raise ParameterError(f'correlation: "{key}" has no interval in [robust.spread]; give it one there')
+
     @property
     def spreads(self) -> tuple[Spread, ...]:
         """The intervals of all that is uncertain."""
@@ -136,6 +182,20 @@ class Uncertainty:
             *(Spread(keys=(name,), half_width=width) for name, width in widths.items() if width > 0),
             *self.spread,
         )
+
+    @property
+    def correlated(self) -> tuple[int, ...]:
+        """Places among the intervals of those that are correlated."""
+        names = [spread.name for spread in self.spreads]
+        return () if self.correlation is None else tuple(names.index(key) for key in self.correlation.keys)
+
+    @property
+    def correlations(self) -> Array:
+        """Correlation of each interval with each, shape (k, k)."""
+        matrix, rows = np.eye(len(self.spreads)), list(self.correlated)
+        if self.correlation is not None:
+            matrix[np.ix_(rows, rows)] = self.correlation.rows
+        return matrix
 
     @property
     def is_certain(self) -> bool:

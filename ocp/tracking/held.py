@@ -11,13 +11,13 @@ import numpy as np
 
 from tendonff.models.layout import Array
 
-_MOVES = 8
+MOVES = 8
 _ENOUGH = 0.05  # relative decrease of the error below which a move ends the search
 _DAMPING = (1e-3, 1e-1, 10.0)  # of the mean square slope, tried in turn
 
 
 def improve_samples(
-    respond: Callable[[Array], Array], samples: Array, wanted: Array, nudge: float, moves: int = _MOVES
+    respond: Callable[[Array], Array], samples: Array, wanted: Array, nudge: float, moves: int = MOVES
 ) -> Array:
     """Samples whose response is closer to what is wanted, in the mean square; never further.
 

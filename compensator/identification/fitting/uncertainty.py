@@ -60,7 +60,11 @@ def with_other_laws(
         return solution, 0.0
     moves, spreads, evidence = [np.zeros(len(free))], [own], [0.0]
     others: list[tuple[Parameter | None, Residuals, int]] = [
-        (extra, found, names.index(extra)) for extra in ALTERNATIVES if names.index(extra) not in free
+        (extra, found, names.index(extra))
+        for extra in ALTERNATIVES
+        if names.index(extra) not in free
+        # Nearly the same in most data; which of both it is was decided where nothing was fitted.
+        and not (extra is D.ADHESION and D.LOAD_EXPONENT in solution.values)
     ]
     uneven = _with_concentration(found, task)
     if uneven is not None:
@@ -83,8 +87,22 @@ def with_other_laws(
     share = np.exp(np.array(evidence) - max(evidence))
     share /= share.sum()
     total = sum(s * (c + np.outer(m, m)) for s, c, m in zip(share, spreads, moves, strict=True))
-    doubt = TUNED.other_laws * np.clip(np.diag(total - own), 0, None)
-    return replace(solution, covariance=solution.covariance + np.diag(doubt)), concentration
+    doubt = TUNED.other_laws * _nearest_covariance(total - own)
+    return replace(solution, covariance=solution.covariance + doubt), concentration
+
+
+def _nearest_covariance(found: Array) -> Array:
+    """A covariance with the variances of a matrix, those below nothing left out, and its correlation as far as may be.
+
+    What moves several values moves them together.
+    """
+    deviation = np.sqrt(np.clip(np.diag(found), 0, None))
+    seen = np.where(deviation > 0, deviation, np.inf)
+    sizes, directions = np.linalg.eigh(found / np.outer(seen, seen))
+    positive = (directions * np.clip(sizes, 0, None)) @ directions.T
+    own = np.sqrt(np.where(np.diag(positive) > 0, np.diag(positive), np.inf))
+    together: Array = positive * np.outer(deviation / own, deviation / own)
+    return together
 
 
 def _with_concentration(found: Residuals, task: ChainResiduals) -> Residuals | None:

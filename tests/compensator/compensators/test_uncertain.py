@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.compensators.expectation import two_digits
+from tendonff.compensator.compensators.expectation import two_digits, worst_corner
 from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.compensators.profile import Profile
 from tendonff.compensator.compensators.uncertain import Doubt, sample_systems
@@ -14,7 +14,7 @@ from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
-from tendonff.models.parameters.uncertainty import Spread, Uncertainty
+from tendonff.models.parameters.uncertainty import Correlation, Spread, Uncertainty
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.tendon.inverse import invert
 
@@ -133,3 +133,60 @@ def test_an_interval_without_a_meaning_is_refused(keys: tuple[str, ...], values:
 )
 def test_headlines_have_two_digits(value: float, text: str) -> None:
     assert two_digits(value) == text
+
+
+MEASURED = Uncertainty(
+    samples=64,
+    spread=tuple(
+        Spread(keys=(key,), half_width=width)
+        for key, width in (
+            ("friction.mu_dynamic", 0.05),
+            ("tendon.stiffness_N_per_m", 0.1),
+            ("load.stiffness_N_per_m", 0.2),
+            ("load.mass_kg", 0.1),
+        )
+    ),
+    correlation=Correlation(
+        keys=("friction.mu_dynamic", "tendon.stiffness_N_per_m", "load.stiffness_N_per_m"),
+        rows=((1.0, 0.9, 0.0), (0.9, 1.0, 0.3), (0.0, 0.3, 1.0)),
+    ),
+)
+
+
+def test_numbers_measured_together_are_drawn_together_and_an_end_of_one_moves_the_others(generic: Transmission) -> None:
+    samples = sample_systems(generic, MEASURED)
+    nominal = np.array([generic.friction.mu_dynamic, generic.tendon.stiffness_N_per_m, generic.load.stiffness_N_per_m])
+    keys = [spread.keys[0] for spread in MEASURED.spreads]
+    end = samples[4].numbers  # stiffness, high
+    moved = np.array([end[key] for key in keys[:3]]) / nominal - 1
+    assert moved == pytest.approx([0.9 * 0.05, 0.1, 0.3 * 0.2])
+    assert dict(samples[7].numbers) == {keys[3]: pytest.approx(0.9 * generic.load.mass_kg)}
+    drawn = np.array([[sample.numbers[key] for key in keys[:3]] for sample in samples[9:]]) / nominal - 1
+    assert np.all(np.abs(drawn) <= np.array([0.05, 0.1, 0.2]) * (1 + 1e-12))
+    assert np.corrcoef(drawn.T)[0, 1] > 0.7
+    assert abs(np.corrcoef(drawn.T)[0, 2]) < 0.3
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_worst_case_of_numbers_measured_together_is_that_of_95_percent_of_all_draws(
+    generic: Transmission, seed: int
+) -> None:
+    """Of any linear errors: 20 000 draws from the joint distribution; less where an interval ends before it."""
+    rng = np.random.default_rng(seed)
+    measured = replace(MEASURED, spread=MEASURED.spread[:3])
+    doubt, slopes = Doubt.of(generic, measured), rng.standard_normal((3, 5)) * rng.uniform(0.1, 2, (3, 1))
+    together = np.array(measured.correlation.rows)
+    ends = [side * together[k] @ slopes for k in range(3) for side in (-1, 1)]
+    corner = np.array(worst_corner(doubt, np.array([np.zeros(5), *ends])))
+    draws = rng.multivariate_normal(np.zeros(3), together / 1.96**2, size=20_000)
+    said = np.linalg.norm(corner @ slopes)
+    assert 0.87 < np.mean(np.linalg.norm(draws @ slopes, axis=1) < said) < 0.97
+
+
+def test_a_correlation_that_none_can_have_is_refused() -> None:
+    with pytest.raises(ParameterError, match="symmetric, with 1 on the diagonal"):
+        Correlation(keys=("a", "b", "c"), rows=((1, 0.9, 0.9), (0.9, 1, -0.9), (0.9, -0.9, 1)))
+    with pytest.raises(ParameterError, match="rows must be 2 rows of 2 numbers"):
+        Correlation(keys=("a", "b"), rows=((1.0,), (0.5, 1.0)))
+    with pytest.raises(ParameterError, match="has no interval"):
+        replace(MEASURED, spread=()).check_correlation()

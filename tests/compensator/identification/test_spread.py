@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.answer.result import Estimate
 from tendonff.compensator.identification.spread import with_spread
 from tendonff.compensator.scenario.scenario import parse_scenario, scenario_to_toml
@@ -78,3 +79,15 @@ def test_friction_that_is_kept_has_the_width_that_is_stated_or_assumed(fitted, s
 def test_where_nothing_is_stated_or_identified_nothing_is_written(fitted):
     asked = replace(fitted, robust=replace(fitted.robust, mu=0.0))
     assert with_spread(asked, (), (), np.eye(0)).robust == asked.robust
+
+
+def test_values_that_a_fit_knows_together_stay_together_in_the_file(fitted):
+    """One cut off at nothing has no middle that the others could go with."""
+    matrix = np.array([[1, -0.7, 0.4], [-0.7, 1, 0.2], [0.4, 0.2, 1]])
+    found = with_spread(fitted, VALUES, NAMES, matrix).robust
+    assert found.correlation.keys == ("friction.mu_dynamic", "friction.mu_dynamic_release")
+    assert found.correlation.rows == ((1.0, -0.7), (-0.7, 1.0))
+    text = scenario_to_toml(replace(fitted, robust=found))
+    assert parse_scenario(text).robust == found
+    with pytest.raises(InputError, match='mu_dynamic" has no interval'):
+        parse_scenario(text.replace('"friction.mu_dynamic" = 0.02\n', ""))
