@@ -174,11 +174,12 @@ class Expectation:
             compared = "; friction compensation does not reduce it"
         elif without is not None:
             compared = f"; {two_digits(without)} % without friction compensation"
+        drive = " behind an ideal drive (assumed; set drive_class)" if self.doubt.takes_drive_as_ideal else ""
         unfit = unfit_for(self.unit, worst.rmse_percent_of_range)
         return (
             f"{f'{unfit}: tracking' if unfit else 'Tracking'} error up to {self.error}, with the {label}, "
-            f"for {self.doubt} on the {self.level} level{compared}. Largest contribution: {self.contributions[0].key}. "
-            f"Next: {next_command}"
+            f"for {self.doubt} on the {self.level} level{drive}{compared}. "
+            f"Largest contribution: {self.contributions[0].key}. Next: {next_command}"
         )
 
     @property
