@@ -56,7 +56,10 @@ if TYPE_CHECKING:
     Files = Sequence[str | os.PathLike[str]]
 
 
-_APART = "a project holds tensions, single joints or fingers; give one kind at a time"
+_APART = (
+    "a project holds tensions, single joints or fingers; give one kind at a time, each with a --prefix of its own: "
+    "the folders then go into one program"
+)
 
 
 def look_at(

@@ -1,7 +1,10 @@
 """Simulation and inverse of any system: one tendon, a joint between tendons, or a mechanism of several joints."""
 
 from collections.abc import Callable, Mapping
+from numbers import Real
 from typing import Any, overload
+
+import numpy as np
 
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
@@ -43,6 +46,19 @@ def _of(table: Mapping[type, Callable[..., Any]], given: object) -> Callable[...
         known = " or ".join(kind.__name__ for kind in table)
         raise ParameterError(f"must be a {known}, got {type(given).__name__}; system_of makes one of a rig")
     return table[type(given)]
+
+
+def _numbers(name: str, given: Any) -> Array:
+    try:
+        return np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ParameterError(f"{name} must be an array of numbers, got {given!r:.60}") from None
+
+
+def _step(step_s: Any) -> float:
+    if isinstance(step_s, Real):
+        return float(step_s)
+    raise ParameterError(f"step_s must be a number of seconds, got {step_s!r:.60}; 0.001 suits most rigs")
 
 
 @overload
@@ -169,7 +185,7 @@ def simulate(system: Any, command: Array, step_s: float, **options: Any) -> Any:
     >>> run.outcome.value
     'done'
     """
-    return _of(_SIMULATE, system)(system, command, step_s, **options)
+    return _of(_SIMULATE, system)(system, _numbers("command", command), _step(step_s), **options)
 
 
 @overload
@@ -244,4 +260,4 @@ def invert(system: Any, wanted: Array, step_s: float, **options: Any) -> Any:
     >>> bool(abs(tf.simulate(joint, motor, 1e-3).angle_rad - wanted).max() < 1e-6)
     True
     """
-    return _of(_INVERT, system)(system, wanted, step_s, **options)
+    return _of(_INVERT, system)(system, _numbers("wanted", wanted), _step(step_s), **options)

@@ -142,7 +142,10 @@ def run(arguments: Sequence[str]) -> int:
         say(f"error: {name}{error.strerror or error}; nothing was written")
         return EXIT_SOLVE
     except MemoryError:
-        say("error: not enough memory; use a larger step_s, fewer segments or a shorter file; nothing was written")
+        say(
+            "error: not enough memory; use a larger step_s, fewer segments or samples, or a shorter file; "
+            "nothing was written"
+        )
         return EXIT_SOLVE
     if result == EXIT_INTERRUPTED:  # some versions of typer catch Ctrl-C and return the code instead
         say("interrupted; nothing was written")

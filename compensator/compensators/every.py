@@ -39,9 +39,7 @@ def compensator_of(kind: Kind, name: str) -> Any:
     """The compensator of a name for scenarios of a kind; InputError if there is none."""
     known = {each.name: each for each in EVERY if kind in each.kinds}
     if name not in known:
-        raise InputError(
-            f'this scenario has no compensator "{name}"{suggestion(name, list(known))}; it has {", ".join(known)}'
-        )
+        raise InputError(f'this scenario has no compensator "{name}"{suggestion(name, list(known))}')
     return known[name]
 
 
@@ -52,8 +50,12 @@ def answering(problem: Any) -> tuple[Any, ...]:
 
 def chosen(kind: Kind, given: Sequence[AnyCompensator | str]) -> tuple[Any, ...]:
     """Compensators given by themselves or by name; InputError for those of another kind of scenario."""
+    if isinstance(given, str):
+        raise ParameterError(f'compensators must be a list, got "{given}"; write ["{given}"]')
     found = tuple(compensator_of(kind, each) if isinstance(each, str) else each for each in given)
     for each in found:
+        if isinstance(each, type):
+            raise ParameterError(f"{each.__name__} is a class; give an instance, {each.__name__}()")
         if kind not in getattr(each, "kinds", ()):
             known = ", ".join(one.name for one in EVERY if kind in one.kinds)
             raise InputError(f"{each} is no compensator of this scenario; {known} are")

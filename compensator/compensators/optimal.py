@@ -11,7 +11,7 @@ from tendonff.compensator.compensators.expectation import worst_corner
 from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
 from tendonff.compensator.compensators.uncertain import Sample
-from tendonff.compensator.files.notices import Remark
+from tendonff.compensator.files.notices import Danger, Remark
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.reporting.colours import VERMILION, Style
 from tendonff.compensator.scenario.sampled.sampling import Reference
@@ -21,6 +21,7 @@ from tendonff.models.parameters.uncertainty import Objective
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.reference.motion import tension_of_motion
 from tendonff.ocp.tracking.cycle import track_cycle
+from tendonff.ocp.tracking.diagnosis import PeakBeyond
 from tendonff.ocp.tracking.problem import TrackingProblem
 from tendonff.ocp.tracking.result import Tracking, TrackStatus
 from tendonff.ocp.tracking.track import track_robust
@@ -129,11 +130,14 @@ def _purpose(problem: Problem) -> tuple[str, ...]:
 
 
 def tracking_warnings(tracking: Tracking, reference: Reference) -> tuple[str, ...]:
-    """Active limits of the optimal profile of a reference, by the scenario's keys."""
+    """Active limits of the optimal profile of a reference, by the scenario's keys; without what the reference says."""
     if tracking.status is TrackStatus.EXACT:
         return ()
+    is_said = any(isinstance(text, Danger) for text in reference.warnings)
     found = [] if tracking.status is TrackStatus.OPTIMAL else [f"optimal: {tracking.message}"]
-    found += tracking.reasons
+    if is_said and tracking.status is TrackStatus.BEST_ACHIEVABLE:
+        found = []  # its numbers stand beside the profile
+    found += [text for text in tracking.reasons if not (is_said and isinstance(text, PeakBeyond))]
     if tracking.departures:
         error = "error above 1 % of range" if reference.position_m is None else "tension error above 1 % of its range"
         worst = max(tracking.departures, key=lambda departure: abs(departure.peak_error_N))

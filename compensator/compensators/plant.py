@@ -189,6 +189,7 @@ def without_drive(actuator: Actuator) -> Actuator:
         actuator,
         drive=Drive.FORCE,
         servo_stiffness_N_per_m=None,
+        drive_class=None,
         servo_time_s=None,
         delay_s=None,
         command_interval_s=None,

@@ -77,7 +77,7 @@ class JointFeedbackTask(FeedbackTask):
             quantity=Quantity.POSITION,
             goals=(0,),
             direction=motors_per_joint(problem, (0,)),
-            lag_s=drive.servo_time_s,
+            lag_s=drive.servo.servo_time_s,
             drive_delay_s=drive.servo.lag_s(self.joint.scenario.run.step_s, live=True),
             play=drive.play_rad,
         )

@@ -27,12 +27,16 @@ def _stop(number: int, frame: FrameType | None) -> None:
 
 
 def _is_lost_in(frame: FrameType | None) -> bool:
-    """Whether a module is being imported or an object deleted.
+    """Whether a module is being imported, an object deleted, or a sequence of Sobol begun.
 
-    What is raised in an import is lost, or ends a compiled module by `abort`; in `__del__` it is printed and dropped.
+    What is raised in an import is lost, or ends a compiled module by `abort`; in `__del__`, and in SciPy's compiled
+    tables of Sobol, it is printed and dropped.
     """
     while frame is not None:
-        if frame.f_code.co_filename == "<frozen importlib._bootstrap>" or frame.f_code.co_name == "__del__":
+        code = frame.f_code
+        if code.co_filename == "<frozen importlib._bootstrap>" or code.co_name == "__del__":
+            return True
+        if code.co_filename.endswith("_qmc.py"):
             return True
         frame = frame.f_back
     return False

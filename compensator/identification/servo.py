@@ -76,9 +76,12 @@ class ServoIdentification:
         return [*found, f"a first-order lag and a delay leave {100 * worst:.2g} % of the answer unexplained"]
 
 
-def is_servo_log(path: Path) -> bool:
-    """Whether a file is a log of a drive: it has a command and its answer."""
-    return path.suffix.lower() == ".csv" and path.is_file() and _pair_of(path) is not None
+def is_servo_log(path: Path, header: Sequence[str] = ()) -> bool:
+    """Whether a file is a log of a drive: it has a command and its answer.
+
+    `header` names the columns of a file without a header, which is a log of the rig.
+    """
+    return not header and path.suffix.lower() == ".csv" and path.is_file() and _pair_of(path) is not None
 
 
 def _pair_of(path: Path) -> tuple[str, str] | None:

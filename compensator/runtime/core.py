@@ -4,6 +4,7 @@ import ctypes
 import hashlib
 import math
 from collections.abc import Mapping, Sequence
+from numbers import Real
 from typing import Protocol, TypeAlias
 
 import numpy as np
@@ -87,6 +88,8 @@ class CompiledCore:
         self._command[1] = 1.0
         self._outputs, self._status = code.outputs, 0
         self._places = tuple(ctypes.c_void_p(a.ctypes.data) for a in (self._angles, self._command))
+        if not isinstance(self.start, Real):
+            raise ParameterError(f"start must be a number, got {self.start!r}; give the reference at rest before")
         init = host.function("tff_runtime_init", address, real, address, result=ctypes.c_int)
         if init(self._memory, self.start, self._places[0]) != 1:
             raise InputError(f"a runtime cannot start at {self.start:g}: it is out of the scenario's range")
@@ -133,6 +136,11 @@ class CompiledCore:
         if not self.joints and not joints:
             return ()
         if isinstance(joints, Mapping):
+            if unknown := [name for name in joints if name not in self.joints]:
+                known = ", ".join(self.joints) or "none"
+                raise ParameterError(
+                    f"joints has {', '.join(map(repr, unknown))}, which no step takes; it takes {known}"
+                )
             if missing := [name for name in self.joints if name not in joints]:
                 raise ParameterError(f"joints must hold an angle of each joint, got none of {', '.join(missing)}")
             return [joints[name] for name in self.joints]

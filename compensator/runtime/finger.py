@@ -155,7 +155,7 @@ class _DriveAnswer:
         self._lag, self._play, self._turning, most = (
             np.array(each)
             for each in zip(
-                *((d.servo_time_s, d.play_rad, d.turning_rad, d.speed_max_rad_per_s or math.inf) for d in drives),
+                *((d.servo.servo_time_s, d.play_rad, d.turning_rad, d.speed_max_rad_per_s or math.inf) for d in drives),
                 strict=True,
             )
         )

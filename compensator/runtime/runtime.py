@@ -181,6 +181,10 @@ class Runtime:
         InputError
             If the state is of another scenario, kind or version, or not as it was written; nothing is changed then.
         """
+        if not isinstance(state, RuntimeState):
+            raise InputError(
+                f"state must be a RuntimeState, got {type(state).__name__}; keep what state() gives, whole"
+            )
         mine = f'"{self.kind}" and {self._core.digest}'
         if f'"{state.kind}" and {state.digest}' != mine:
             raise InputError(

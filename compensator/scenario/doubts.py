@@ -25,9 +25,11 @@ LARGEST_SPEED_RAD_PER_S = 3000.0
 LONG_RUN = 200_000
 """Steps of a run that takes long."""
 _MOST_WRAP_RAD = 25.0  # four turns
+_MOST_SEGMENTS = 200  # five times those that a design is verified with
 _MOST_LOSS = 5.0  # e^5: 148 N for 1 N
 _SLOWEST_RAD_PER_S = 250.0  # sqrt(k/m) of a tendon: 15 m of steel rope have so much
 _LONGEST_STEP_S, _LONGEST_RELAXATION_S, _LONGEST_LAG_S = 0.05, 3600.0, 5.0  # of a controller, a tendon, a filter
+_LARGEST_FORCE_N = 2e4  # of an actuator: two tonnes on a tendon
 _SMALLEST_N, _BEYOND = 0.1, 100.0  # a tension in kN; reach of the actuator times so much: a tension in mN
 
 
@@ -73,7 +75,9 @@ def settle(found: Iterable[UnitDoubt], *, file: str, accept: bool) -> tuple[str,
 def scenario_doubts(scenario: Scenario) -> tuple[UnitDoubt, ...]:
     """Doubts about the numbers of a scenario file, but for its reference: empty for a sound one."""
     given = scenario.transmission
-    found = [*rope_doubts(given.path, given.tendon, given.friction, given.actuator.force_max_N)]
+    # An actuator that is doubted itself is no measure of the tendon.
+    force_N = given.actuator.force_max_N / (1 if given.actuator.force_max_N <= _LARGEST_FORCE_N else 1e3)
+    found = [*rope_doubts(given.path, given.tendon, given.friction, force_N)]
     found += [*_of_drive(given), *_of_load(given.load), *step_doubts(scenario.run)]
     stream = scenario.stream or Stream()
     if stream.lag_max_s > _LONGEST_LAG_S:
@@ -162,6 +166,8 @@ def force_doubts(transmission: Transmission, force_N: FloatArray, run: Run, *, f
     highest, most, found = float(force_N.max()), transmission.actuator.force_max_N, []
     if highest > _BEYOND * most:
         found.append(UnitDoubt("force", f"{file} asks for {highest:.4g} N where force_max_N is {most:g}: mN?"))
+    elif highest < 0:
+        found.append(UnitDoubt("force", f"{file}: every force is below zero, up to {highest:.3g} N: another sign?"))
     elif highest < _SMALLEST_N:
         found.append(UnitDoubt("force", f"{file}: the force stays below {highest:.3g} N: kN?"))
     return unaccepted(found, run)
@@ -242,6 +248,9 @@ def rope_doubts(path: Path, tendon: Tendon, friction: Friction, force_N: float) 
         turns = angle / (2 * math.pi)
         text = f"is {turns:.3g} turns: degrees? Then it is {math.radians(angle):.4g}"
         yield UnitDoubt("path.total_angle_rad", f"[path] total_angle_rad = {angle:g} {text}")
+    if path.segments > _MOST_SEGMENTS:
+        text = f"[path] segments = {path.segments}: so many masses take long, and 3 to 12 are usual"
+        yield UnitDoubt("path.segments", text)
     if path.radius_m is not None and path.radius_m > 5:
         yield value_doubt("path.radius_m", path.radius_m, f"millimetres? Then it is {path.radius_m / 1e3:g}")
     for section in path.sections:
@@ -304,6 +313,9 @@ def _of_drive(transmission: Transmission) -> Iterator[UnitDoubt]:
     if motor is None:
         if is_heavy:
             yield value_doubt("actuator.mass_kg", mass, _grams(mass))
+        if actuator.force_max_N > _LARGEST_FORCE_N:
+            likely = f"mN? Then it is {actuator.force_max_N / 1e3:g}"
+            yield value_doubt("actuator.force_max_N", actuator.force_max_N, likely)
     else:
         table = "actuator.motor"
         yield from gear_doubts(f"{table}.gear_ratio", motor.gear_ratio)
@@ -312,7 +324,7 @@ def _of_drive(transmission: Transmission) -> Iterator[UnitDoubt]:
         elif mass > 5000 or (mass > 5 and actuator.force_max_N / mass < 0.3):
             text = f"is {mass:.3g} kg at the drum: g cm2? Then it is {1e-7 * motor.inertia_kg_m2:g}"
             yield UnitDoubt(f"{table}.inertia_kg_m2", f"[{table}] inertia_kg_m2 = {motor.inertia_kg_m2:g} {text}")
-        if motor.force_max_N > 1e5:
+        if motor.force_max_N > _LARGEST_FORCE_N:
             text = f"is {motor.force_max_N:.3g} N at the drum: mN m? Then it is {motor.torque_max_N_m / 1e3:g}"
             yield UnitDoubt(f"{table}.torque_max_N_m", f"[{table}] torque_max_N_m = {motor.torque_max_N_m:g} {text}")
         yield from speed_doubts(f"{table}.speed_max_rad_per_s", motor.speed_max_rad_per_s)

@@ -158,7 +158,10 @@ def _explain(cls: type, keys: Mapping[str, object], error: ValidationError) -> s
 
 
 def _meant(annotation: Any, value: object) -> str:
-    """The member of an enum that a wrong text comes close to, as a question; empty where there is none."""
+    """The member of an enum that a wrong text comes close to, or where an interval goes; else empty."""
+    is_interval = (isinstance(value, list) and len(value) == 2) or (isinstance(value, str) and " to " in value)
+    if _wanted(annotation, item=False) == "a number" and is_interval:
+        return "; an interval goes into [robust.spread], as its dotted key = [low, high]"
     parts = [annotation, *get_args(annotation)]
     members = [str(m) for part in parts if isinstance(part, type) and issubclass(part, StrEnum) for m in part]
     near = get_close_matches(value, members, n=1) if isinstance(value, str) else []

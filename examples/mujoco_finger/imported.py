@@ -7,13 +7,12 @@ Each joint is pulled by the tension next to it, with friction on the way; motors
 """
 
 from collections.abc import Callable
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from examples.mujoco_finger.callback import PassiveForces
 from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.scenario.driven.finger import FingerScenario
 from tendonff.ocp.mechanism.compiled import CompiledMechanism
@@ -22,7 +21,7 @@ from tendonff.ocp.mechanism.problem import rest
 Array = NDArray[np.float64]
 
 
-class ImportedTendons:
+class ImportedTendons(PassiveForces):
     """Tendons, joints led by MuJoCo and motors led by a command, stepped in MuJoCo's callback for passive forces.
 
     Parameters
@@ -91,16 +90,6 @@ class ImportedTendons:
         np.add.at(found, list(self._problem.motor_of), drum_N * np.asarray(self._problem.winding_m))
         return found
 
-    def __call__(self, model: Any, data: Any) -> None:  # noqa: ARG002 - MuJoCo's signature
-        """MuJoCo's callback: add to the passive forces."""
-        self.follow(data)
+    def add(self, model: Any, data: Any) -> None:  # noqa: ARG002 - MuJoCo's signature
+        """Add the joints' torques to MuJoCo's passive forces."""
         data.qfrc_passive[self._dofs] += self.torque_N_m
-
-    def __enter__(self) -> Self:
-        mujoco.set_mjcb_passive(self)
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        mujoco.set_mjcb_passive(None)

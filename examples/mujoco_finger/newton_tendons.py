@@ -9,8 +9,7 @@ a roller, what is straight between them a spring of its share of EA/L. Each pull
 
 from collections.abc import Callable
 from itertools import pairwise
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import mujoco
 import newton
@@ -18,6 +17,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from examples.mujoco_finger.callback import PassiveForces
 from tendonff.compensator.mjcf.measure import measure
 from tendonff.compensator.mjcf.model import Hand, Interval, Route
 from tendonff.compensator.scenario.driven.finger import FingerScenario
@@ -30,7 +30,7 @@ SETTLE_TOL = 1e-6
 _TOUCHING_M, _ASIDE_M = 1e-5, 1e-3
 
 
-class NewtonTendons:
+class NewtonTendons(PassiveForces):
     """Tendons of Newton between bones of MuJoCo and motors led by a command, in MuJoCo's callback for passive forces.
 
     Parameters
@@ -229,19 +229,9 @@ class NewtonTendons:
                 mujoco.mj_applyFT(model, data, -pull, none, q, other, found)
         self.torque_N_m = found
 
-    def __call__(self, model: Any, data: Any) -> None:  # noqa: ARG002 - MuJoCo's signature
-        """MuJoCo's callback: add to the passive forces."""
-        self.follow(data)
+    def add(self, model: Any, data: Any) -> None:  # noqa: ARG002 - MuJoCo's signature
+        """Add the joints' torques to MuJoCo's passive forces."""
         data.qfrc_passive[:] += self.torque_N_m
-
-    def __enter__(self) -> Self:
-        mujoco.set_mjcb_passive(self)
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        mujoco.set_mjcb_passive(None)
 
 
 def _unit(v: Array) -> Array:

@@ -5,13 +5,12 @@ joint is pulled by the tension behind its own pulley: with friction on the way t
 """
 
 from collections.abc import Callable
-from types import TracebackType
-from typing import Self
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from examples.mujoco_finger.callback import PassiveForces
 from examples.mujoco_finger.exported import ExportedPlant
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
@@ -31,7 +30,7 @@ def tendon_jacobian(model: mujoco.MjModel, data: mujoco.MjData, tendon: int) -> 
     return dense
 
 
-class PassiveTendon:
+class PassiveTendon(PassiveForces):
     """An exported plant that MuJoCo steps; `with PassiveTendon(...)` installs it, and takes it off again.
 
     Parameters
@@ -91,16 +90,6 @@ class PassiveTendon:
         torque: Array = -tendon_jacobian(model, data, 0)[self._dofs] * self.tension_N[self._pulls]
         return torque
 
-    def __call__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """MuJoCo's callback: add to the passive forces."""
-        self.follow(data)
+    def add(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Add the joints' torques to MuJoCo's passive forces."""
         data.qfrc_passive[self._dofs] += self.torque_N_m(model, data)
-
-    def __enter__(self) -> Self:
-        mujoco.set_mjcb_passive(self)
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        mujoco.set_mjcb_passive(None)

@@ -108,6 +108,15 @@ class Motor:
         return min(self.torque_max_N_m, max(self.stall_torque_N_m * share, 0.0))
 
 
+_ROPES = (  # least and most of any tendon, so that another unit is named by the key that has it
+    ("elastic_modulus_Pa", 1e6, 2e12, "1 GPa is 1e9 Pa"),
+    ("length_m", 1e-3, 100.0, "the whole length that is stretched; 1 mm is 1e-3 m"),
+    ("cross_section_m2", 1e-12, 1e-2, "1 mm2 is 1e-6 m2"),
+    ("diameter_m", 1e-6, 0.1, "1 mm is 1e-3 m"),
+    ("density_kg_per_m3", 100.0, 3e4, "steel 7900, tungsten 19300, UHMWPE 970"),
+)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rope:
     """Data sheet of a tendon, from which stiffness and mass follow.
@@ -115,15 +124,15 @@ class Rope:
     Parameters
     ----------
     elastic_modulus_Pa : float
-        Modulus E along the tendon [Pa], > 0; of a twisted rope, the rope's and not the wire's.
+        Modulus E along the tendon [Pa], 1e6 to 2e12; of a twisted rope, the rope's and not the wire's.
     length_m : float
-        Length L between actuator and load [m], > 0.
+        Length L between actuator and load [m], 1e-3 to 100.
     cross_section_m2 : float, optional
-        Cross-section A that carries [m2], > 0.
+        Cross-section A that carries [m2], 1e-12 to 0.01.
     diameter_m : float, optional
-        Diameter of a round, solid tendon [m], > 0, instead of the cross-section.
+        Diameter of a round, solid tendon [m], 1e-6 to 0.1, instead of the cross-section.
     density_kg_per_m3 : float, optional
-        Density [kg/m3], > 0.
+        Density [kg/m3], 100 to 3e4.
     """
 
     elastic_modulus_Pa: float
@@ -133,14 +142,14 @@ class Rope:
     density_kg_per_m3: float | None = None
 
     def __post_init__(self) -> None:
-        for name, hint in (
-            ("elastic_modulus_Pa", "1 GPa is 1e9 Pa"),
-            ("length_m", "the whole length that is stretched"),
-            ("cross_section_m2", "1 mm2 is 1e-6 m2"),
-            ("diameter_m", "1 mm is 1e-3 m"),
-            ("density_kg_per_m3", "steel 7900, tungsten 19300, UHMWPE 970"),
-        ):
-            require_given(name, getattr(self, name), above=0, hint=hint)
+        beyond = []
+        for name, least, most, hint in _ROPES:
+            value = getattr(self, name)
+            require_given(name, value, above=0, hint=hint)
+            if value is not None and not least <= value <= most:
+                beyond.append(f"{name} = {value:g} is not within {least:g} and {most:g}: {hint}")
+        if beyond:
+            raise ParameterError("; ".join(beyond))
         if (self.cross_section_m2 is None) == (self.diameter_m is None):
             raise ParameterError(
                 "elastic_modulus_Pa needs cross_section_m2 or diameter_m, one of them: EA/L is the stiffness"

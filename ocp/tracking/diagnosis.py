@@ -22,6 +22,12 @@ _DEPARTED = 0.01  # of the reference's range
 _MERGE_S = 0.02  # departures closer than this share of the horizon are one
 
 
+class PeakBeyond(str):
+    """Reason that the reference's peak is more than the drive can hold, which its own warning states too."""
+
+    __slots__ = ()
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Departure:
     """A stretch of time in which the output is more than 1 % of the range off the reference.
@@ -147,7 +153,7 @@ def reasons(
 
 
 def _range_reasons(law: CapstanLaw, reference: Array, step_s: float, limits: ForceLimits, drive: DriveLaw) -> list[str]:
-    found = []
+    found = list[str]()
     most = law.largest_output_N(drive.pulled_N(limits.maximum_N))
     least = law.smallest_output_N(drive.released_N(limits.minimum_N))
     rubs = "" if drive.is_ideal else " and the drive's own friction"
@@ -155,9 +161,11 @@ def _range_reasons(law: CapstanLaw, reference: Array, step_s: float, limits: For
     if reference[high] > most:
         needed = float(drive.force_N(law.input_for_N(reference[high], Branch.PULL), 1.0))
         found.append(
-            f"the reference asks for {reference[high]:.4g} N at t = {high * step_s:.4g} s; through e^(mu theta) = "
-            f"{math.exp(law.pull_exponent):.3g}{rubs} that needs {needed:.4g} N at the actuator, "
-            f"{limits.maximum_name} is {limits.maximum_N:.4g}: at most {most:.4g} N arrive"
+            PeakBeyond(
+                f"the reference asks for {reference[high]:.4g} N at t = {high * step_s:.4g} s; through e^(mu theta) = "
+                f"{math.exp(law.pull_exponent):.3g}{rubs} that needs {needed:.4g} N at the actuator, "
+                f"{limits.maximum_name} is {limits.maximum_N:.4g}: at most {most:.4g} N arrive"
+            )
         )
     if reference[low] < least:
         needed = float(drive.force_N(law.input_for_N(reference[low], Branch.RELEASE), -1.0))

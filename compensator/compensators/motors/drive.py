@@ -16,7 +16,8 @@ def driven(drive: JointDrive, command_rad: FloatArray, step_s: float) -> FloatAr
 
 def known_by_ratio(drive: JointDrive) -> JointDrive:
     """A drive without what a controller that knows the ratio alone does not know either."""
-    return replace(drive, servo_time_s=0.0, delay_s=0.0, backlash_rad=0.0, command_hold=CommandHold.LINE)
+    plain = replace(drive, servo_time_s=0.0, delay_s=0.0, backlash_rad=0.0, command_hold=CommandHold.LINE)
+    return replace(plain, drive_class=None)  # a class is knowledge of lag and delay too
 
 
 def commanded(drive: JointDrive, motor_rad: FloatArray, step_s: float, *, live: bool = False) -> FloatArray:

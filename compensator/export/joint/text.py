@@ -211,7 +211,7 @@ def _described(
     numbers = [
         *(str(count), str(int(loop)), text(least), text(most)),
         *(text(drive.pretension_N or 0.0), text(drive.least_tension_N or 0.0), both(compliance), both(scale)),
-        *(text(change), text(drive.torque_max_N_m or 1e30), text(drive.servo_time_s / step)),
+        *(text(change), text(drive.torque_max_N_m or 1e30), text(drive.servo.servo_time_s / step)),
         *(text(scale[0] / mechanism.arms_at(float(sampled.angle_rad[0]))[0]),),
         *(text(observed.observed_motor(scenario, sampled.angle_rad)[1]),),
         *(text(drive.play_rad / 2), text(drive.turning_rad)),

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from tendonff.compensator.files.notices import Remark
 from tendonff.compensator.identification.answer.result import CandidateLaw, PieceComparison
 from tendonff.compensator.identification.fitting.delay import Delay
 from tendonff.compensator.identification.fitting.dynamic import DynamicFit
@@ -18,6 +19,12 @@ P = StaticParameter
 
 MOST_ALIKE = 3
 """So many files may each have a line about the same kind of data issue."""
+
+_TREATED = (
+    *(DataIssue.LONG, DataIssue.MISSING, DataIssue.DUPLICATE, DataIssue.OUT_OF_ORDER, DataIssue.GAP, DataIssue.UNEVEN),
+    *(DataIssue.SPIKE, DataIssue.ONSET, DataIssue.UNITS, DataIssue.DATES),
+)
+"""Findings after whose treatment the file is as good as another."""
 
 MOST_MOMENTS = 5
 
@@ -77,20 +84,23 @@ def about_moments(outcome: Outcome) -> str:
 
 
 def about_issues(records: Sequence[Record]) -> list[str]:
-    """Findings in the files, one line each; a kind common to many files takes one line for all of them."""
-    lines = []
+    """Findings in the files, one line each; a kind common to many files takes one line for all of them.
+
+    Those that were treated for good ask for no action.
+    """
+    lines: list[str] = []
     for issue in DataIssue:
         found = [(r.name, f.text) for r in records for f in r.findings if f.issue is issue]
         if issue is DataIssue.SKIPPED or not found:
             continue
         files = len({name for name, _ in found})
+        kind = Remark if issue in _TREATED else str
         if files <= MOST_ALIKE:
-            lines += [f"{name}: {text}" for name, text in found]
+            lines += [kind(f"{name}: {text}") for name, text in found]
         else:
             name, text = found[0]
-            lines.append(
-                f"{issue} in {files} files; {name}: {text.removeprefix(f'{issue}: ')} (the others are in fit.json)"
-            )
+            said = text.removeprefix(f"{issue}: ")
+            lines.append(kind(f"{issue} in {files} files; {name}: {said} (the others are in fit.json)"))
     return lines
 
 

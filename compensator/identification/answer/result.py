@@ -367,9 +367,10 @@ def estimate_columns(estimates: Sequence[Estimate]) -> dict[str, list[object]]:
 def headline(found: Identification, folder: str = "") -> str:
     """The answer in one line: friction, how well it explains the log, and the command to go on with."""
     if not found.described:
+        worst, where = max((found.fit_percent, ""), (found.validation_percent or 0.0, " on the validation files"))
         return (
-            f"No law explains the log: the best, {found.law}, has an RMS error of {found.fit_percent:.2g} % of range. "
-            f"Next: {_next_log(found, folder)}"
+            f"No law explains the log: the best, {found.law}, has an RMS error of {worst:.3g} % of range{where}. "
+            f"fitted.toml has the scenario's own values. Next: {_next_log(found, folder)}"
         )
     pull, release = found.estimate("mu_dynamic"), found.estimate("mu_dynamic_release")
     reach = max((_relative(e) for e in (pull, release)), default=math.inf)

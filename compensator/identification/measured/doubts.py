@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 
+from tendonff.compensator.files.typeset import typeset
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Record, joints_of
 from tendonff.compensator.scenario.doubts import UnitDoubt, angle_doubt, settle, unaccepted
@@ -100,8 +101,10 @@ def data_doubts(files: Sequence[Record], how: Measurement, force_max_N: float) -
             unit, factor = ("kN", 1e3) if small else ("mN", 1e-3)
             yield UnitDoubt(
                 f"measurement.{end}_scale",
-                f"{name}: the {end} tension reaches {most_N:.3g} N, the scenario's actuator {force_max_N:.3g} N: "
-                f"{unit}? Then it is {factor * most_N:.3g} N: --scale {end}={factor:g}",
+                typeset(
+                    f"{name}: the {end} tension reaches {most_N:.3g} N, the scenario's actuator {force_max_N:.3g} N: "
+                    f"{unit}? Then it is {factor * most_N:.3g} N: --scale {end}={factor:g}"
+                ),
             )
     for file in files:
         for end in ("input", "output"):

@@ -58,7 +58,7 @@ def check_plan(
     if not slow and (static_only or not is_long):
         return fit_s
     guess = "is the time in milliseconds? --scale time=0.001"
-    question = f"the fit takes about {fit_s / 60:.2g} min{f'; {guess}' if slow else ''}"
+    question = f"the fit takes about {fit_s / 60:.0f} min{f'; {guess}' if slow else ''}"
     ways = "give --yes to fit all of it, --static for the capstan law alone, or shorter files"
     if static_only or not is_long:
         question = f"a sample every {longest:.3g} s: {guess}"
@@ -82,9 +82,14 @@ def check_signs(records: Sequence[Record], confirm: Callable[[str], bool]) -> No
             f"{record.name}: friction would drive the tendon: a rising {' and '.join(wrong)} position is motion "
             "towards the actuator, with which the tension falls along the path; here it rises"
         )
-        scales = " ".join(f"--scale {end}_position=-1" for end in wrong)
+        way = f"turn the sign by {' '.join(f'--scale {end}_position=-1' for end in wrong)}"
+        if _swings_more(record):
+            way = (
+                "the output tension swings more than the input: if the two are reversed, exchange --input-column and "
+                f"--output-column; else {way}"
+            )
         if not confirm(question):
-            raise InputError(f"{question}. Not started: turn the sign by {scales}, or give --yes to fit it as it is")
+            raise InputError(f"{question}. Not started: {way}, or give --yes to fit it as it is")
 
 
 def _dissipated_share(record: Record, name: str) -> float:
@@ -129,11 +134,21 @@ def reversal_doubts(records: Sequence[Record], explain: Explain) -> tuple[str, .
     """Questions about tensions that look like reversed columns."""
     found = []
     for file in records:
-        swings = float(np.ptp(file.joined("input_N"))), float(np.ptp(file.joined("output_N")))
-        # Friction takes its share of every swing on the way to a load that moves with the tendon alone.
-        if file.has_output and explain in (Explain.AUTO, Explain.OUTPUT) and swings[1] > _REVERSED * swings[0]:
+        if explain in (Explain.AUTO, Explain.OUTPUT) and _swings_more(file):
+            swings = _swings_N(file)
             found.append(
                 f"{file.name}: the output tension swings by {swings[1]:.3g} N, the input by {swings[0]:.3g} N: are the "
                 'two columns reversed? If the far end is driven, say so with explain = "input"'
             )
     return tuple(found)
+
+
+def _swings_N(file: Record) -> tuple[float, float]:
+    """Range of the tension at the input, and at the output [N]."""
+    return float(np.ptp(file.joined("input_N"))), float(np.ptp(file.joined("output_N")))
+
+
+def _swings_more(file: Record) -> bool:
+    """Whether the output swings more than the input: friction takes its share of every swing on the way to a load."""
+    near_N, far_N = _swings_N(file) if file.has_output else (1.0, 0.0)
+    return far_N > _REVERSED * near_N

@@ -200,7 +200,7 @@ def adapt_joint(scenario: JointScenario, *, progress: Progress = silent) -> Join
     """
     sampled = sample_joint(scenario)
     tuned = TunedJoint.of(scenario, sampled)
-    ideal = replace(scenario.mechanism.drive, servo_time_s=0.0, backlash_rad=0.0)
+    ideal = replace(scenario.mechanism.drive, servo_time_s=0.0, delay_s=0.0, backlash_rad=0.0, drive_class=None)
     scenario = replace(scenario, mechanism=replace(scenario.mechanism, drive=ideal))
     longer = _extended(sampled, scenario.run.step_s)
     known = inverses(scenario, longer)

@@ -161,9 +161,9 @@ def _knobs_of_one(task: MotorTask) -> list[Knob]:
         Knob(
             key="drive.servo_time_s",
             title="lag of the servo [s]",
-            value=drive.servo_time_s,
+            value=drive.servo.servo_time_s,
             start=0.0,
-            end=max(_MOST_LAG_S, 2 * drive.servo_time_s),
+            end=max(_MOST_LAG_S, 2 * drive.servo.servo_time_s),
             step=0.001,
         ),
     ]

@@ -10,6 +10,7 @@ from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.joint.log import answered_logs, read_logs
 from tendonff.compensator.identification.joint.parameters import require_loop
 from tendonff.compensator.scenario.driven.joint import JointScenario
+from tendonff.compensator.scenario.kind import Kind
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.studies.watch.chart import courses_of
 from tendonff.compensator.studies.watch.output import Watch
@@ -55,6 +56,8 @@ def watch(
     >>> found = tf.watch(scenario, ["monday.csv", "tuesday.csv"])  # doctest: +SKIP
     >>> print(found.headline)  # doctest: +SKIP
     """
+    if getattr(scenario, "kind", None) is not Kind.JOINT:
+        raise ParameterError(f"scenario must be that of one driven joint, got {scenario!r:.80}; load its fitted.toml")
     try:
         require_loop(scenario.mechanism, scenario.source.name)
     except ParameterError as error:

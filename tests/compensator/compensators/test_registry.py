@@ -13,6 +13,7 @@ from tendonff.compensator.cli import run
 from tendonff.compensator.compensators import base, optimal
 from tendonff.compensator.compensators.base import CModule, Compensator, Problem, answers_of
 from tendonff.compensator.compensators.closed_form import Capstan
+from tendonff.compensator.compensators.every import chosen
 from tendonff.compensator.compensators.profile import Profile, ProfileStatus
 from tendonff.compensator.compensators.registry import COMPENSATORS, compensator
 from tendonff.compensator.export import c_project, modules
@@ -307,3 +308,10 @@ def test_a_compensator_needs_a_name_and_no_label(quick):
         design(quick, compensators=[Nameless()])
     named = type("Named", (Nameless,), {"name": "plain"})
     assert named.label == "plain"
+
+
+def test_a_name_for_a_list_and_a_class_for_an_object_are_refused(quick):
+    with pytest.raises(ParameterError, match=r'compensators must be a list, got "inverse"; write \["inverse"\]'):
+        chosen(quick.kind, "inverse")
+    with pytest.raises(ParameterError, match=r"Compensator is a class; give an instance, Compensator\(\)"):
+        chosen(quick.kind, [Compensator])

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from scipy.stats import _qmc as sobol
 
 from tendonff.compensator import cli
 from tendonff.compensator.files import interrupts
@@ -75,6 +76,17 @@ def test_an_interrupt_waits_for_the_end_of_a_deletion() -> None:
 
     thing = Deleted()
     del thing
+    with pytest.raises(KeyboardInterrupt):
+        time.sleep(10)
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="this system has no SIGALRM")
+def test_an_interrupt_waits_until_a_sequence_of_sobol_has_begun() -> None:
+    """SciPy's compiled part prints a traceback of what is raised below it, drops it, and goes on."""
+    begun: list[bool] = []
+    text = "signal.raise_signal(signal.SIGINT)\nbegun.append(True)"
+    exec(compile(text, sobol.__file__, "exec"), {"signal": signal, "begun": begun})  # noqa: S102 - a frame of that file
+    assert begun
     with pytest.raises(KeyboardInterrupt):
         time.sleep(10)
 

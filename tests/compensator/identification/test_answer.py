@@ -4,11 +4,14 @@ import json
 import re
 import shlex
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from tendonff.compensator.files.notices import Remark
 from tendonff.compensator.files.writing import write_csv
+from tendonff.compensator.identification.answer.messages import about_issues
 from tendonff.compensator.identification.answer.report import identification_report
 from tendonff.compensator.identification.answer.result import (
     Estimate,
@@ -18,6 +21,7 @@ from tendonff.compensator.identification.answer.result import (
     reasons_of,
     summary_lines,
 )
+from tendonff.compensator.identification.measured.reading import DataIssue, Finding
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.capstan import CapstanLaw
@@ -109,6 +113,9 @@ def test_no_value_stands_beside_an_interval_of_another(finger, tmp_path):
     assert not found.described
     assert headline(found).startswith("No law explains the log")
     assert "tendonff design" not in headline(found)
+    assert "fitted.toml has the scenario's own values" in headline(found)
+    judged = replace(found, fit_percent=0.4, validation_percent=12.8)
+    assert "an RMS error of 12.8 % of range on the validation files" in headline(judged)
     for name, estimate in json.loads(json.dumps(found.as_json()))["estimates"].items():
         if estimate["estimate"] == estimate["scenario"]:
             assert estimate["interval_95"] is None, name
@@ -129,3 +136,12 @@ def test_the_column_of_reasons_says_a_text_once():
     expected = list(texts.values())
     expected[1] = "as stiffness_N_per_m"
     assert reasons_of(estimates) == expected
+
+
+def test_what_was_treated_in_a_file_is_a_remark_and_what_wants_action_a_warning():
+    findings = [Finding(issue=i, count=1, times_s=(), text=f"{i}: 1") for i in (DataIssue.SPIKE, DataIssue.BIAS)]
+    spikes, bias = about_issues([SimpleNamespace(name="a.csv", findings=findings)])
+    assert isinstance(spikes, Remark)
+    assert not isinstance(bias, Remark)
+    [alike, _] = about_issues([SimpleNamespace(name=f"{k}.csv", findings=findings) for k in range(9)])
+    assert isinstance(alike, Remark)

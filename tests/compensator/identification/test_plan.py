@@ -31,7 +31,7 @@ def plan(*files, confirm=lambda _: False, static_only=False):
 
 
 def test_milliseconds_read_as_seconds_are_asked_about_before_any_work():
-    with pytest.raises(InputError, match=r"about 1\.4e\+02 min.*milliseconds\? --scale time=0\.001.*--yes.*--static"):
+    with pytest.raises(InputError, match=r"about 140 min.*milliseconds\? --scale time=0\.001.*--yes.*--static"):
         plan(log())
 
 
@@ -140,7 +140,7 @@ def test_other_units_of_tensions_positions_and_joints_are_doubted_with_their_fac
     mixed = record(**tensions(30 + WAVE, 1e3 * (40 + WAVE)))
     [doubt] = doubts(mixed)
     assert doubt.key == "measurement.output_scale"
-    assert "reaches 4.1e+04 N, the scenario's actuator 200 N: mN? Then it is 41 N: --scale output=0.001" in doubt.text
+    assert "reaches 41000 N, the scenario's actuator 200 N: mN? Then it is 41 N: --scale output=0.001" in doubt.text
     assert doubts(mixed, how=Measurement(output_column="output_torque_mNm")) == []  # the user named a torque
     found = doubts(record(**tensions(0.03 + 1e-3 * WAVE, 0.03 + 1e-3 * WAVE)))
     assert [each.key for each in found] == ["measurement.input_scale", "measurement.output_scale"]
@@ -160,6 +160,13 @@ def strokes_of_a_sheath(near, far, offset_N=0.0):
     lost = tension * np.tanh(rate / np.abs(rate).max() * 20) * 0.3 + offset_N
     positions = {"input_position_m": near * 0.01 * WAVE, "output_position_m": far * 0.01 * WAVE}
     return tensions(tension + lost, tension, **positions)
+
+
+def test_reversed_tensions_beside_a_position_are_not_taken_for_its_sign_alone(record):
+    columns = strokes_of_a_sheath(1, 1)
+    columns["input_tension_N"], columns["output_tension_N"] = columns["output_tension_N"], columns["input_tension_N"]
+    with pytest.raises(InputError, match="if the two are reversed, exchange --input-column and --output-column; else"):
+        check_signs([record(**columns)], lambda _: False)
 
 
 @pytest.mark.parametrize(
@@ -230,7 +237,7 @@ def test_a_log_in_other_units_is_refused_before_the_fit_and_goes_on_as_the_user_
     arguments = ["identify", str(scenario), "--static", "--data", str(tmp_path / "mN.csv"), "--out", str(out)]
     assert run(arguments) == 2
     said = " ".join(capsys.readouterr().err.split())
-    assert "mN.csv: the input tension reaches 5e+04 N, the scenario's actuator 200 N: mN? Then it is 50 N" in said
+    assert "mN.csv: the input tension reaches 50000 N, the scenario's actuator 200 N: mN? Then it is 50 N" in said
     keys = '"measurement.input_scale", "measurement.output_scale"'
     assert (
         f"Nothing was computed: correct this, or go on all the same with --yes or, for good, with accept = [{keys}]"

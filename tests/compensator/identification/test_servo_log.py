@@ -31,3 +31,19 @@ def test_a_chirp_of_the_drive_gives_the_keys_of_the_scenario(examples, tmp_path,
     assert found[table]["delay_s"] == pytest.approx(0.007, abs=1e-3)
     low, high = found["robust"]["spread"][f"{table}.servo_time_s"]
     assert low < found[table]["servo_time_s"] < high
+
+
+def test_a_file_without_a_header_is_read_by_the_names_given_for_its_columns(examples, tmp_path, capsys):
+    (tmp_path / "log.csv").write_text("0,40,39\n0.01,41,40\n", encoding="utf-8")
+    asked = [
+        "identify",
+        str(examples / "finger.toml"),
+        "--data",
+        str(tmp_path / "log.csv"),
+        "--out",
+        str(tmp_path / "f"),
+    ]
+    assert run([*asked, "--columns", "time_s,input_tension_N"]) == 2
+    assert "log.csv row 1 has 3 cells, --columns names 2" in capsys.readouterr().err
+    assert run([*asked, "--columns", "time_s,input_tension_N,output_tension_N"]) == 2
+    assert "at least 10 are needed" in capsys.readouterr().err

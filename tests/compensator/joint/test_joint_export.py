@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
+from tendonff.compensator.compensators.motors.joint import JointTask
 from tendonff.compensator.export.joint import project
 from tendonff.compensator.export.joint.project import export_joints
 from tendonff.compensator.export.joint.text import joint_sources
@@ -206,6 +207,23 @@ def test_joints_that_do_not_go_together_are_refused(several, tmp_path: Path, exa
     )
     with pytest.raises(InputError, match="share their sample time"):
         export_joints(several[0], further=(slower,))
+
+
+def test_a_class_of_drives_is_exported_as_its_assumed_lag_and_not_credited_to_the_ratio(
+    tmp_path: Path, examples: Path
+) -> None:
+    """Before, the C ignored the lag of a class while the ratio alone took it back: "nothing to export"."""
+    sent = ("command_interval_s = 0.01 ", "command_interval_s = 0.001")
+    named = changed(
+        examples / "hand_joint.toml", tmp_path / "n.toml", ("[drive]", '[drive]\ndrive_class = "dynamixel"'), sent
+    )
+    servo = named.mechanism.drive.servo
+    both = f"[drive]\nservo_time_s = {servo.servo_time_s}\ndelay_s = {servo.delay_s}"
+    stated = changed(examples / "hand_joint.toml", tmp_path / "s.toml", ("[drive]", both), sent)
+    first, second = (re.sub(r"[0-9a-f]{16}", "", str(joint_sources((one,)))) for one in (named, stated))
+    assert first == second  # but for the digest of the scenario
+    task = JointTask.of(named)
+    assert np.allclose(task.commanded(task.lengths_rad, by_ratio=True), task.lengths_rad, atol=1e-12)
 
 
 def test_commands_that_are_worse_than_the_ratio_are_not_exported(

@@ -274,6 +274,16 @@ def test_a_state_that_is_not_as_it_was_written_is_refused_and_changes_nothing(ex
     assert runtime.state().content == kept.content
 
 
+def test_what_is_no_state_no_start_and_no_joint_is_refused_by_name(examples):
+    runtime = tf.Runtime(examples / "finger.toml")
+    with pytest.raises(tf.InputError, match=r"state must be a RuntimeState, got bytes; keep what state\(\) gives"):
+        runtime.restore(runtime.state().content)
+    with pytest.raises(tf.ParameterError, match="joints has 'wrist', which no step takes; it takes none"):
+        runtime.step(31.0, joints={"wrist": 0.1})
+    with pytest.raises(tf.ParameterError, match="start must be a number, got '30'"):
+        tf.Runtime(examples / "finger.toml", start="30")
+
+
 def test_a_state_of_another_version_is_refused(tuned, monkeypatch):
     kept = tf.Runtime(tuned).state()
     monkeypatch.setattr("tendonff.compensator.runtime.runtime.__version__", "0.0.1")

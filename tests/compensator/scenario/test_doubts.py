@@ -89,6 +89,7 @@ def changed(scenario: Scenario, key: str, factor: float) -> Scenario:
         ("actuator.mass_kg", 1e3, "grams?"),
         ("load.mass_kg", 1e3, "grams?"),
         ("load.stiffness_N_per_m", 1e-3, "N/mm?"),
+        ("path.segments", 100, "so many masses take long"),
         ("run.step_s", 1e3, "milliseconds? Then it is 0.001"),
     ],
 )
@@ -113,6 +114,7 @@ def test_a_value_in_another_unit_is_refused_by_its_key_and_accepted_by_it(
         ({"drum_radius_m": 20.0}, "drum_radius_m = 20: millimetres?"),
         ({"inertia_kg_m2": 10.0}, "inertia_kg_m2 = 10 is 2.5e+06 kg at the drum: g cm2?"),
         ({"torque_max_N_m": 500.0}, "torque_max_N_m = 500 is 2.5e+05 N at the drum: mN m?"),
+        ({"torque_max_N_m": 100.0}, "torque_max_N_m = 100 is 5e+04 N at the drum: mN m?"),
         ({"speed_max_rad_per_s": 9000.0}, "speed_max_rad_per_s = 9000: turns a minute? Then it is 942.5"),
         ({"gear_ratio": 0.05}, "gear_ratio = 0.05: the drum would turn faster than the motor; drum over motor?"),
     ],
@@ -127,6 +129,7 @@ def test_a_motor_in_another_unit_is_asked_about_by_its_key(
         actuator = replace(finger.transmission.actuator, motor=motor, **motor.at_the_drum)
         found = scenario_doubts(replace(finger, transmission=replace(finger.transmission, actuator=actuator)))
         assert any(str(doubt).startswith(f"[actuator.motor] {question}") for doubt in found) is asked
+        assert all(doubt.key.startswith("actuator.") for doubt in found)  # not the tendon that it would stretch
 
 
 @pytest.mark.parametrize(
@@ -202,13 +205,13 @@ def test_what_the_peak_needs_is_the_capstan_law_and_the_drives_friction(finger: 
     assert f"the peak of 150 N at t = 1.5 s needs {needed:.4g} N through the friction" in out_of_reach(rig, 1.5, 150.0)
 
 
-@pytest.mark.parametrize(("force_N", "asked"), [(3e4, "mN?"), (0.03, "kN?"), (300.0, "")])
+@pytest.mark.parametrize(("force_N", "asked"), [(3e4, "mN?"), (0.03, "kN?"), (300.0, ""), (-40.0, "another sign?")])
 def test_a_force_file_in_another_unit_is_asked_about(finger: Scenario, force_N: float, asked: str) -> None:
     force = np.array([0.5, 1.0]) * force_N
     found = force_doubts(finger.transmission, force, finger.run, file="f.csv")
     assert [str(doubt).endswith(asked) for doubt in found] == ([True] if asked else [])
     notes = force_notes(finger.transmission, force, 30.0, file="f.csv")
-    assert any(note.endswith("simulated as it is") for note in notes) is (force_N > 200)
+    assert any(note.endswith("simulated as it is") for note in notes) is (force_N > 200 or force_N < 0)
 
 
 @pytest.mark.parametrize(

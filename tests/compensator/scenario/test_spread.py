@@ -56,6 +56,13 @@ def test_what_cannot_vary_is_refused_with_a_way_out(finger: str, line: str, mess
         parse_scenario(with_spread(finger, line))
 
 
+@pytest.mark.parametrize("interval", ["[0.15, 0.25]", '"0.15 to 0.25"'])
+def test_an_interval_in_the_place_of_a_number_is_sent_to_the_spreads(finger: str, interval: str) -> None:
+    given = finger.replace("mu_dynamic = 0.2", f"mu_dynamic = {interval}", 1)
+    with pytest.raises(InputError, match=r"mu_dynamic must be a number, .*; an interval goes into \[robust\.spread\]"):
+        parse_scenario(given)
+
+
 def test_a_number_has_one_spread(finger: str) -> None:
     with pytest.raises(InputError, match=r'"load\.mass_kg" has two spreads'):
         parse_scenario(with_spread(finger, '"load.mass_kg" = 0.2', '"load.mass_kg, tendon.mass_kg" = 0.1'))

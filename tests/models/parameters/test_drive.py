@@ -52,6 +52,15 @@ def test_stiffness_and_mass_are_those_of_a_cylinder() -> None:
         replace(ROPE, cross_section_m2=1e-6)
 
 
+def test_a_rope_in_other_units_is_refused_by_the_keys_of_the_data_sheet_and_all_at_once() -> None:
+    with pytest.raises(ParameterError) as refused:
+        Rope(elastic_modulus_Pa=110.0, length_m=350.0, cross_section_m2=0.15, density_kg_per_m3=7.9)
+    said = str(refused.value)
+    for text in ("elastic_modulus_Pa = 110", "length_m = 350", "cross_section_m2 = 0.15", "density_kg_per_m3 = 7.9"):
+        assert text in said
+    assert "1 GPa is 1e9 Pa" in said
+
+
 @pytest.mark.parametrize("part", [MOTOR, ROPE], ids=["motor", "rope"])
 def test_every_number_is_refused_by_name_when_not_above_zero(part: Motor | Rope) -> None:
     names = [field.name for field in fields(part) if getattr(part, field.name) is not None]

@@ -1,6 +1,7 @@
 """`tendonff identify`: parameters of a rig from what was measured on it."""
 
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -107,6 +108,7 @@ def identify(
         raise InputError(
             "no measured file given; name at least one with --data, or ask for an excitation with --suggest"
         )
+    header = None if columns is None else tuple(name.strip() for name in columns.split(","))
     names = {
         "time_column": time_column,
         "input_column": input_column,
@@ -116,7 +118,7 @@ def identify(
         "actuator_force_column": actuator_force_column,
         "skip_s": skip,
         "cutoff_Hz": cutoff,
-        "columns": None if columns is None else tuple(name.strip() for name in columns.split(",")),
+        "columns": header,
         "torque_constant_N_m_per_A": torque_constant,
         "drum_radius_m": drum_radius,
         "gear_ratio": gear_ratio,
@@ -128,7 +130,7 @@ def identify(
         return yes or (sys.stdin.isatty() and typer.confirm(f"{question}. Go on?", err=True))
 
     with atomic_directory(out) as folder:
-        if _identify_servo(loaded, out, folder, data):
+        if _identify_servo(loaded, out, folder, data, header=header or loaded.measurement.columns or ()):
             return
         try:
             how = replace(loaded.measurement, **{k: v for k, v in names.items() if v is not None})  # type: ignore[arg-type]
@@ -155,11 +157,11 @@ def identify(
     say(*found.lines(str(out)))
 
 
-def _identify_servo(loaded: "AnyScenario", out: Path, folder: Path, data: list[Path]) -> bool:
+def _identify_servo(loaded: "AnyScenario", out: Path, folder: Path, data: list[Path], *, header: Sequence[str]) -> bool:
     """Identify lag and delay of the drive, where the files are logs of its command and its answer."""
     from tendonff.compensator.identification.servo import identify_servo, is_servo_log
 
-    if not all(is_servo_log(path) for path in data):
+    if not all(is_servo_log(path, header) for path in data):
         return False
     found = identify_servo(data, loaded.drive_table)
     found.write(folder)

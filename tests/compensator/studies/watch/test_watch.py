@@ -12,9 +12,12 @@ from tendonff.compensator.files.writing import write_csv, write_text
 from tendonff.compensator.identification.joint.fitted import fitted_text
 from tendonff.compensator.identification.joint.parameters import JointNumber
 from tendonff.compensator.identification.joint.routine import suggest_routine
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.watch.chart import DRIFTS, courses_of
 from tendonff.compensator.studies.watch.output import Watch
+from tendonff.compensator.studies.watch.run import watch
 from tendonff.compensator.studies.watch.windows import WATCHED, Window
+from tendonff.models.errors import ParameterError
 from tests.hand_in_use import ROW_S, HandInUse, known
 from tests.hidden_loop import hidden, scenario
 
@@ -165,3 +168,8 @@ def test_the_suggested_routine_is_no_window_that_something_else_moved(tmp_path):
 def test_the_scenario_of_a_tendon_is_refused_with_the_way_out(tmp_path, examples, capsys):
     assert run(["watch", str(examples / "finger.toml"), "--data", "x.csv", "--out", str(tmp_path / "o")]) == 2
     assert "tendonff identify with several --data" in capsys.readouterr().err
+
+
+def test_a_tension_is_refused_by_its_kind(examples):
+    with pytest.raises(ParameterError, match="scenario must be that of one driven joint, got <Scenario 'robot finger"):
+        watch(load_scenario(examples / "finger.toml"), ["a.csv"])
