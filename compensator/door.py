@@ -13,7 +13,7 @@ from tendonff.compensator.export.kinds import FmiVersion
 from tendonff.compensator.export.kinds import Kind as Unit
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.text import InputError
-from tendonff.compensator.works import function_of
+from tendonff.compensator.works import function_of, require_one_work
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
@@ -23,7 +23,6 @@ from tendonff.ocp.opti.choices import Collocation
 
 if TYPE_CHECKING:
     from tendonff.compensator.compensators.base import Compensator
-    from tendonff.compensator.compensators.method_check import MethodCheck
     from tendonff.compensator.compensators.motors.task import MotorCompensator
     from tendonff.compensator.export.c_project import Exported
     from tendonff.compensator.export.motors import ExportedMotors
@@ -54,12 +53,6 @@ if TYPE_CHECKING:
     MotorScenario = JointScenario | FingerScenario
     AnyScenario = Scenario | MotorScenario
     Files = Sequence[str | os.PathLike[str]]
-
-
-_APART = (
-    "a project holds tensions, single joints or fingers; give one kind at a time, each with a --prefix of its own: "
-    "the folders then go into one program"
-)
 
 
 def look_at(
@@ -130,17 +123,6 @@ def design(
     found: Design | MotorDesign = function_of("design", scenario, {"compensators": compensators})(
         scenario, strict=strict, progress=progress
     )
-    return found
-
-
-def show(result: "Design | MotorDesign", folder: Path) -> None:
-    """Print the scores of a design, what to expect on a rig, and where its files are."""
-    function_of("show", result.scenario)(result, folder)
-
-
-def check(result: "Design | MotorDesign", method: Method) -> "MethodCheck":
-    """Simulate the recommended command of a design by another method too; SolveError if that fails."""
-    found: MethodCheck = function_of("check", result.scenario)(result, method)
     return found
 
 
@@ -464,9 +446,7 @@ def export_c(
     >>> exported.write("c")  # doctest: +SKIP
     """
     export = function_of("export_c", scenario, {"further": further})
-    for each in further:
-        if each.kind is not scenario.kind:
-            raise InputError(f"{each.source.name}: {_APART}")
+    require_one_work("export_c", (scenario, *further))
     found: Exported | ExportedTensions | ExportedMotors = export(
         scenario, precision=precision, prefix=prefix, level=level, force_export=force_export
     )
@@ -561,9 +541,10 @@ def export_fmu(
 
     Parameters
     ----------
-    scenario : Scenario or JointScenario
+    scenario : Scenario, JointScenario or FingerScenario
     kind : Kind, optional
-        What it computes; of a joint its inverse.
+        What it computes; of a joint inverse, adaptive, plant or observer, the last two of one motor; of a finger its
+        inverse.
     fmi : FmiVersion, optional
     prefix : str, optional
         Prefix of the C names.

@@ -1,9 +1,13 @@
-"""Table of works: which function does a work on a kind of scenario, or why there is none."""
+"""The one table of works: which function does a work on a kind of scenario, or why there is none.
+
+Nothing else looks up what a scenario describes. A function named here stands in the room that asks for it, or below.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from importlib import import_module
+from operator import attrgetter
 from types import MappingProxyType
 from typing import Any
 
@@ -19,7 +23,7 @@ class Work:
     Attributes
     ----------
     by : mapping of Kind to str
-        "module:function" of this package that does it, imported where it is needed.
+        "module:function" or "module:Class.method" of this package that does it, imported where it is needed.
     refused : mapping of Kind to str
         Why the other kinds have none, and what to do instead.
     options : mapping of str to (mapping of Kind to str)
@@ -47,6 +51,41 @@ _NO_CELLS = (
 
 WORKS: Mapping[str, Work] = MappingProxyType(
     {
+        "problem": Work(
+            by={
+                Kind.TENSION: "compensators.base:Problem.of",
+                Kind.JOINT: "compensators.motors.joint:JointTask.of",
+                Kind.FINGER: "compensators.motors.finger:FingerTask.of",
+            }
+        ),
+        "compensators": Work(
+            by={
+                Kind.TENSION: "compensators.registry:known",
+                Kind.JOINT: "compensators.motors.registry:known",
+                Kind.FINGER: "compensators.motors.registry:known",
+            }
+        ),
+        "expect_live": Work(
+            by={
+                Kind.TENSION: "compensators.live:expect_live",
+                Kind.JOINT: "compensators.motors.task:MotorTask.expect_live",
+                Kind.FINGER: "compensators.motors.task:MotorTask.expect_live",
+            }
+        ),
+        "runtime": Work(
+            by={
+                Kind.TENSION: "runtime.core:of_tension",
+                Kind.JOINT: "runtime.core:of_joint",
+                Kind.FINGER: "runtime.core:of_several_joints",
+            }
+        ),
+        "observer": Work(
+            by={Kind.TENSION: "observe.observer:of_tension", Kind.JOINT: "observe.observer:of_joint"},
+            refused={
+                Kind.FINGER: "an observer knows one tendon or one joint; the motors of a finger do not tell the far "
+                "ends of its tendons apart"
+            },
+        ),
         "look": Work(
             by={
                 Kind.TENSION: "scenario.sampled.first_look:first_look",
@@ -60,20 +99,6 @@ WORKS: Mapping[str, Work] = MappingProxyType(
                 Kind.JOINT: "studies.design.motors.run:design_motors",
                 Kind.FINGER: "studies.design.motors.run:design_motors",
             },
-        ),
-        "show": Work(
-            by={
-                Kind.TENSION: "studies.design.output:show",
-                Kind.JOINT: "studies.design.motors.output:show",
-                Kind.FINGER: "studies.design.motors.output:show",
-            }
-        ),
-        "check": Work(
-            by={
-                Kind.TENSION: "studies.design.check:check_design",
-                Kind.JOINT: "studies.design.check:check_driven",
-                Kind.FINGER: "studies.design.check:check_driven",
-            }
         ),
         "compare": Work(
             by={
@@ -177,7 +202,6 @@ WORKS: Mapping[str, Work] = MappingProxyType(
                 Kind.JOINT: "export.joint.fmu:build_joint_fmu",
                 Kind.FINGER: "export.finger.fmu:build_finger_fmu",
             },
-            options={"kind": _not(_MOTORS, "driven joints have the kind inverse only; leave --kind out")},
         ),
     }
 )
@@ -191,11 +215,25 @@ def require_options(work: str, scenario: Any, asked: Mapping[str, object]) -> No
             raise InputError(f"{scenario.source.name}: {why[scenario.kind]}")
 
 
+def require_one_work(work: str, scenarios: Sequence[Any]) -> None:
+    """Refuse scenarios that one function does not take together; InputError names the first that is apart."""
+    done = [function_of(work, each).func for each in scenarios]
+    for scenario, by in zip(scenarios, done, strict=True):
+        if by is not done[0]:
+            raise InputError(f"{scenario.source.name}: {_APART}")
+
+
+_APART = (
+    "a project holds tensions, single joints or fingers; give one kind at a time, each with a --prefix of its own: "
+    "the folders then go into one program"
+)
+
+
 def _is_given(value: object) -> bool:
     return not (value is None or value is False or (isinstance(value, Sequence | Mapping) and not value))
 
 
-def function_of(work: str, scenario: Any, asked: Mapping[str, object] = MappingProxyType({})) -> Callable[..., Any]:
+def function_of(work: str, scenario: Any, asked: Mapping[str, object] = MappingProxyType({})) -> "partial[Any]":
     """Function that does a work on scenarios of this kind, with the options that were asked for.
 
     InputError, with the reason, where there is none, or an option is not for this kind.
@@ -208,5 +246,5 @@ def function_of(work: str, scenario: Any, asked: Mapping[str, object] = MappingP
         raise InputError(f"{scenario.source.name}: {entry.refused[kind]}")
     require_options(work, scenario, asked)
     module, _, name = entry.by[kind].partition(":")
-    found: Callable[..., Any] = getattr(import_module(f"tendonff.compensator.{module}"), name)
+    found: Callable[..., Any] = attrgetter(name)(import_module(f"tendonff.compensator.{module}"))
     return partial(found, **{key: value for key, value in asked.items() if _is_given(value)})

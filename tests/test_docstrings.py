@@ -5,6 +5,7 @@ import dataclasses
 import doctest
 import functools
 import inspect
+import operator
 import os
 import re
 import sys
@@ -63,7 +64,8 @@ def records() -> set[type]:
         if inspect.isclass(each) and each.__module__.startswith("tendonff.") and each not in found:
             found.add(each)
             if dataclasses.is_dataclass(each):
-                hints = typing.get_type_hints(each)
+                bases = [base.__module__ for base in each.__mro__ if base.__module__.startswith("tendonff.")]
+                hints = typing.get_type_hints(each, localns=functools.reduce(operator.or_, map(annotated, bases)))
                 todo += [hints[field.name] for field in dataclasses.fields(each) if field.name[0] != "_"]
     return {each for each in found if dataclasses.is_dataclass(each)}
 

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 from tendonff.compensator.compensators.expectation import Contribution, Expectation
 from tendonff.compensator.scenario.doubts import largest_tension, needed_force
-from tendonff.models.joint.parameters.finger import Finger
 from tendonff.models.parameters import Transmission
 from tendonff.models.parameters.numbers import FACTORS
 from tendonff.models.parameters.uncertainty import Spread
@@ -30,7 +29,7 @@ def next_step(found: Expectation, file: str, then: str, *, change: str = "") -> 
     worth = next((each for each in found.contributions if _pays(found, each)), None)
     if worth is None:
         return then
-    if isinstance(found.doubt.system, Finger):  # identify fits one tendon, or the loop of one joint
+    if not found.doubt.system.motors_tell:
         return f"measure {worth.key}, tendon by tendon, and state what is left of it in [robust] of {file}"
     return _measurement(worth.key, file)
 

@@ -16,7 +16,12 @@ COMPENSATORS: tuple[Compensator, ...] = (
     Optimal(),
     CompensationTable(),
 )
-"""Everything that `design` and `compare` try; a further compensator is one more line here."""
+"""Everything that `design` and `compare` try; a further one is one more line here, whatever kinds it is for."""
+
+
+def known() -> tuple[Compensator, ...]:
+    """All of them."""
+    return COMPENSATORS
 
 
 def compensator(name: str) -> Compensator:

@@ -6,12 +6,14 @@ from tendonff.models.choice import Choice
 class Kind(Choice):
     """Kind of computation of the unit."""
 
-    INVERSE = "inverse"  # reference tension in, force out, within the actuator's limits
-    PLANT = "plant"  # force in, output tension and end positions out
+    INVERSE = "inverse"  # reference in, force or motor angles out, within their limits
+    PLANT = "plant"  # force in, output tension and end positions out; of a joint its motor's angle in, its own out
     CAPSTAN = "capstan"  # as INVERSE, by the capstan law
     TABLE = "table"  # as INVERSE, from the compensation table
-    OBSERVER = "observer"  # input tension and position of the near end in, output tension with bounds out
-    ADAPTIVE = "adaptive"  # reference tension and measurement in, force and present mu out
+    OBSERVER = (
+        "observer"  # input tension and position of the near end in, output tension with bounds out; a joint's PLANT
+    )
+    ADAPTIVE = "adaptive"  # reference and measurement in, force and present mu out, or motor's angle and factor
 
 
 class FmiVersion(Choice):

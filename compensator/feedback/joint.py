@@ -8,6 +8,8 @@ from tendonff.compensator.compensators.every import compensator_of
 from tendonff.compensator.compensators.motors.drive import driven
 from tendonff.compensator.compensators.motors.joint import JointTask
 from tendonff.compensator.compensators.motors.task import verifying_masses
+from tendonff.compensator.feedback.result import FeedbackResult
+from tendonff.compensator.feedback.run import design_feedback
 from tendonff.compensator.feedback.task import FeedbackTask
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.scenario.driven.reference import JointQuantity
@@ -83,6 +85,11 @@ class JointFeedbackTask(FeedbackTask):
         )
 
 
+def feedback_of(task: JointTask, settings: Feedback) -> FeedbackResult:
+    """Feedback beside the feedforward; errors as of `JointFeedbackTask.of`."""
+    return design_feedback(JointFeedbackTask.of(task, settings))
+
+
 def require_joint_sensor(settings: Feedback, file: str) -> None:
     """Refuse a sensor that driven joints have no feedback from; InputError with the reason."""
     if settings.sensor is FeedbackSensor.MOTOR_ANGLE_AND_TORQUE:
@@ -99,7 +106,7 @@ def _course(task: JointTask, name: str, cycles: int) -> Course:
     """Reference and commands behind the drive, without the play of its gear; of a cycle several."""
     scenario, sampled = task.scenario, task.sampled
     step, drive = scenario.run.step_s, replace(task.mechanism.drive, backlash_rad=0.0)
-    command = driven(drive, task.answer(compensator_of(task.kind, name)), step)
+    command = driven(drive, task.answer(compensator_of(task, name)), step)
     others = np.column_stack([sampled.angle_rad, *sampled.others(task.mechanism.joint.name).values()])
 
     def repeated(rows: FloatArray) -> FloatArray:

@@ -1,12 +1,15 @@
 """Result of the design of a feedback."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.scenario.unit import Unit
-from tendonff.ocp.feedback.design import LoopDesign
+
+if TYPE_CHECKING:
+    from tendonff.ocp.feedback.design import LoopDesign
 
 CASES = ("feedforward", "feedback", "both")
 """Compared cases: the exact inverse alone, plain feedback of the same gains without friction model, and both."""
@@ -85,7 +88,7 @@ class FeedbackResult:
     names: tuple[str, ...]
     unit: Unit
     command_unit: str
-    design: LoopDesign
+    design: "LoopDesign"
     cases: dict[str, CaseErrors]
     cycles: tuple[LimitCycle, ...]
     time_s: FloatArray

@@ -2,8 +2,8 @@
 
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol
+from collections.abc import Mapping, Sequence
+from typing import Protocol
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.observe.estimate import Observation, ObserverStatus
@@ -12,9 +12,9 @@ from tendonff.compensator.observe.mechanism import MechanismObserver
 from tendonff.compensator.observe.tendon import TendonObserver
 from tendonff.compensator.scenario.driven.finger import FingerScenario
 from tendonff.compensator.scenario.driven.joint import JointScenario
-from tendonff.compensator.scenario.kind import Kind
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenarios import load_scenario
+from tendonff.compensator.works import function_of
 from tendonff.models.errors import ParameterError
 from tendonff.models.turns import in_turn
 
@@ -81,8 +81,8 @@ class Observer:
     ) -> None:
         if isinstance(scenario, str | os.PathLike):
             scenario = load_scenario(scenario)
-        self._core = core = _CORES[scenario.kind](scenario, start, given)
-        self.joints, self.step_s = core.joints, scenario.run.step_s
+        core: ObserverCore = function_of("observer", scenario)(scenario, start, given)
+        self._core, self.joints, self.step_s = core, core.joints, scenario.run.step_s
 
     def step(
         self,
@@ -144,7 +144,8 @@ class Observer:
         return [joints[name] for name in names] if isinstance(joints, Mapping) else joints
 
 
-def _of_tension(scenario: Scenario, start: float | None, given: float | None) -> ObserverCore:
+def of_tension(scenario: Scenario, start: float | None, given: float | None) -> ObserverCore:
+    """The law of one tendon; InputError where it cannot start so."""
     if start is not None and math.isnan(start) and given is None:
         raise InputError("start is NaN, so nothing is known of the output; state the input tension: given")
     core = TendonObserver(scenario, start, given)
@@ -153,21 +154,8 @@ def _of_tension(scenario: Scenario, start: float | None, given: float | None) ->
     return core
 
 
-def _of_joint(scenario: JointScenario, start: float | None, given: float | None) -> ObserverCore:
+def of_joint(scenario: JointScenario, start: float | None, given: float | None) -> ObserverCore:
+    """The law of a driven joint: what `identify` wrote, or its mechanism; InputError for a start that it lacks."""
     if given is not None or (scenario.observer is not None and start is not None):
         raise InputError(f"{scenario.source.name}: an observer of a joint takes no {'start' if start else 'given'}")
     return MechanismObserver(scenario, start) if scenario.observer is None else LoopObserver(scenario.observer)
-
-
-def _of_several_joints(scenario: FingerScenario, _start: float | None, _given: float | None) -> ObserverCore:
-    raise InputError(
-        f"{scenario.source.name}: an observer knows one tendon or one joint; the motors of a finger do not tell the "
-        "far ends of its tendons apart"
-    )
-
-
-_CORES: Mapping[Kind, Callable[[Any, float | None, float | None], ObserverCore]] = {
-    Kind.TENSION: _of_tension,
-    Kind.JOINT: _of_joint,
-    Kind.FINGER: _of_several_joints,
-}

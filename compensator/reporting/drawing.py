@@ -6,6 +6,7 @@ Turning angles are to scale, so that a wrong one is seen; so are radii of drums 
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import singledispatch
 from textwrap import fill
 
 import numpy as np
@@ -16,7 +17,7 @@ from matplotlib.patches import Circle
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.reporting.colours import GREY, INK
 from tendonff.compensator.reporting.plots import CYCLE, LINE_STYLES, blank_figure, figure_style
-from tendonff.models.joint.parameters import DriveKind, DrivenJoint, Mechanism
+from tendonff.models.joint.parameters import DrivenJoint, Mechanism
 from tendonff.models.joint.parameters.finger import Finger
 from tendonff.models.parameters import Actuator, Load, Transmission
 from tendonff.models.parameters.drive import Drive
@@ -92,26 +93,27 @@ def caption_of(system: System) -> str:
     return _CAPTION + _PIN_CAPTION * pins + _CHAIN_CAPTION * (chain is not None)
 
 
+@singledispatch
 def _described(system: System) -> tuple[list[_Route], _Chain | None]:
-    if isinstance(system, Transmission):
-        start, end = _actuator_text(system.actuator), _load_text(system.load)
-        return [_Route(sections=system.path.parts, start=start, end=end)], None
+    raise TypeError(f"{type(system).__name__} has no drawing")
+
+
+@_described.register
+def _(system: Transmission) -> tuple[list[_Route], _Chain | None]:
+    start, end = _actuator_text(system.actuator), _load_text(system.load)
+    return [_Route(sections=system.path.parts, start=start, end=end)], None
+
+
+@_described.register(Mechanism)
+@_described.register(Finger)
+def _(system: Mechanism | Finger) -> tuple[list[_Route], _Chain | None]:
     names = [tendon.name for tendon in system.tendons]
-    if isinstance(system, Finger):
-        arms = dict(zip(names, system.geometry().moment_arm_m(np.zeros((1, len(system.joints))))[0], strict=True))
-        radii = {motor.name: dict(zip(motor.winds, motor.radii_m, strict=True)) for motor in system.motors}
-    else:
-        arms = {tendon.name: np.atleast_1d(tendon.moment_arm_at(np.zeros(1))) for tendon in system.tendons}
-        drums = dict(zip(names, system.drum_radius_m, strict=True))
-        if system.drive.kind is DriveKind.LOOP:
-            radii = {"motor": {name: math.copysign(radius, arms[name][0]) for name, radius in drums.items()}}
-        else:
-            radii = {f"motor {k}": {name: radius} for k, (name, radius) in enumerate(drums.items(), start=1)}
+    arms = system.geometry().moment_arm_m(np.zeros((1, len(system.joints))))[0]
     alike: dict[tuple[Section, ...], list[str]] = {}
     for tendon in system.tendons:
         alike.setdefault(tendon.path.parts, []).append(tendon.name)
     routes = [_Route(sections=path, start="", end="", title=", ".join(those)) for path, those in alike.items()]
-    return routes, _Chain(joints=system.joints, radii_m=radii, arms_m=arms)
+    return routes, _Chain(joints=system.joints, radii_m=system.drums_m, arms_m=dict(zip(names, arms, strict=True)))
 
 
 def _actuator_text(actuator: Actuator) -> str:

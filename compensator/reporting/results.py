@@ -22,11 +22,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Views:
-    """Functions of a result: its files, the columns of its main table, its figures by name."""
+    """Functions of a result: its files, the columns of its main table, its figures by name, what a command prints."""
 
     write: Callable[..., None]
     columns: Callable[[Any], Mapping[str, Iterable[object]]]
     figures: Callable[[Any], Mapping[str, "Figure"]]
+    show: Callable[..., None] = print
 
 
 class Result:

@@ -3,26 +3,23 @@
 import hashlib
 import hmac
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tendonff._version import __version__
-from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.every import problem_of
 from tendonff.compensator.compensators.expectation import Expectation
-from tendonff.compensator.compensators.live import expect_live
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.runtime.core import RuntimeCore, of_joint, of_several_joints, of_tension
+from tendonff.compensator.runtime.core import RuntimeCore
 from tendonff.compensator.runtime.kinds import RuntimeKind, RuntimeStatus
 from tendonff.compensator.scenario.driven.finger import FingerScenario
 from tendonff.compensator.scenario.driven.joint import JointScenario
-from tendonff.compensator.scenario.kind import Kind
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenarios import load_scenario
+from tendonff.compensator.works import function_of
 from tendonff.models.cached import cached_property
 from tendonff.models.turns import in_turn
 
@@ -103,8 +100,8 @@ class Runtime:
         if isinstance(scenario, str | os.PathLike):
             scenario = load_scenario(scenario)
         self._scenario = scenario
-        self._core = core = _CORES[scenario.kind](scenario, None if kind is None else _kind(kind), start)
-        self.kind, self.step_s, self.start = core.kind, core.step_s, core.start
+        core: RuntimeCore = function_of("runtime", scenario)(scenario, None if kind is None else _kind(kind), start)
+        self._core, self.kind, self.step_s, self.start = core, core.kind, core.step_s, core.start
         self.joints, self.motors, self.ranges = core.joints, core.motors, core.ranges
 
     def __repr__(self) -> str:
@@ -161,7 +158,8 @@ class Runtime:
     @in_turn
     def expectation(self) -> Expectation:
         """Expected error over what is uncertain, as `design` and `export-c` state it; simulated at the first use."""
-        return _EXPECT[self._scenario.kind](self._scenario)
+        found: Expectation = function_of("expect_live", self._scenario)(problem_of(self._scenario))
+        return found
 
     @property
     def factor(self) -> float:
@@ -202,29 +200,6 @@ class Runtime:
         made = hashlib.sha256(f"{__version__} {core.kind} {core.digest} {core.code_digest}".encode())
         made.update(held)
         return made.digest()
-
-
-_CORES: Mapping[Kind, Callable[[Any, RuntimeKind | None, float | None], RuntimeCore]] = {
-    Kind.TENSION: of_tension,
-    Kind.JOINT: of_joint,
-    Kind.FINGER: of_several_joints,
-}
-
-
-def _of_motors(scenario: JointScenario | FingerScenario) -> Expectation:
-    found: Expectation = problem_of(scenario).expect_live()
-    return found
-
-
-def _of_tension(scenario: Scenario) -> Expectation:
-    return expect_live(Problem.of(scenario))
-
-
-_EXPECT: Mapping[Kind, Callable[[Any], Expectation]] = {
-    Kind.TENSION: _of_tension,
-    Kind.JOINT: _of_motors,
-    Kind.FINGER: _of_motors,
-}
 
 
 def _kind(kind: RuntimeKind | str) -> RuntimeKind:

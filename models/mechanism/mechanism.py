@@ -1,7 +1,7 @@
 """Any mechanism of bodies, tendons and drives; topology is data."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -158,10 +158,6 @@ class Mechanism:
     def body(self, name: str) -> Body:
         """A body by its name."""
         return next(body for body in self.bodies if body.name == name)
-
-    def with_span(self, **spans: tuple[float, float]) -> "Mechanism":
-        """The same with other ranges of some bodies [m or rad], by their names."""
-        return replace(self, bodies=tuple(replace(b, span=spans.get(b.name, b.span)) for b in self.bodies))
 
     def cut(
         self,

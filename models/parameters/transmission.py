@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 from tendonff.models.errors import LARGEST, ParameterError, require, require_given, require_whole
 from tendonff.models.gear import DriveLaw, require_efficiency
@@ -417,6 +418,8 @@ class Transmission:
     actuator: Actuator
     load: Load
     motion: JointMotion | None = None
+    motors_tell: ClassVar[bool] = True
+    """Tensions at its ends tell its numbers."""
 
     @property
     def joints(self) -> tuple[str, ...]:

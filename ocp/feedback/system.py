@@ -60,10 +60,6 @@ class FeedbackSystem:
         if np.shape(self.direction) != shape:
             raise ParameterError(f"direction must have shape {shape}, got {np.shape(self.direction)}")
 
-    def with_problem(self, problem: MechanismProblem) -> "FeedbackSystem":
-        """The same loops about another mechanism of the same form."""
-        return replace(self, problem=problem)
-
     @property
     def is_led(self) -> bool:
         """Whether commands are places of the motors, not forces on them."""

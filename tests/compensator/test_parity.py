@@ -1,6 +1,8 @@
 """Every work takes every kind of scenario, or refuses it with a reason and a way out."""
 
 import inspect
+import re
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -42,7 +44,6 @@ OPTIONS = {
     ("identify", "static_only"): ["identify", "--data", "log.csv", "--static"],
     ("identify", "gear_ratio"): ["identify", "--data", "log.csv", "--gear-ratio", "5"],
     ("identify", "drum_radius_m"): ["identify", "--data", "log.csv", "--drum-radius", "0.01"],
-    ("export_fmu", "kind"): ["export-fmu", "--kind", "plant"],
 }
 """A command with each option that some kind lacks; those of Python alone are not here."""
 
@@ -150,20 +151,45 @@ def test_one_class_is_a_compensator_of_every_kind(files, rig):
     """Less friction in the design costs more than none of the exact inverse's error, and less than no compensation."""
     problem = problem_of(tf.load_scenario(files[rig]))
     plain = {"tension": "none"}.get(rig, "linear")
-    exact, bare = (compensator_of(problem.kind, name) for name in ("inverse", plain))
+    exact, bare = (compensator_of(problem, name) for name in ("inverse", plain))
     errors = [problem.score(problem.answer(each)).rmse for each in (exact, Cautious(), bare)]
     assert 2 * errors[0] < errors[1] < 0.6 * errors[2]
 
 
-def test_a_kind_is_asked_for_in_the_reader_alone():
-    root = Path(works.__file__).parent
-    asked = [
-        f"{path.relative_to(root)}: {line.strip()}"
-        for path in root.rglob("*.py")
-        for line in path.read_text(encoding="utf-8").splitlines()
-        if "isinstance(" in line and "Scenario" in line
-    ]
-    assert asked == []
+ROOT = Path(works.__file__).parent
+SOURCES = {str(path.relative_to(ROOT)): path.read_text(encoding="utf-8") for path in ROOT.rglob("*.py")}
+
+LOOKED_UP = {
+    "works.py",  # the one table
+    "scenario/kind.py",
+    "compensators/every.py",  # compensators state the kinds that they are for
+    "compensators/motors/task.py",  # a problem is of its scenario's kind
+}
+"""Files that may look something up by the kind of a scenario."""
+
+
+def test_a_kind_is_asked_for_in_the_one_table_alone():
+    classes = r"(Any)?(Joint|Finger|Motor)?(Scenario|Problem|Task|Design|Compensator)"
+    asking = re.compile(
+        rf"isinstance\([^)]*\b{classes}\b|(?<!compensator\.)\b(scenario|task|problem|posed|design|loaded)\.kind\b|"
+        r"\bKind\.(TENSION|JOINT|FINGER):"
+    )
+    asked = {file for file, text in SOURCES.items() if asking.search(text)}
+    assert asked - LOOKED_UP == set()
+
+
+def test_a_function_of_the_table_stands_in_the_room_that_asks_for_it_or_below():
+    """Names in the table are no way around the layers."""
+    contract = tomllib.loads((ROOT.parent.resolve().parent / "pyproject.toml").read_text(encoding="utf-8"))
+    [rooms] = [each["layers"] for each in contract["tool"]["importlinter"]["contracts"] if each.get("containers")]
+    row = {room: k for k, line in enumerate(rooms) for room in line.split(" : ")}
+    asked = 0
+    for file, text in SOURCES.items():
+        own = row[file.split("/")[0].removesuffix(".py")] if file != "__init__.py" else 0
+        for work in re.findall(r'function_of\("(\w+)"', text):
+            asked += 1
+            assert all(row[named.split(".")[0]] >= own for named in works.WORKS[work].by.values()), (file, work)
+    assert asked > len(works.WORKS) / 2
 
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])

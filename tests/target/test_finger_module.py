@@ -5,7 +5,7 @@ import pytest
 
 from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.export.finger.text import finger_module
-from tendonff.compensator.scenario.driven.finger import load_finger_scenario
+from tendonff.compensator.scenarios import load_scenario
 from tendonff.ocp.codegen.precision import Precision
 
 pytestmark = pytest.mark.compiler
@@ -20,7 +20,7 @@ def module(toolbox, examples, tmp_path):
     def folder(board, course):
         target = tmp_path / f"{board.machine}{course}"
         target.mkdir()
-        task = FingerTask.of(load_finger_scenario(examples / "three_joint_finger.toml"))
+        task = FingerTask.of(load_scenario(examples / "three_joint_finger.toml"))
         made = finger_module([task], [task.problem(task.finger)], board.precision, "tff")
         for name, text in made.files.items():
             (target / name).write_text(text)

@@ -68,6 +68,10 @@ class FingerTask(MotorTask):
         """Angles of the joints that have a reference, shape (rows, wanted)."""
         return self.wanted_rad
 
+    def by_motor(self) -> tuple[Finger, SampledFinger]:
+        """The finger and its reference."""
+        return self.finger, self.sampled
+
     @property
     def motors(self) -> tuple[str, ...]:
         """Names of the motors."""

@@ -9,14 +9,18 @@ from tendonff.compensator.compensators.motors.response import MotorResponse
 from tendonff.compensator.compensators.motors.task import ASSUMED_SPREAD, UNSETTLED, MotorTask
 from tendonff.compensator.compensators.uncertain import Doubt
 from tendonff.compensator.files.reading import FloatArray, InputError
+from tendonff.compensator.scenario.driven.finger import SampledFinger
 from tendonff.compensator.scenario.driven.joint import JointScenario, SampledJoint, sample_joint
 from tendonff.compensator.scenario.driven.reference import JointQuantity
 from tendonff.models.cached import cached_property
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.joint.parameters import DriveKind, JointDrive, Mechanism
+from tendonff.models.joint.parameters.finger import Finger, Motor
 from tendonff.models.joint.quasi_static import static_motor_rad
+from tendonff.models.mechanism.sharing import Sharing
 from tendonff.models.parameters.uncertainty import Spread, Uncertainty
+from tendonff.models.path import JointMotion
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.integrate.method import Method
 from tendonff.ocp.joint.invert import JointInversion, JointStatus, invert_joint, steady_joint_inverse
@@ -75,6 +79,27 @@ class JointTask(MotorTask):
     def target(self) -> FloatArray:
         """Wanted values, shape (rows, 1)."""
         return self.sampled.wanted[self.lead :, None]
+
+    def by_motor(self) -> tuple[Finger, SampledFinger]:
+        """A pair as a finger of one joint with a motor for each tendon, called like it; a loop is refused."""
+        joint, found = self.mechanism, self.sampled
+        drive = joint.drive
+        if drive.kind is not DriveKind.PAIR:
+            raise InputError(f"{self.scenario.source.name}: a loop has one motor; identify it as a joint")
+        radii = drive.drum_radius_m * (len(joint.tendons) if len(drive.drum_radius_m) == 1 else 1)
+        finger = Finger(
+            joints=joint.joints,
+            tendons=joint.tendons,
+            motors=tuple(
+                Motor(name=t.name, winds=(t.name,), radii_m=(r,), drive=replace(drive, drum_radius_m=(r,)))
+                for t, r in zip(joint.tendons, radii, strict=True)
+            ),
+            sharing=Sharing(least_tension_N=drive.least_tension_N or 0.0),
+        )
+        angle = found.angle_rad[:, None]
+        motion = JointMotion(names=(joint.joint.name,), time_s=found.time_s, angle_rad=angle)
+        effort = np.zeros_like(angle)
+        return finger, SampledFinger(time_s=found.time_s, angle_rad=angle, effort_N_m=effort, motion=motion)
 
     @property
     def motors(self) -> tuple[str, ...]:

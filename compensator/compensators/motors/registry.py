@@ -58,6 +58,11 @@ MOTOR_COMPENSATORS = (
 """In the order in which they are shown; a further one is a further entry, for one joint and for several."""
 
 
+def known() -> tuple[MotorCompensator, ...]:
+    """All of them."""
+    return MOTOR_COMPENSATORS
+
+
 def require_needed(task: MotorTask, found: Sequence[MotorCompensator]) -> None:
     """Refuse compensators without meaning for a task, or without those that every design needs; InputError."""
     for each in found:

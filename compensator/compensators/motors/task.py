@@ -15,6 +15,7 @@ from tendonff.compensator.compensators.uncertain import Doubt
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.reporting.colours import Style
+from tendonff.compensator.scenario.driven.finger import SampledFinger
 from tendonff.compensator.scenario.goal import Goal
 from tendonff.compensator.scenario.kind import Kind
 from tendonff.compensator.scenario.unit import Unit
@@ -184,6 +185,10 @@ class MotorTask(ABC):
         """Instants of `wanted`, shape (n,) [s]; those of several goals follow one another."""
         rows = self.target_time_s
         return np.concatenate([rows + k * (rows[-1] + self.step_s) for k in range(self.target.shape[1])])
+
+    @abstractmethod
+    def by_motor(self) -> tuple[Finger, SampledFinger]:
+        """The mechanism with every motor by itself, and the reference so; InputError where one motor drives it all."""
 
     @property
     @abstractmethod

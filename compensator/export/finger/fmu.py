@@ -4,11 +4,12 @@ from tendonff._version import __version__
 from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.export.finger.golden import followed_course
 from tendonff.compensator.export.finger.text import finger_module
-from tendonff.compensator.export.kinds import FmiVersion
+from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.export.modules import check_prefix
 from tendonff.compensator.export.motors import judge
 from tendonff.compensator.export.text.c_text import harmless
 from tendonff.compensator.export.unit import Fmu, Variable, pack
+from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.driven.finger import FingerScenario
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
@@ -19,6 +20,7 @@ from tendonff.ocp.errors import SolveError
 @in_turn
 def build_finger_fmu(
     scenario: FingerScenario,
+    kind: Kind = Kind.INVERSE,
     fmi: FmiVersion = FmiVersion.V2,
     *,
     prefix: str = "tff",
@@ -28,6 +30,8 @@ def build_finger_fmu(
 ) -> Fmu:
     """Wrap the exported C of a finger; arguments and errors as of `tendonff.export_fmu`."""
     check_prefix(prefix)
+    if kind is not Kind.INVERSE:
+        raise InputError(f"{scenario.source.name}: no {kind} serves this drive and path; use --kind inverse")
     task = FingerTask.of(scenario, level)
     task.check_reach()
     module = finger_module([task], [task.problem(task.finger)], Precision.DOUBLE, prefix)
@@ -77,6 +81,7 @@ def build_finger_fmu(
         "outputs": outputs,
         "extras": extras,
         "module": "finger",
+        "observes": False,
         "joints": len(joints),
         "radians": True,
         "joint_at": -1,

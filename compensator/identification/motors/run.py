@@ -2,7 +2,7 @@
 
 import os
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ import numpy as np
 from scipy.stats import t as student
 from threadpoolctl import threadpool_limits
 
+from tendonff.compensator.compensators.every import problem_of
 from tendonff.compensator.compensators.motors.task import ASSUMED_SPREAD
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.answer.result import Estimate, is_known
@@ -27,13 +28,9 @@ from tendonff.compensator.identification.motors.result import (
 )
 from tendonff.compensator.identification.motors.routine import MotorsRoutine, suggest_motors
 from tendonff.compensator.scenario.base import with_base
-from tendonff.compensator.scenario.driven.finger import FingerScenario, SampledFinger, sample_finger
-from tendonff.compensator.scenario.driven.joint import JointScenario, sample_joint
-from tendonff.compensator.scenario.kind import Kind
-from tendonff.models.joint.parameters import DriveKind
-from tendonff.models.joint.parameters.finger import Finger, Motor
-from tendonff.models.mechanism.sharing import Sharing
-from tendonff.models.path import JointMotion
+from tendonff.compensator.scenario.driven.finger import FingerScenario, SampledFinger
+from tendonff.compensator.scenario.driven.joint import JointScenario
+from tendonff.models.joint.parameters.finger import Finger
 from tendonff.models.turns import in_turn
 from tendonff.ocp.fits.least_squares import Solution
 
@@ -107,41 +104,10 @@ def suggest_motor_routine(scenario: FingerScenario | JointScenario) -> MotorsRou
     return suggest_motors(*mechanism_of(scenario), scenario.source.name)
 
 
-def _of_pair(scenario: JointScenario) -> tuple[Finger, SampledFinger]:
-    """A pair as a mechanism of a motor for each tendon, called like it, and its reference."""
-    joint = scenario.mechanism
-    drive = joint.drive
-    if drive.kind is not DriveKind.PAIR:
-        raise InputError(f"{scenario.source.name}: a loop has one motor; identify it as a joint")
-    radii = drive.drum_radius_m * (len(joint.tendons) if len(drive.drum_radius_m) == 1 else 1)
-    finger = Finger(
-        joints=joint.joints,
-        tendons=joint.tendons,
-        motors=tuple(
-            Motor(name=t.name, winds=(t.name,), radii_m=(r,), drive=replace(drive, drum_radius_m=(r,)))
-            for t, r in zip(joint.tendons, radii, strict=True)
-        ),
-        sharing=Sharing(least_tension_N=drive.least_tension_N or 0.0),
-    )
-    found = sample_joint(scenario)
-    angle = found.angle_rad[:, None]
-    motion = JointMotion(names=(joint.joint.name,), time_s=found.time_s, angle_rad=angle)
-    return finger, SampledFinger(time_s=found.time_s, angle_rad=angle, effort_N_m=np.zeros_like(angle), motion=motion)
-
-
-def _of_finger(scenario: FingerScenario) -> tuple[Finger, SampledFinger]:
-    return scenario.mechanism, sample_finger(scenario)
-
-
-_MECHANISM: Mapping[Kind, Callable[[Any], tuple[Finger, SampledFinger]]] = {
-    Kind.JOINT: _of_pair,
-    Kind.FINGER: _of_finger,
-}
-
-
 def mechanism_of(scenario: FingerScenario | JointScenario) -> tuple[Finger, SampledFinger]:
     """Joints, tendons and motors of a scenario, and its reference."""
-    return _MECHANISM[scenario.kind](scenario)
+    found: tuple[Finger, SampledFinger] = problem_of(scenario).by_motor()
+    return found
 
 
 def _require_friction(finger: Finger, file: str) -> None:
@@ -289,29 +255,10 @@ def fitted_text(scenario: FingerScenario | JointScenario, finger: Finger, estima
         if joint.gravity_N_m:
             raw["joints"][joint.name]["gravity_N_m"] = joint.gravity_N_m
     known = {e.name: e for e in estimates}
-    _PUT[scenario.kind](raw, finger)
+    scenario.put_motors(raw, finger.motors)
     raw["robust"] = _robust(finger, known, raw.get("robust", {}))
     raw["run"]["level"] = "presliding"
     return to_toml(raw)
-
-
-def _put_motors(raw: dict[str, Any], finger: Finger) -> None:
-    """Dry friction and pre-tension of every motor into [[motors]]."""
-    rows = raw.setdefault(
-        "motors", [{"name": m.name, "drums_m": dict(zip(m.winds, m.radii_m, strict=True))} for m in finger.motors]
-    )
-    for row, motor in zip(rows, finger.motors, strict=True):
-        row["coulomb_N_m"] = motor.drive.coulomb_N_m
-        if len(motor.winds) > 1:
-            row["pretension_N"] = motor.drive.pretension_N
-
-
-def _put_drive(raw: dict[str, Any], finger: Finger) -> None:
-    """Dry friction of a pair's motors, which state one, into [drive]."""
-    raw["drive"]["coulomb_N_m"] = float(np.mean([m.drive.coulomb_N_m for m in finger.motors]))
-
-
-_PUT: Mapping[Kind, Callable[[dict[str, Any], Finger], None]] = {Kind.JOINT: _put_drive, Kind.FINGER: _put_motors}
 
 
 def _robust(finger: Finger, known: dict[str, Estimate], stated: dict[str, Any]) -> dict[str, Any]:

@@ -1,51 +1,53 @@
 """Scenario files of several driven joints: [joints.NAME], [[tendons]] that cross them, [[motors]] and [sharing]."""
 
-import hashlib
-import json
-import math
 import os
-import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
-from tendonff.compensator.files.reading import FloatArray, InputError, read_csv, read_text, suggestion
+from tendonff.compensator.files.reading import FloatArray, InputError, read_csv, suggestion
 from tendonff.compensator.scenario.base import with_base
-from tendonff.compensator.scenario.driven.joint import tendon_part
+from tendonff.compensator.scenario.driven.common import (
+    PARTS,
+    DrivenScenario,
+    check_schema,
+    instants,
+    read_lengths,
+    read_name,
+    read_robust,
+    read_tendons,
+    tendon_part,
+)
 from tendonff.compensator.scenario.driven.paths import read_paths, tabulated, with_measures
 from tendonff.compensator.scenario.driven.reference import JointQuantity, JointSine, JointWaypoints
 from tendonff.compensator.scenario.goal import Goal
 from tendonff.compensator.scenario.joints import Joint, read_joints
-from tendonff.compensator.scenario.kind import Kind, in_short
-from tendonff.compensator.scenario.measurement import Measurement
+from tendonff.compensator.scenario.kind import Kind
 from tendonff.compensator.scenario.sampled.joint_motion import joint_angles
-from tendonff.compensator.scenario.scenario import SCHEMA, spread_keys, with_spread
 from tendonff.compensator.scenario.settings import Run
 from tendonff.compensator.scenario.tables import read_table, show
 from tendonff.compensator.scenario.toml import toml_of
 from tendonff.compensator.scenario.unit import RADIAN
 from tendonff.models.errors import ParameterError
-from tendonff.models.joint.parameters import Arm, DriveKind, DrivenJoint, JointDrive, JointTendon, LengthTable
+from tendonff.models.joint.parameters import Arm, DriveKind, DrivenJoint, JointDrive, JointTendon
 from tendonff.models.joint.parameters.finger import Finger, Motor
 from tendonff.models.mechanism.sharing import Sharing
 from tendonff.models.parameters import Path as TendonPath
-from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.models.path import JointMotion
 
 _TABLES = (
     *("joints", "tendons", "motors", "drive", "sharing", "reference", "run", "robust"),
-    *("path", "tendon", "friction"),
+    *PARTS,
 )
-_PARTS = ("path", "tendon", "friction")
-_OF_TENDON = ("name", "moment_arms_m", "moment_arm_m", "joint", "lengths", "paths", *_PARTS)
+_OF_TENDON = ("name", "moment_arms_m", "moment_arm_m", "joint", "lengths", "paths", *PARTS)
 _REFERENCE = ("kind", "file", "duration_s", "fade_in_s", "times_s", "shape", "periodic", "quantity")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FingerScenario:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class FingerScenario(DrivenScenario):
     """Content of a scenario file of several driven joints.
 
     Attributes
@@ -78,9 +80,6 @@ class FingerScenario:
     """
 
     kind: ClassVar[Kind] = Kind.FINGER
-    compare: ClassVar[None] = None  # no command of the user's own is compared
-    drive_table: ClassVar[str] = "drive"  # where its drives stand in the file
-    name: str
     mechanism: Finger
     others: dict[str, Joint]
     references: dict[str, JointSine | JointWaypoints]
@@ -88,25 +87,6 @@ class FingerScenario:
     file: str | None
     periodic: bool
     torques: dict[str, str]
-    run: Run
-    robust: Uncertainty
-    source: Path
-    text: str = field(repr=False)
-    inputs: tuple[Path, ...] = field(default=())
-    changed: Mapping[str, float] = field(default_factory=dict)
-
-    def __repr__(self) -> str:
-        return in_short(self)
-
-    @property
-    def measurement(self) -> Measurement:
-        """Format of measured files by default."""
-        return Measurement()
-
-    @property
-    def is_complete(self) -> bool:
-        """Its text leaves out what has a default."""
-        return False
 
     @property
     def system(self) -> Finger:
@@ -119,25 +99,19 @@ class FingerScenario:
         names = self.mechanism.names[: self.wanted]
         return Goal(quantity="joint angle", unit=RADIAN, names=names, is_named=True)
 
-    def with_system(self, system: Any, changed: Mapping[str, float]) -> "FingerScenario":
-        """The scenario with another mechanism, in which these numbers differ."""
-        return replace(self, mechanism=system, changed={**self.changed, **changed})
-
-    def to_toml(self) -> str:
-        """The text of the file, and as comments what was changed since."""
-        return self.text + "".join(f"\n# changed: {key} = {value:.9g}" for key, value in self.changed.items())
+    def put_motors(self, raw: dict[str, Any], motors: Sequence[Motor]) -> None:
+        """Put dry friction and pre-tension of motors into the tables of its file."""
+        rows = raw.setdefault(
+            "motors", [{"name": m.name, "drums_m": dict(zip(m.winds, m.radii_m, strict=True))} for m in motors]
+        )
+        for row, motor in zip(rows, motors, strict=True):
+            row["coulomb_N_m"] = motor.drive.coulomb_N_m
+            if len(motor.winds) > 1:
+                row["pretension_N"] = motor.drive.pretension_N
 
     def reference_file(self) -> Path | None:
         """The file of a CSV reference, resolved; None for the other kinds."""
         return None if self.file is None else self.source.parent / self.file
-
-    def digest(self) -> str:
-        """Sixteen hexadecimal digits that change when a value, or the contents of a file that it names, change."""
-        read = {**tomllib.loads(self.text), **({"changed": self.changed} if self.changed else {})}
-        found = hashlib.sha256(json.dumps(read, sort_keys=True, default=str).encode())
-        for path in self.inputs:
-            found.update(read_text(path).encode())
-        return found.hexdigest()[:16]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -161,12 +135,6 @@ class SampledFinger:
     motion: JointMotion
 
 
-def load_finger_scenario(path: str | os.PathLike[str]) -> FingerScenario:
-    """Read a scenario file of several driven joints; InputError is one message with file, key, value and way out."""
-    path = Path(path)
-    return parse_finger_scenario(read_text(path), path)
-
-
 def parse_finger_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") -> FingerScenario:
     """Read one from its text; files that it names are relative to the source's folder."""
     source = Path(source)
@@ -181,7 +149,14 @@ def parse_finger_scenario(text: str, source: str | os.PathLike[str] = "scenario.
         joints = tuple(sorted(joints, key=lambda joint: joint.name not in references))  # those that follow come last
     names = tuple(joint.name for joint in joints)
     sharing = _sharing(raw, file)
-    tendons = _tendons(raw, names, source, inputs)
+    tendons = read_tendons(
+        raw,
+        file,
+        _OF_TENDON,
+        lambda row, at: _arms(row, names, source, at, inputs),
+        lambda row, content, at: _measured_path(row["paths"], content, source, at, inputs) if "paths" in row else None,
+        unnamed="tendon",
+    )
     motors = _motors(raw, tendons, sharing, file)
     try:
         mechanism = Finger(joints=joints, tendons=tendons, motors=motors, sharing=sharing)
@@ -194,14 +169,9 @@ def parse_finger_scenario(text: str, source: str | os.PathLike[str] = "scenario.
             f"{file}: missing: {missing}; joints without a reference follow from their springs only where there are as "
             f"many tendons as wanted joints, got {len(tendons)} tendons"
         )
-    spread, robust = spread_keys(raw.get("robust", {}), file)
-    stated = read_table(Uncertainty, robust, file=file, table="robust")
-    name = raw.get("name", source.stem)
-    if not isinstance(name, str):
-        raise InputError(f'{file}: name must be text in quotes ("..."), got {show(name)}')
     named = [csv, *torques.values(), *(getattr(other, "file", None) for other in others.values())]
     return FingerScenario(
-        name=name,
+        name=read_name(raw, source),
         mechanism=mechanism,
         others=others,
         references=references,
@@ -210,7 +180,7 @@ def parse_finger_scenario(text: str, source: str | os.PathLike[str] = "scenario.
         periodic=periodic,
         torques=torques,
         run=read_table(Run, raw["run"], file=file, table="run"),
-        robust=with_spread(stated, spread, mechanism, file),
+        robust=read_robust(raw, mechanism, file),
         source=source,
         text=text,
         inputs=(*inputs, *(source.parent / each for each in named if each)),
@@ -225,13 +195,13 @@ def sample_finger(scenario: FingerScenario) -> SampledFinger:
         columns = tuple(f"{name}_rad" for name in names)
         table = read_csv(folder / scenario.file, ("time_s", *columns), increasing="time_s", starts_at_zero=True)
         length = float(table["time_s"][-1])
-        time = _instants(length, step, file)
+        time = instants(length, step, file)
         from scipy.interpolate import PchipInterpolator  # a third of a second to import, for a smooth file alone
 
         found = [PchipInterpolator(table["time_s"], table[column])(np.minimum(time, length)) for column in columns]
     else:
         length = max(reference.length_s(folder) for reference in scenario.references.values())
-        time = _instants(length, step, file)
+        time = instants(length, step, file)
         found = [scenario.references[name].sample(time, folder) for name in names[: scenario.wanted]]
         still = [np.full(len(time), joint.rest_rad) for joint in scenario.mechanism.joints[scenario.wanted :]]
         found += still
@@ -258,16 +228,8 @@ def sample_finger(scenario: FingerScenario) -> SampledFinger:
     return SampledFinger(time_s=time, angle_rad=angle, effort_N_m=effort, motion=motion)
 
 
-def _instants(length_s: float, step_s: float, file: str) -> FloatArray:
-    time = np.arange(math.ceil(length_s / step_s - 1e-9) + 1, dtype=np.float64) * step_s
-    if len(time) < 3:
-        raise InputError(f"{file}: the reference lasts {length_s:g} s, less than two steps of {step_s:g} s")
-    return time
-
-
 def _check_tables(raw: Mapping[str, object], file: str) -> None:
-    if raw.get("schema") != SCHEMA or isinstance(raw.get("schema"), bool):
-        raise InputError(f"{file}: schema must be {SCHEMA}, got {show(raw.get('schema'))}; write schema = {SCHEMA}")
+    check_schema(raw, file)
     for key in raw:
         if key not in ("schema", "name", *_TABLES):
             near = suggestion(key, list(_TABLES)).replace('"', "")
@@ -308,42 +270,6 @@ def _sharing(raw: Mapping[str, object], file: str) -> Sharing:
     return read_table(Sharing, given, file=file, table="sharing")
 
 
-def _tendons(
-    raw: Mapping[str, object], joints: Sequence[str], source: Path, inputs: list[Path]
-) -> tuple[JointTendon, ...]:
-    file, rows = source.name, raw["tendons"]
-    if not isinstance(rows, list) or not rows:
-        raise InputError(f"{file}: tendons must be tables, got {show(rows)}; write [[tendons]]")
-    found = []
-    for k, row in enumerate(rows, start=1):
-        where = f"tendons {k}"
-        if not isinstance(row, Mapping):
-            raise InputError(f"{file} [{where}]: must be a table, got {show(row)}; write [[tendons]]")
-        for key in row:
-            if key not in _OF_TENDON:
-                raise InputError(f'{file} [{where}]: unknown key "{key}"{suggestion(key, _OF_TENDON)}')
-        name = row.get("name", f"tendon{k}")
-        if not isinstance(name, str) or not name.isidentifier():
-            raise InputError(f"{file} [{where}]: name must be letters, digits and underscores, got {show(name)}")
-        parts: dict[str, object] = {}
-        for key in _PARTS:
-            if key not in row and key not in raw:
-                raise InputError(
-                    f"{file} [{where}]: [{key}] is missing; give it for all tendons, or in [tendons.{key}]"
-                )
-            at = f"{where}.{key}" if key in row else key
-            content = row.get(key, raw.get(key))
-            if key == "path" and "paths" in row:
-                parts[key] = _measured_path(row["paths"], content, source, at, inputs)
-            else:
-                parts[key] = tendon_part(key, content, file, at)
-        try:
-            found.append(JointTendon(name=name, arms=_arms(row, joints, source, where, inputs), **parts))  # type: ignore[arg-type]
-        except ParameterError as error:
-            raise InputError(f"{file} [{where}]: {error}") from None
-    return tuple(found)
-
-
 def _measured_path(named: object, raw: object, source: Path, where: str, inputs: list[Path]) -> TendonPath:
     """A path whose sections have their bends and lengths from a file of paths."""
     if not isinstance(named, str):
@@ -371,9 +297,7 @@ def _arms(
         joint, file = row.get("joint"), row["lengths"]
         if joint not in joints or not isinstance(file, str):
             raise InputError(f"{source.name} [{where}]: lengths names a CSV file, and joint the joint that it is for")
-        table = read_csv(source.parent / file, ("angle_rad", "length_m"), increasing="angle_rad")
-        inputs.append(source.parent / file)
-        known = LengthTable(angle_rad=table["angle_rad"], length_m=table["length_m"])
+        known = read_lengths(source.parent / file, inputs)
         arms.append(Arm(joint=str(joint), lengths=known))
     if "moment_arm_m" in row:
         raise InputError(

@@ -1,43 +1,44 @@
 """Scenario files of a driven joint: [joints.NAME] kind = "driven", [[tendons]] and [drive] instead of one tendon."""
 
-import hashlib
-import json
-import math
 import os
-import tomllib
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
-from tendonff.compensator.files.reading import FloatArray, InputError, read_csv, read_text, suggestion
+from tendonff.compensator.files.reading import FloatArray, InputError, suggestion
 from tendonff.compensator.scenario.base import with_base
+from tendonff.compensator.scenario.driven.common import (
+    PARTS,
+    DrivenScenario,
+    check_schema,
+    instants,
+    read_lengths,
+    read_name,
+    read_robust,
+    read_tendons,
+)
 from tendonff.compensator.scenario.driven.observer_table import ObserverTable
 from tendonff.compensator.scenario.driven.reference import KINDS, JointQuantity, JointReference
 from tendonff.compensator.scenario.driven.settings import JointAdaptation
 from tendonff.compensator.scenario.goal import Goal
 from tendonff.compensator.scenario.joints import Joint, read_joints
-from tendonff.compensator.scenario.kind import Kind, in_short
-from tendonff.compensator.scenario.measurement import Measurement
+from tendonff.compensator.scenario.kind import Kind
 from tendonff.compensator.scenario.reference import Shape, along_waypoints
 from tendonff.compensator.scenario.sampled.joint_motion import joint_angles
-from tendonff.compensator.scenario.scenario import SCHEMA, path_keys, spread_keys, with_spread
 from tendonff.compensator.scenario.settings import Feedback, Run
-from tendonff.compensator.scenario.tables import ROPE_KEYS, check_names, expand, read_kind, read_table, show
+from tendonff.compensator.scenario.tables import read_kind, read_table, show
 from tendonff.compensator.scenario.toml import toml_of
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
-from tendonff.models.joint.parameters import Arm, DrivenJoint, JointDrive, JointTendon, LengthTable, Mechanism
-from tendonff.models.parameters import Friction, Tendon
-from tendonff.models.parameters import Path as TendonPath
-from tendonff.models.parameters.uncertainty import Uncertainty
+from tendonff.models.joint.parameters import Arm, DrivenJoint, JointDrive, Mechanism
+from tendonff.models.joint.parameters.finger import Motor
 from tendonff.models.path import JointMotion
 
-_PARTS: dict[str, type] = {"path": TendonPath, "tendon": Tendon, "friction": Friction}
-_TABLES = ("joints", "tendons", "drive", "reference", "run", "robust", "adaptation", "feedback", "observer", *_PARTS)
-_TENDON_KEYS = ("name", "moment_arm_m", "lengths", *_PARTS)
+_TABLES = ("joints", "tendons", "drive", "reference", "run", "robust", "adaptation", "feedback", "observer", *PARTS)
+_TENDON_KEYS = ("name", "moment_arm_m", "lengths", *PARTS)
 _NOT_FOR_A_JOINT = {
     "actuator": "the motors stand in [drive]",
     "load": "the joint is the load",
@@ -45,8 +46,8 @@ _NOT_FOR_A_JOINT = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JointScenario:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class JointScenario(DrivenScenario):
     """Everything that a scenario file of a driven joint says.
 
     Attributes
@@ -78,25 +79,13 @@ class JointScenario:
     """
 
     kind: ClassVar[Kind] = Kind.JOINT
-    compare: ClassVar[None] = None  # no command of the user's own is compared
-    drive_table: ClassVar[str] = "drive"  # where its drives stand in the file
-    name: str
     mechanism: Mechanism
     joints: dict[str, Joint]
     reference: JointReference
     motion: JointReference | None
-    run: Run
-    robust: Uncertainty
-    source: Path
-    text: str = field(repr=False)
     observer: ObserverTable | None = None
-    inputs: tuple[Path, ...] = field(default=())
-    changed: Mapping[str, float] = field(default_factory=dict)
     adaptation: JointAdaptation | None = None
     feedback: Feedback | None = None
-
-    def __repr__(self) -> str:
-        return in_short(self)
 
     @property
     def goal(self) -> Goal:
@@ -104,6 +93,10 @@ class JointScenario:
         angle = self.reference.quantity is JointQuantity.ANGLE
         quantity = "joint angle" if angle else "torque of the joint"
         return Goal(quantity=quantity, unit=self.reference.shown, names=(self.mechanism.joint.name,))
+
+    def put_motors(self, raw: dict[str, Any], motors: Sequence[Motor]) -> None:
+        """Put dry friction of motors, of which it states one, into the tables of its file."""
+        raw["drive"]["coulomb_N_m"] = float(np.mean([m.drive.coulomb_N_m for m in motors]))
 
     def reference_file(self) -> Path | None:
         """The file of a CSV reference, resolved; None for the other kinds."""
@@ -116,35 +109,9 @@ class JointScenario:
         return float(spec.sample(np.zeros(1), self.source.parent)[0])
 
     @property
-    def measurement(self) -> Measurement:
-        """Format of measured files by default."""
-        return Measurement()
-
-    @property
-    def is_complete(self) -> bool:
-        """Its text leaves out what has a default."""
-        return False
-
-    @property
     def system(self) -> Mechanism:
         """Everything physical about it."""
         return self.mechanism
-
-    def with_system(self, system: Any, changed: Mapping[str, float]) -> "JointScenario":
-        """The scenario with another mechanism, in which these numbers differ."""
-        return replace(self, mechanism=system, changed={**self.changed, **changed})
-
-    def to_toml(self) -> str:
-        """The text of the file, and as comments what was changed since."""
-        return self.text + "".join(f"\n# changed: {key} = {value:.9g}" for key, value in self.changed.items())
-
-    def digest(self) -> str:
-        """Sixteen hexadecimal digits that change when a value, or the contents of a file that it names, change."""
-        read = {**tomllib.loads(self.text), **({"changed": self.changed} if self.changed else {})}
-        found = hashlib.sha256(json.dumps(read, sort_keys=True, default=str).encode())
-        for path in self.inputs:
-            found.update(read_text(path).encode())
-        return found.hexdigest()[:16]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -178,12 +145,6 @@ class SampledJoint:
         """Largest less smallest wanted value, after the homing stroke."""
         return float(np.ptp(self.wanted[self.lead :]))
 
-    @property
-    def run_time_s(self) -> FloatArray:
-        """Time after the homing stroke."""
-        later: FloatArray = self.time_s[self.lead :] - self.time_s[self.lead]
-        return later
-
     def others(self, joint: str) -> dict[str, FloatArray]:
         """Angles of the other joints by name, shape (rows,)."""
         columns = dict(zip(self.motion.names, self.motion.angle_rad.T, strict=True))
@@ -199,10 +160,7 @@ def parse_joint_scenario(text: str, source: str | os.PathLike[str] = "scenario.t
     raw = with_base(raw, source, inputs)
     _check_tables(raw, file)
     driven, others = _split_joints(raw.get("joints"), file)
-    name = raw.get("name", source.stem)
-    if not isinstance(name, str):
-        raise InputError(f'{file}: name must be text in quotes ("..."), got {show(name)}')
-    tendons = _tendons(raw, driven.name, source, inputs)
+    tendons = read_tendons(raw, file, _TENDON_KEYS, lambda row, at: (_arm(row, driven.name, source, at, inputs),))
     drive = _drive(raw.get("drive"), file)
     try:
         mechanism = Mechanism(joints=(driven,), tendons=tendons, drive=drive)
@@ -214,16 +172,14 @@ def parse_joint_scenario(text: str, source: str | os.PathLike[str] = "scenario.t
                 f'{file}: the joint "{section.joint}" is named but not given; add [joints.{section.joint}]'
             )
     reference, motion = _reference(raw.get("reference"), file)
-    spread, robust = spread_keys(raw.get("robust", {}), file)
-    stated = read_table(Uncertainty, robust, file=file, table="robust")
     scenario = JointScenario(
-        name=name,
+        name=read_name(raw, source),
         mechanism=mechanism,
         joints=others,
         reference=reference,
         motion=motion,
         run=read_table(Run, raw.get("run", {}), file=file, table="run"),
-        robust=with_spread(stated, spread, mechanism, file),
+        robust=read_robust(raw, mechanism, file),
         adaptation=(
             read_table(JointAdaptation, raw["adaptation"], file=file, table="adaptation")
             if "adaptation" in raw
@@ -248,9 +204,7 @@ def sample_joint(scenario: JointScenario) -> SampledJoint:
     folder, step, file = scenario.source.parent, scenario.run.step_s, scenario.source.name
     spec, joint = scenario.reference, scenario.mechanism.joint.name
     length = spec.length_s(folder)
-    time = np.arange(math.ceil(length / step - 1e-9) + 1, dtype=np.float64) * step
-    if len(time) < 3:
-        raise InputError(f"{file}: the reference lasts {length:g} s, less than two steps of {step:g} s")
+    time = instants(length, step, file)
     wanted = spec.sample(time, folder)
     torque = spec.quantity is JointQuantity.TORQUE
     angle = scenario.motion.sample(time, folder) if torque and scenario.motion is not None else wanted
@@ -350,11 +304,7 @@ def _homing(scenario: JointScenario, start_rad: float, torque: bool) -> FloatArr
 
 
 def _check_tables(raw: Mapping[str, object], file: str) -> None:
-    schema = raw.get("schema")
-    if schema != SCHEMA or isinstance(schema, bool):
-        raise InputError(
-            f"{file}: schema must be {SCHEMA}, got {show(schema)}; write schema = {SCHEMA} in the first line"
-        )
+    check_schema(raw, file)
     for key in raw:
         if key in ("schema", "name", *_TABLES):
             continue
@@ -385,55 +335,6 @@ def _split_joints(raw: object, file: str) -> tuple[DrivenJoint, dict[str, Joint]
     return read_table(DrivenJoint, keys, file=file, table=f"joints.{name}", extra_keys=("kind",)), others
 
 
-def tendon_part(key: str, raw: object, file: str, table: str) -> object:
-    """[path], [tendon] or [friction], of all tendons or of one."""
-    sections: tuple[object, ...] = ()
-    if key == "path":
-        sections, raw = path_keys(raw, file)
-    check_names(_PARTS[key], raw, file=file, table=table, extra_keys=ROPE_KEYS if key == "tendon" else ())
-    keys = dict(expand(key, raw, file=file))  # type: ignore[arg-type]
-    if sections:
-        built = read_table(TendonPath, keys, file=file, table=table)
-        return TendonPath(
-            total_angle_rad=built.total_angle_rad,
-            segments=built.segments,
-            radius_m=built.radius_m,
-            sections=sections,  # type: ignore[arg-type]
-        )
-    return read_table(_PARTS[key], keys, file=file, table=table)
-
-
-def _tendons(raw: Mapping[str, object], joint: str, source: Path, inputs: list[Path]) -> tuple[JointTendon, ...]:
-    file, rows = source.name, raw["tendons"]
-    if not isinstance(rows, list) or not rows:
-        raise InputError(f"{file}: tendons must be tables, got {show(rows)}; write [[tendons]]")
-    found = []
-    for k, row in enumerate(rows, start=1):
-        where = f"tendons {k}"
-        if not isinstance(row, Mapping):
-            raise InputError(f"{file} [{where}]: must be a table, got {show(row)}; write [[tendons]]")
-        for key in row:
-            if key not in _TENDON_KEYS:
-                raise InputError(f'{file} [{where}]: unknown key "{key}"{suggestion(key, list(_TENDON_KEYS))}')
-        name = row.get("name", f"tendon_{k}")
-        if not isinstance(name, str) or not name.isidentifier():
-            raise InputError(f"{file} [{where}]: name must be letters, digits and underscores, got {show(name)}")
-        parts = {}
-        for key in _PARTS:
-            if key not in row and key not in raw:
-                raise InputError(
-                    f"{file} [{where}]: [{key}] is missing; give it for all tendons, or in [tendons.{key}]"
-                )
-            at = f"{where}.{key}" if key in row else key
-            parts[key] = tendon_part(key, row.get(key, raw.get(key)), file, at)
-        try:
-            arm = _arm(row, joint, source, where, inputs)
-            found.append(JointTendon(name=name, arms=(arm,), **parts))  # type: ignore[arg-type]
-        except ParameterError as error:
-            raise InputError(f"{file} [{where}]: {error}") from None
-    return tuple(found)
-
-
 def _arm(row: Mapping[str, object], joint: str, source: Path, where: str, inputs: list[Path]) -> Arm:
     arm, lengths = row.get("moment_arm_m"), row.get("lengths")
     if arm is not None and (isinstance(arm, bool) or not isinstance(arm, int | float)):
@@ -442,10 +343,7 @@ def _arm(row: Mapping[str, object], joint: str, source: Path, where: str, inputs
         return Arm(joint=joint, moment_arm_m=None if arm is None else float(arm))
     if not isinstance(lengths, str):
         raise InputError(f"{source.name} [{where}]: lengths must name a CSV file, got {show(lengths)}")
-    path = source.parent / lengths
-    table = read_csv(path, ("angle_rad", "length_m"), increasing="angle_rad")
-    inputs.append(path)
-    known = LengthTable(angle_rad=table["angle_rad"], length_m=table["length_m"])
+    known = read_lengths(source.parent / lengths, inputs)
     return Arm(joint=joint, moment_arm_m=None if arm is None else float(arm), lengths=known)
 
 

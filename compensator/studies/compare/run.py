@@ -5,7 +5,14 @@ from dataclasses import replace
 from typing import Any
 
 from tendonff.compensator.compensators.base import CAPSTAN_PLANT, SLOW_PARTS, Problem, answers_of
-from tendonff.compensator.compensators.every import EVERY, AnyCompensator, AnyScenario, answering, chosen, problem_of
+from tendonff.compensator.compensators.every import (
+    AnyCompensator,
+    AnyScenario,
+    answering,
+    chosen,
+    known_to,
+    problem_of,
+)
 from tendonff.compensator.compensators.expectation import expectation_of
 from tendonff.compensator.compensators.ignored import ignored_motion
 from tendonff.compensator.files.notices import Remark, by_urgency
@@ -48,7 +55,7 @@ def compare(
     """Compare the fidelity levels with each other on one scenario; arguments and errors as of `tendonff.compare`."""
     problems = {level: problem_of(scenario, level) for level in Level}
     own = problems[Level.PRESLIDING]
-    tried = _usual(own) if compensators is None else chosen(scenario.kind, compensators)
+    tried = _usual(own) if compensators is None else chosen(scenario, compensators)
     tried = (*tried, *own_force(scenario))
     require_levels(tried)
     shares = sum(1 if c.is_fast else SLOW_PARTS for c in tried)
@@ -121,7 +128,7 @@ def compare(
 def _usual(problem: Any) -> tuple[Any, ...]:
     """Compensators that are compared by default; of a tension those that refuse, whose reason is a remark, too."""
     if CAPSTAN_PLANT in problem.plants:
-        return tuple(c for c in EVERY if problem.kind in c.kinds and c.is_compared)
+        return tuple(c for c in known_to(problem) if c.is_compared)
     return answering(problem)
 
 

@@ -8,6 +8,8 @@ import numpy as np
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.plant import FINE_SEGMENTS
 from tendonff.compensator.compensators.profile import FloatArray, Profile
+from tendonff.compensator.feedback.result import FeedbackResult
+from tendonff.compensator.feedback.run import design_feedback
 from tendonff.compensator.feedback.task import FeedbackTask
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.settings import Feedback, FeedbackSensor
@@ -76,6 +78,11 @@ class TensionFeedbackTask(FeedbackTask):
             lag_s=servo.servo_time_s,
             drive_delay_s=servo.lag_s(self.problem.reference.step_s, live=True),
         )
+
+
+def feedback_of(problem: Problem, settings: Feedback, profiles: Mapping[str, Profile], file: str) -> FeedbackResult:
+    """Feedback beside the feedforward; arguments and errors as of `TensionFeedbackTask.of`."""
+    return design_feedback(TensionFeedbackTask.of(problem, settings, profiles, file))
 
 
 def _course(problem: Problem, profile: Profile, cycles: int) -> Course:

@@ -144,4 +144,4 @@ def show(result: Design, folder: Path) -> None:
     )
 
 
-VIEWS = Views(write=write_files, columns=profile_columns, figures=design_figures)
+VIEWS = Views(write=write_files, columns=profile_columns, figures=design_figures, show=show)

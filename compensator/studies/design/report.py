@@ -9,13 +9,11 @@ from tendonff.compensator.compensators.expectation import two_digits
 from tendonff.compensator.compensators.expected import robustness_table
 from tendonff.compensator.compensators.plant import FINE_REFINEMENT, FINE_SEGMENTS
 from tendonff.compensator.feedback.report import CAPTIONS as FEEDBACK_CAPTIONS
-from tendonff.compensator.feedback.report import feedback_section
 from tendonff.compensator.reporting.colours import INK, Style
 from tendonff.compensator.reporting.interactive import zoomed
 from tendonff.compensator.reporting.page import (
     Block,
     Cell,
-    FileNote,
     Interactive,
     Picture,
     Report,
@@ -24,11 +22,11 @@ from tendonff.compensator.reporting.page import (
     Text,
     format_cell,
     pictures_of,
-    provenance_of,
 )
 from tendonff.compensator.scenario.reference import Hold
 from tendonff.compensator.studies.design.drive_use import drive_use
 from tendonff.compensator.studies.design.online import Online
+from tendonff.compensator.studies.design.page import design_page
 from tendonff.compensator.studies.design.result import Design
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters.drive import Motor
@@ -131,32 +129,26 @@ def design_report(result: Design, figures: dict[str, Figure], view: Interactive 
         least=1e-3,
         one_quantity=True,
     )
-    return Report(
-        title=f"Design: {result.scenario.name}",
-        summary=result.headline,
-        fine_print=f"{ways(result)} {fine_print(result)}",
-        warnings=result.warnings,
-        sections=(
-            Section(
-                title="What to expect", blocks=(pictures["expectation"], scores, pictures["contributions"], *ignored)
-            ),
-            *([] if view is None else [Section(title="Interactive view", blocks=(view,))]),
+    return design_page(
+        result,
+        pictures,
+        view,
+        first=Section(
+            title="What to expect", blocks=(pictures["expectation"], scores, pictures["contributions"], *ignored)
+        ),
+        robustness=_robustness(result),
+        own=(
             Section(title=result.reference.output.capitalize(), blocks=(pictures["tension"], peaks)),
             Section(title="Actuator force", blocks=(pictures["force"], *_holds(result), *_solver(result))),
             Section(title="Sizing the drive", blocks=(pictures["drive"], *_drive(result))),
             Section(title="Hysteresis", blocks=(pictures["loop"],)),
             Section(title="Sensitivity to the model level", blocks=(pictures["error"],)),
-            *([] if result.feedback is None else [feedback_section(result.feedback, pictures)]),
             *([] if result.online is None else [_live(result.online, pictures["online"])]),
-            *_robust_section(result),
         ),
-        provenance=provenance_of(result.scenario, "design"),
+        fine_print=f"{ways(result)} {fine_print(result)}",
         files=(
-            FileNote(
-                name="profile.csv",
-                content="reference and the force of every compensator over time, travel, command and motor",
-            ),
-            FileNote(name="summary.json", content="errors, solver status and warnings for other programs"),
+            "reference and the force of every compensator over time, travel, command and motor",
+            "errors, solver status and warnings for other programs",
         ),
     )
 
@@ -256,7 +248,7 @@ def _solver(result: Design) -> tuple[Block, ...]:
     return Text(f"{tracking.message[:1].upper()}{tracking.message[1:]}."), table
 
 
-def _robust_section(result: Design) -> tuple[Section, ...]:
+def _robustness(result: Design) -> tuple[Block, ...]:
     """Effect of uncertainty on each profile, and its largest contribution."""
     found, labels = result.expectation, {c.name: c.label for c in result.compensators}
     note = Text(
@@ -265,5 +257,4 @@ def _robust_section(result: Design) -> tuple[Section, ...]:
         else f"The optimal profile minimises the {result.scenario.robust.objective.value} error. Inside a feedback "
         "loop over-compensation injects energy: choose mu too low rather than too high."
     )
-    table = robustness_table(found, labels, FINE_SEGMENTS)
-    return (Section(title="Robustness to parameter uncertainty", blocks=(table, note)),)
+    return robustness_table(found, labels, FINE_SEGMENTS), note

@@ -1,30 +1,31 @@
 """Result of a design."""
 
-import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from tendonff.compensator.compensators.base import Compensator
 from tendonff.compensator.compensators.expectation import Expectation
 from tendonff.compensator.compensators.ignored import IgnoredMotion
+from tendonff.compensator.compensators.method_check import MethodCheck
 from tendonff.compensator.compensators.next_step import limited_by, next_step
 from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
 from tendonff.compensator.compensators.score import Score, Verified
 from tendonff.compensator.feedback.result import FeedbackResult
 from tendonff.compensator.files.text import as_argument
-from tendonff.compensator.reporting.results import Result
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.studies.design.online import Online
+from tendonff.compensator.studies.design.shown import ShownDesign
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters.drive import Drive
+from tendonff.ocp.integrate.method import Method
 from tendonff.ocp.tendon.stability import StickSlipPrediction
 from tendonff.ocp.tracking.result import Tracking
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Design(Result):
+class Design(ShownDesign):
     """Force profiles for one scenario, and what each delivers.
 
     Attributes
@@ -99,10 +100,14 @@ class Design(Result):
         then = next_step(found, file, f"tendonff export-c {file} --out c", change=change)
         return found.headline(self.recommended.label, then)
 
-    @property
-    def recommended(self) -> Compensator:
-        """The compensator whose worst error over the uncertainty is least."""
-        return next(c for c in self.compensators if c.name == self.expectation.recommended)
+    def check(self, method: Method) -> MethodCheck:
+        """Simulate the recommended profile by a method on the design level; see `ShownDesign.check`."""
+        name = self.recommended.name
+        verified = self.on_level(name, self.level)
+        plant = replace(verified.plant, method=method)
+        response = plant.respond(self.profiles[name], self.reference).require()
+        outputs = verified.response.output_N, response.output_N
+        return MethodCheck.of(method, self.recommended.label, "N", self.reference.tension_N, outputs)
 
     @property
     def is_position_drive(self) -> bool:
@@ -125,10 +130,3 @@ class Design(Result):
     def on_proof(self, name: str) -> Verified:
         """Output of a compensator on the finer chain."""
         return next(v for v in self.proof if v.compensator == name)
-
-    def write(self, folder: str | os.PathLike[str], *, interactive: bool = False, pdf: bool = False) -> None:
-        """Write `profile.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder.
-
-        An interactive report has a view with zoom, hover and a legend that hides curves, and needs Bokeh.
-        """
-        self._views.write(self, folder, interactive=interactive, pdf=pdf)

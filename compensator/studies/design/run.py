@@ -17,7 +17,6 @@ from tendonff.compensator.compensators.score import (
     slack_warnings,
     verify,
 )
-from tendonff.compensator.feedback.run import design_feedback
 from tendonff.compensator.files.notices import Remark, by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.scenario.reference import CsvReference, Hold
@@ -25,7 +24,6 @@ from tendonff.compensator.scenario.sampled.from_file import noise_advice, ripple
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.studies.design.drive_use import drive_warnings
-from tendonff.compensator.studies.design.feedback import TensionFeedbackTask
 from tendonff.compensator.studies.design.online import study_online
 from tendonff.compensator.studies.design.result import Design
 from tendonff.models.fidelity import Level
@@ -49,7 +47,7 @@ def design(
     """
     problem = Problem.of(scenario, reference=sample_reference(scenario, strict=strict))
     reference, transmission, level = problem.reference, problem.transmission, problem.level
-    compensators = chosen(scenario.kind, compensators)
+    compensators = chosen(scenario, compensators)
     shares = sum(1 if c.is_fast else SLOW_PARTS for c in compensators)
     parts = Parts(progress, shares + len(compensators) * (len(Level) + 1))
     warnings = [*reference.warnings, *_file_warnings(scenario, problem)]
@@ -86,8 +84,9 @@ def design(
     warnings += slack_warnings(slack, expectation.recommended)
     feedback = None
     if scenario.feedback is not None and "inverse" in profiles:
-        file = scenario.source.name
-        feedback = design_feedback(TensionFeedbackTask.of(problem, scenario.feedback, profiles, file))
+        from tendonff.compensator.studies.design.feedback import feedback_of  # slow to import, for few scenarios
+
+        feedback = feedback_of(problem, scenario.feedback, profiles, scenario.source.name)
         warnings += feedback.warnings
     online = None
     if scenario.stream is not None:

@@ -19,6 +19,7 @@ from tendonff.compensator.studies.experiment.machine import Machine, Schedule, S
 from tendonff.compensator.studies.experiment.numbers import read_measured
 from tendonff.compensator.studies.experiment.result import ExperimentResult, ExperimentRun
 from tendonff.compensator.studies.experiment.rig import Plan, Rig, RigRows
+from tendonff.compensator.works import function_of
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
 
@@ -104,6 +105,7 @@ def experiment(
     >>> result = tf.experiment(scenario)  # doctest: +SKIP
     >>> result.write("experiment")  # doctest: +SKIP
     """
+    function_of("experiment", scenario)  # which refuses the others
     laid_over = None if measured is None else read_measured(Path(measured))
     plan, lead = plan_experiment(scenario), scenario.run.level
     parts = Parts(progress, len(Level) + 2)

@@ -52,7 +52,7 @@ class MotorExplorer(Subject):
         courses, notes = {}, []
         for curve in curves:
             try:
-                command = design.answer(compensator_of(design.kind, curve.name))
+                command = design.answer(compensator_of(design, curve.name))
                 found = task.respond(task.system, command)
             except TendonffError as error:  # one that has no answer must not take the others along
                 if len(curves) == 1:
@@ -78,7 +78,7 @@ class MotorExplorer(Subject):
         """Expected error; see `Subject.worst_case`."""
         task = self._changed(values)
         design = task if design_knows else self._task
-        known = {curve.name: compensator_of(design.kind, curve.name) for curve in self.fast}
+        known = {curve.name: compensator_of(design, curve.name) for curve in self.fast}
         found = task.expect({name: design.answer(each) for name, each in known.items()})
         then = next_step(found, self.file, f"tendonff design {self.file} --out out")
         return found.headline(known[found.recommended].label, then)

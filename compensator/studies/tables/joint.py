@@ -191,7 +191,7 @@ def tabulate_joint(
         style=Style(color=GREEN, linestyle="-"),
         profile=lambda own: _command(own, angle, speeds, motor),
     )
-    each = (compensator_of(task.kind, "linear"), table, compensator_of(task.kind, "inverse"))
+    each = (compensator_of(task, "linear"), table, compensator_of(task, "inverse"))
     commands = {one.name: task.answer(one) for one in each}
     return JointTable(
         scenario=scenario,

@@ -10,11 +10,11 @@ from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.joint.log import answered_logs, read_logs
 from tendonff.compensator.identification.joint.parameters import require_loop
 from tendonff.compensator.scenario.driven.joint import JointScenario
-from tendonff.compensator.scenario.kind import Kind
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.studies.watch.chart import courses_of
 from tendonff.compensator.studies.watch.output import Watch
 from tendonff.compensator.studies.watch.windows import Window, fit_window, windows_of
+from tendonff.compensator.works import function_of
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.closed_form import GrossSliding, data_sheet
 from tendonff.models.turns import in_turn
@@ -56,8 +56,7 @@ def watch(
     >>> found = tf.watch(scenario, ["monday.csv", "tuesday.csv"])  # doctest: +SKIP
     >>> print(found.headline)  # doctest: +SKIP
     """
-    if getattr(scenario, "kind", None) is not Kind.JOINT:
-        raise ParameterError(f"scenario must be that of one driven joint, got {scenario!r:.80}; load its fitted.toml")
+    function_of("watch", scenario)  # which refuses the others
     try:
         require_loop(scenario.mechanism, scenario.source.name)
     except ParameterError as error:

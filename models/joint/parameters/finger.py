@@ -106,6 +106,16 @@ class Finger(Routed):
         return tuple(joint.name for joint in self.joints)
 
     @property
+    def drums_m(self) -> dict[str, dict[str, float]]:
+        """Radii of drums by motor and tendon, positive where the tendon is taken in at positive angles [m]."""
+        return {motor.name: dict(zip(motor.winds, motor.radii_m, strict=True)) for motor in self.motors}
+
+    @property
+    def motors_tell(self) -> bool:
+        """Angles and torques of its motors tell its numbers: the tendons hold every joint by themselves."""
+        return len(self.tendons) > len(self.joints)
+
+    @property
     def pretension_N(self) -> dict[str, float]:
         """Of the motors that wind several tendons, by the names of their bodies."""
         return {motor.body: motor.drive.pretension_N or 0.0 for motor in self.motors if len(motor.winds) > 1}

@@ -10,7 +10,9 @@ shorter by the arm times the angle. A motor's angle is positive where it turns t
 where it has one tendon alone, where it pulls that tendon in.
 """
 
+import math
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -49,6 +51,8 @@ class Mechanism(Routed):
     joints: tuple[DrivenJoint, ...]
     tendons: tuple[JointTendon, ...]
     drive: JointDrive
+    motors_tell: ClassVar[bool] = True
+    """Angles and torques of its motors tell its numbers."""
 
     def __post_init__(self) -> None:
         if len(self.joints) != 1:
@@ -97,6 +101,15 @@ class Mechanism(Routed):
         """Radius of each tendon's drum [m]."""
         given = self.drive.drum_radius_m
         return given if len(given) == len(self.tendons) else given * len(self.tendons)
+
+    @property
+    def drums_m(self) -> dict[str, dict[str, float]]:
+        """Radii of drums by motor and tendon, positive where the tendon is taken in at positive angles [m]."""
+        drums = dict(zip([tendon.name for tendon in self.tendons], self.drum_radius_m, strict=True))
+        if self.drive.kind is DriveKind.LOOP:
+            ways = zip(drums.items(), self.geometry().moment_arm_m(np.zeros((1, 1)))[0, :, 0], strict=True)
+            return {"motor": {name: math.copysign(radius, arm) for (name, radius), arm in ways}}
+        return {f"motor {k}": {name: radius} for k, (name, radius) in enumerate(drums.items(), start=1)}
 
     def geometry(self) -> Geometry:
         """Lengths, wrap angles and moment arms by the angle of the joint; others that sections name stand at zero."""

@@ -8,7 +8,7 @@ from tendonff.compensator.compensators.motors.joint import linear_motor_rad
 from tendonff.compensator.observe.mechanism import rubbing
 from tendonff.compensator.scenario.driven.joint import sample_joint
 from tendonff.ocp.joint.start import joint_problem
-from tests.compensator.joint.test_joint_export import changed
+from tests.compensator.export.test_joint_export import changed
 
 pytestmark = pytest.mark.compiler
 TOUCH = slice(300, 400)

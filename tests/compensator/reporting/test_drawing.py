@@ -10,7 +10,6 @@ import pytest
 import tendonff as tf
 from tendonff.compensator.cli import run
 from tendonff.compensator.reporting.drawing import described_figure
-from tendonff.compensator.scenario.driven.finger import load_finger_scenario
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.path import Section
 
@@ -58,7 +57,7 @@ def test_a_section_of_any_length_is_seen(examples):
 
 def test_tendons_pass_each_joint_at_their_moment_arms(examples):
     """Above the joint where they turn it to positive angles, at one scale."""
-    mechanism = load_finger_scenario(examples / "three_joint_finger.toml").mechanism
+    mechanism = load_scenario(examples / "three_joint_finger.toml").mechanism
     figure = described_figure(mechanism)
     lines = lines_of(figure, panel=len(figure.axes) - 1)
     flexor, extensor = lines["dip_flexor"], lines["extensor"]

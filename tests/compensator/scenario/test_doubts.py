@@ -17,7 +17,7 @@ from tendonff.compensator.scenario.doubts import (
     out_of_reach,
     scenario_doubts,
 )
-from tendonff.compensator.scenario.driven.finger import FingerScenario, load_finger_scenario, parse_finger_scenario
+from tendonff.compensator.scenario.driven.finger import FingerScenario, parse_finger_scenario
 from tendonff.compensator.scenario.driven.finger_doubts import finger_doubts
 from tendonff.compensator.scenario.driven.joint_doubts import joint_doubts
 from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, SineJoint, WaypointJoint
@@ -52,7 +52,7 @@ def test_nothing_is_asked_about_a_sound_joint(path: Path) -> None:
 
 @pytest.mark.parametrize("path", OF_A_FINGER, ids=lambda path: f"{path.parent.name}/{path.stem}")
 def test_nothing_is_asked_about_a_sound_finger(path: Path) -> None:
-    assert finger_doubts(load_finger_scenario(path)) == ()
+    assert finger_doubts(load_scenario(path)) == ()
 
 
 def refusal(scenario: Scenario) -> str:

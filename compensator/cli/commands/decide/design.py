@@ -60,10 +60,10 @@ def design(
         with progress("writing"):
             result.write(folder, interactive=interactive, pdf=pdf)
     warn(*result.warnings)
-    door.show(result, out)
+    result.show(out)
     if check is not None:
         with progress(f"simulating by {check}"):
-            sentence = door.check(result, check).sentence
+            sentence = result.check(check).sentence
         say(sentence)
     return 0 if result.is_usable else EXIT_SOLVE
 

@@ -34,7 +34,8 @@ def export_fmu(
 ) -> None:
     """Write FMUs for Simulink, dSPACE or Modelica.
 
-    Co-simulation units of the exported C, with their sources; of a driven joint or a finger its inverse.
+    Co-simulation units of the exported C, with their sources. A driven joint has the kinds inverse and adaptive, with
+    one motor plant and observer too; a finger has its inverse.
     """
     versions = tuple(FmiVersion) if fmi is None else (fmi,)
     with opened(scenario, out, yes=yes) as (loaded, folder):

@@ -134,4 +134,4 @@ def show(result: MotorDesign, folder: Path) -> None:
     )
 
 
-VIEWS = Views(write=write_files, columns=profile_columns, figures=design_figures)
+VIEWS = Views(write=write_files, columns=profile_columns, figures=design_figures, show=show)

@@ -8,22 +8,20 @@ from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.expected import robustness_table
 from tendonff.compensator.feedback.report import CAPTIONS as FEEDBACK_CAPTIONS
-from tendonff.compensator.feedback.report import feedback_section
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.reporting.colours import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, Style
 from tendonff.compensator.reporting.interactive import zoomed
 from tendonff.compensator.reporting.page import (
     Block,
-    FileNote,
     Interactive,
     Report,
     Section,
     Table,
     Text,
     pictures_of,
-    provenance_of,
 )
 from tendonff.compensator.studies.design.motors.result import MotorDesign
+from tendonff.compensator.studies.design.page import design_page
 
 Curve: TypeAlias = tuple[FloatArray, Style]
 
@@ -92,25 +90,21 @@ def design_report(result: MotorDesign, figures: Mapping[str, Figure], view: Inte
     sheet: tuple[Block, ...] = tuple(_sheets_of_joints(result)) if result.tendons else ()
     if result.sheet is not None:
         sheet = (_sheet_of_loop(result), pictures["pretension"])
-    sections = (
-        Section(title=goal.quantity.capitalize() + ("s" if each else ""), blocks=(pictures["joint"], errors)),
-        *([] if view is None else [Section(title="Interactive view", blocks=(view,))]),
-        Section(title="Robustness to parameter uncertainty", blocks=(*_robustness(result), pictures["contributions"])),
-        *([] if result.feedback is None else [feedback_section(result.feedback, pictures)]),
-        *([Section(title="Data sheet", blocks=sheet)] if sheet else []),
-        Section(title="Tensions", blocks=(pictures["tension"],)),
-        Section(title="Motors", blocks=(pictures["motor"],)),
-    )
-    return Report(
-        title=f"Design: {result.scenario.name}",
-        summary=result.headline,
+    return design_page(
+        result,
+        pictures,
+        view,
+        first=Section(title=goal.quantity.capitalize() + ("s" if each else ""), blocks=(pictures["joint"], errors)),
+        robustness=(*_robustness(result), pictures["contributions"]),
+        own=(
+            *([Section(title="Data sheet", blocks=sheet)] if sheet else []),
+            Section(title="Tensions", blocks=(pictures["tension"],)),
+            Section(title="Motors", blocks=(pictures["motor"],)),
+        ),
         fine_print=result.fine_print,
-        warnings=result.warnings,
-        sections=sections,
-        provenance=provenance_of(result.scenario, "design"),
         files=(
-            FileNote(name="profile.csv", content="references, motor commands and torques, tensions of every sample"),
-            FileNote(name="summary.json", content="errors and data sheet for other programs"),
+            "references, motor commands and torques, tensions of every sample",
+            "errors and data sheet for other programs",
         ),
     )
 

@@ -1,12 +1,12 @@
 """Result of a design of motor angles."""
 
-import os
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from tendonff.compensator.compensators.expectation import Expectation
+from tendonff.compensator.compensators.method_check import MethodCheck
 from tendonff.compensator.compensators.motors.response import MotorResponse
 from tendonff.compensator.compensators.motors.sheet import JointSheet, TendonSheet
 from tendonff.compensator.compensators.motors.task import MotorCompensator, MotorTask
@@ -15,11 +15,12 @@ from tendonff.compensator.compensators.score import scale_of
 from tendonff.compensator.feedback.result import FeedbackResult
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.text import as_argument
-from tendonff.compensator.reporting.results import Result
 from tendonff.compensator.scenario.driven.finger import FingerScenario
 from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenario.goal import Goal
+from tendonff.compensator.studies.design.shown import ShownDesign
 from tendonff.models.joint.closed_form import DataSheet
+from tendonff.ocp.integrate.method import Method
 
 _BEYOND = 1.005  # of a limit: rounding
 
@@ -69,7 +70,7 @@ class MotorProfile:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class MotorDesign(Result):
+class MotorDesign(ShownDesign):
     """Motor angles for driven joints, and what each compensator delivers.
 
     Attributes
@@ -144,10 +145,15 @@ class MotorDesign(Result):
         unit = self.goal.unit
         return f"{unit.factor * value:.2g} {unit.shown} ({self.percent(value):.2g} % of {self.goal.range})"
 
-    @property
-    def recommended(self) -> MotorCompensator:
-        """The compensator whose worst error over the uncertainty is least."""
-        return next(c for c in self.compensators if c.name == self.expectation.recommended)
+    def check(self, method: Method) -> MethodCheck:
+        """Simulate the recommended motor angles by the fixed step and by a method; see `ShownDesign.check`."""
+        task, unit = self.task, self.goal.unit
+        command = task.answer(self.recommended)
+        first, second = (
+            unit.factor * task.values_of(task.respond(task.system, command, method=each))
+            for each in (Method.BDF2, method)
+        )
+        return MethodCheck.of(method, self.recommended.label, unit.shown, unit.factor * task.wanted, (first, second))
 
     @property
     def change(self) -> str:
@@ -196,10 +202,3 @@ class MotorDesign(Result):
     def is_usable(self) -> bool:
         """No compensator failed, and no tendon would have to push."""
         return not self.failed and not self.inversion.would_push
-
-    def write(self, folder: str | os.PathLike[str], *, interactive: bool = False, pdf: bool = False) -> None:
-        """Write `profile.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder.
-
-        An interactive report has a view with zoom, hover and a legend that hides curves, and needs Bokeh.
-        """
-        self._views.write(self, folder, interactive=interactive, pdf=pdf)

@@ -13,8 +13,6 @@ from tendonff.compensator.compensators.motors.registry import require_needed, tr
 from tendonff.compensator.compensators.motors.response import MotorResponse
 from tendonff.compensator.compensators.motors.sheet import joint_sheets, tendon_sheets
 from tendonff.compensator.compensators.motors.task import UNSETTLED, MotorCompensator, MotorTask
-from tendonff.compensator.feedback.joint import JointFeedbackTask
-from tendonff.compensator.feedback.run import design_feedback
 from tendonff.compensator.files.notices import Danger, by_urgency
 from tendonff.compensator.files.progress import Parts, Progress, silent
 from tendonff.compensator.files.reading import InputError
@@ -47,7 +45,7 @@ def design_motors(
     inversion, lead = task.inversion, task.lead
     if strict and (refused := task.refusal):
         raise InputError(f"{scenario.source.name}: {refused}")
-    tried_ones = answering(task) if compensators is None else chosen(task.kind, compensators)
+    tried_ones = answering(task) if compensators is None else chosen(task, compensators)
     require_needed(task, tried_ones)
     parts = Parts(progress, 2 * len(tried_ones) + 1)
     found = tried(task, tried_ones, parts)
@@ -93,7 +91,11 @@ def _one(task: JointTask) -> tuple[dict[str, Any], list[str]]:
     """Data sheet and feedback of one joint, and what they warn of."""
     sheet, sheets, warned = _data_sheet(task, task.inversion)
     settings = task.scenario.feedback
-    feedback = None if settings is None else design_feedback(JointFeedbackTask.of(task, settings))
+    feedback = None
+    if settings is not None:
+        from tendonff.compensator.feedback.joint import feedback_of  # slow to import, for few scenarios
+
+        feedback = feedback_of(task, settings)
     told = [*map(str, joint_doubts(task.scenario)), *warned, *_ringing(task.mechanism, task.sampled)]
     told += () if feedback is None else feedback.warnings
     return {"sheet": sheet, "sheets": sheets, "tendons": (), "joints": (), "feedback": feedback}, told

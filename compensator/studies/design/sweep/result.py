@@ -62,7 +62,7 @@ class Sweep(Result):
     @property
     def known(self) -> dict[str, AnyCompensator]:
         """The compensators by their names."""
-        return {name: compensator_of(self.scenario.kind, name) for name in self.compensators}
+        return {name: compensator_of(self.scenario, name) for name in self.compensators}
 
     @property
     def is_random(self) -> bool:

@@ -68,7 +68,7 @@ def _score(unit: Unit, job: Job) -> Row:
     scores = []
     for k, name in enumerate(job.compensators):
         try:
-            each = compensator_of(problem.kind, name)
+            each = compensator_of(problem, name)
             profile = problem.answer(each) if job.profiles is None else job.profiles[k]
             found = problem.score(profile)
             scores.append((found.rmse_percent_of_range, found.peak_error))
@@ -100,7 +100,7 @@ def sweep(
         raise InputError("a sweep needs either --over KEY=FROM:TO:COUNT or --samples N, and not both")
     problem = problem_of(scenario)
     usual = [each.name for each in answering(problem) if each.is_swept]
-    known = {name: compensator_of(scenario.kind, name) for name in compensators or usual}
+    known = {name: compensator_of(scenario, name) for name in compensators or usual}
     names = tuple(known)
     random = samples > 0
     keys = random_keys(scenario) if random else tuple(axis.key for axis in over)

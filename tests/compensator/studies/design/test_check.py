@@ -10,7 +10,6 @@ from tendonff.compensator.compensators.closed_form import Inverse, Uncompensated
 from tendonff.compensator.compensators.method_check import MethodCheck
 from tendonff.compensator.scenario.reference import Shape, WaypointReference
 from tendonff.compensator.scenarios import load_scenario
-from tendonff.compensator.studies.design.check import check_design
 from tendonff.compensator.studies.design.run import design
 from tendonff.ocp.integrate.method import Method
 
@@ -20,7 +19,7 @@ def test_a_design_is_checked_by_an_integrator(examples: Path) -> None:
     scenario = load_scenario(examples / "finger.toml")
     swing = WaypointReference(times_s=(0, 0.2, 0.4, 0.6), tensions_N=(20.0, 40.0, 25.0, 30.0), shape=Shape.SMOOTH)
     result = design(replace(scenario, reference=swing), compensators=(Uncompensated(), Inverse()))
-    check = check_design(result, Method.IDAS)
+    check = result.check(Method.IDAS)
     assert check.compensator == "exact inverse"
     assert 0 < check.rms_percent_of_range < 0.05
     assert check.error_percent_of_range == pytest.approx(check.rms_percent_of_range, rel=0.1)

@@ -10,7 +10,7 @@ import tendonff as tf
 from tendonff.compensator import door
 from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.files.text import InputError
-from tendonff.compensator.scenario.driven.finger import load_finger_scenario
+from tendonff.compensator.scenarios import load_scenario
 
 pytestmark = pytest.mark.compiler
 
@@ -46,7 +46,7 @@ def files(examples: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     texts["csv"] = moving.replace('kind = "constant"\nangle_rad = 0.0', 'kind = "csv"\nfile = "long.csv"')
     for name, text in texts.items():
         (folder / f"{name}.toml").write_text(text, encoding="utf-8")
-    wanted = FingerTask.of(load_finger_scenario(folder / "finger.toml")).inversion.motor_rad[: len(TIME)]
+    wanted = FingerTask.of(load_scenario(folder / "finger.toml")).inversion.motor_rad[: len(TIME)]
     motors = {f"motor_m{k}_linear_rad": column for k, column in enumerate(wanted.T, start=1)}
     pd.DataFrame({"time_s": TIME, "motor_rad": SWING, **motors}).to_csv(folder / "motors.csv", index=False)
     wrist = {"time_s": TIME, "wrist_rad": 0.3 * TIME / TIME[-1]}

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.cli import run
+from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv, write_text
 from tendonff.compensator.identification.joint.fitted import fitted_text
 from tendonff.compensator.identification.joint.parameters import JointNumber
 from tendonff.compensator.identification.joint.routine import suggest_routine
 from tendonff.compensator.scenarios import load_scenario
+from tendonff.compensator.studies.experiment.run import experiment
 from tendonff.compensator.studies.watch.chart import DRIFTS, courses_of
 from tendonff.compensator.studies.watch.output import Watch
 from tendonff.compensator.studies.watch.run import watch
@@ -171,5 +173,9 @@ def test_the_scenario_of_a_tendon_is_refused_with_the_way_out(tmp_path, examples
 
 
 def test_a_tension_is_refused_by_its_kind(examples):
-    with pytest.raises(ParameterError, match="scenario must be that of one driven joint, got <Scenario 'robot finger"):
+    with pytest.raises(InputError, match="watch follows friction and pre-tension of a closed loop"):
         watch(load_scenario(examples / "finger.toml"), ["a.csv"])
+    with pytest.raises(ParameterError, match=r"tf.load_scenario\(file\) gives, got 'finger.toml'"):
+        watch("finger.toml", ["a.csv"])
+    with pytest.raises(InputError, match="describe that tendon by a scenario of its tension"):
+        experiment(load_scenario(examples / "hand_joint.toml"))

@@ -48,7 +48,7 @@ def test_what_is_drawn_stays_within_the_intervals_and_covers_them(file: str, tmp
 def test_drawn_scenarios_are_plants_that_differ(file: str) -> None:
     """The inverse of the scenario errs on each of them more than on its own."""
     scenario = tf.load_scenario(EXAMPLES / file)
-    profile = problem_of(scenario).answer(compensator_of(scenario.kind, "inverse"))
+    profile = problem_of(scenario).answer(compensator_of(scenario, "inverse"))
     own, *others = (problem_of(each).score(profile).rmse for each in (scenario, *tf.draw(scenario, 2, seed=3)))
     assert min(others) > 1.2 * own
 

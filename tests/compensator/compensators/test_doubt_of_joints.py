@@ -41,7 +41,7 @@ def test_what_is_expected_is_what_plants_at_the_ends_do(examples: Path) -> None:
     """The worst over the samples, each number alone, and the corner that is worst for the profile."""
     task = JointTask.of(hand(examples, STATED))
     assert [each.name for each in answering(task)] == ["linear", "static", "inverse", "robust"]
-    command = task.answer(compensator_of(task.kind, "inverse"))
+    command = task.answer(compensator_of(task, "inverse"))
     found = task.expect({"inverse": command})
 
     def error(**numbers: float) -> float:
@@ -59,7 +59,7 @@ def test_what_is_expected_is_what_plants_at_the_ends_do(examples: Path) -> None:
 
 def test_the_middle_compliance_makes_the_worse_end_of_the_stiffness_better(examples: Path) -> None:
     task = JointTask.of(hand(examples, "[robust]\nstiffness = 0.2\n"))
-    found = task.expect({name: task.answer(compensator_of(task.kind, name)) for name in ("inverse", "robust")})
+    found = task.expect({name: task.answer(compensator_of(task, name)) for name in ("inverse", "robust")})
     assert found.recommended == "robust"
     bare, robust = found.bands["inverse"], found.bands["robust"]
     assert robust.worst.rmse < 0.93 * bare.worst.rmse

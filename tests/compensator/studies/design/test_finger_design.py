@@ -13,10 +13,9 @@ from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.compensators.motors.sheet import joint_sheets, tendon_sheets
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.runtime.kinds import RuntimeStatus
-from tendonff.compensator.scenario.driven.finger import load_finger_scenario, parse_finger_scenario, sample_finger
+from tendonff.compensator.scenario.driven.finger import parse_finger_scenario, sample_finger
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.compare.run import compare
-from tendonff.compensator.studies.design.check import check_driven
 from tendonff.compensator.studies.design.motors.run import design_motors
 from tendonff.compensator.studies.design.sweep.run import sweep
 from tendonff.models.errors import ParameterError
@@ -56,7 +55,7 @@ def test_the_exact_inverse_follows_ten_times_closer_than_the_lengths_of_the_tend
 @pytest.mark.compiler
 def test_a_design_is_checked_by_an_integrator(designed):
     brief = scenario(SHORT, ("duration_s = 0.6", "duration_s = 0.1"), ("fade_in_s = 0.3", "fade_in_s = 0.1"))
-    check = check_driven(replace(designed, scenario=brief, task=FingerTask.of(brief)), Method.IDAS)
+    check = replace(designed, scenario=brief, task=FingerTask.of(brief)).check(Method.IDAS)
     assert 0 < check.rms_percent_of_range < 0.05
     assert check.compensator == designed.recommended.label
 
@@ -141,7 +140,7 @@ def test_slips_are_named_with_the_way_out(before, after, message):
 
 
 def test_moment_arms_at_the_far_end_are_those_of_sections():
-    given = load_finger_scenario(EXAMPLE)
+    given = load_scenario(EXAMPLE)
     tendon = given.mechanism.tendons[0]
     by_sections = given.mechanism.geometry().moment_arm_m(np.zeros((1, 3)))[0, 0]
     plain = scenario(

@@ -16,7 +16,7 @@ from tendonff.compensator.export.joint.project import export_joints
 from tendonff.compensator.export.joint.text import joint_sources, problem_of
 from tendonff.compensator.scenario.driven.joint import sample_joint
 from tendonff.ocp.codegen.precision import Precision
-from tests.compensator.joint.test_joint_export import changed
+from tests.compensator.export.test_joint_export import changed
 
 pytestmark = pytest.mark.compiler
 HERE = Path(__file__).parent
@@ -144,8 +144,21 @@ def test_the_ros_2_transmission_commands_as_the_runtime_and_sees_the_joint(hand,
     package = folder / "ros2" / "tff_transmission"
     flags = ("-O0", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off", "-I", folder)
     subprocess.run(["gcc", *flags, "-c", folder / "tff_joint.c", "-o", tmp_path / "joint.o"], check=True)
-    sources = (HERE / "ros2" / "main.cpp", package / "tff_transmission_loader.cpp", tmp_path / "joint.o")
-    command = ["g++", "-std=c++17", *flags, "-I", HERE / "ros2", "-I", package, *sources, "-lm", "-o", program]
+    stubs = HERE / "ros2_transmission"
+    sources = (stubs / "main.cpp", package / "tff_transmission_loader.cpp", tmp_path / "joint.o")
+    command = [
+        "g++",
+        "-std=c++17",
+        *flags,
+        "-I",
+        HERE / "ros2_transmission",
+        "-I",
+        package,
+        *sources,
+        "-lm",
+        "-o",
+        program,
+    ]
     subprocess.run(command, check=True)
     wanted = 0.3 * np.sin(np.linspace(0, 6, 300)) ** 2
     given = "\n".join(repr(float(0.25 + angle / 2)) for angle in wanted)  # offset and reduction of the joint

@@ -127,7 +127,7 @@ def close(value: float) -> object:
 def test_design_reports_the_worst_of_the_plants_that_it_names(scenario: JointScenario) -> None:
     found, task = design_motors(scenario), JointTask.of(scenario)
     for name in ("robust",):
-        command = task.answer(compensator_of(task.kind, name))
+        command = task.answer(compensator_of(task, name))
         rigs = [with_numbers(scenario.mechanism, {"stiffness": factor}) for factor in (1.0, 0.8, 1.2)]
         errors = [error_percent(scenario, rig, command) for rig in rigs]
         assert found.expectation.worst_percent[name] == close(max(errors))
@@ -138,7 +138,7 @@ def test_design_reports_the_worst_of_the_plants_that_it_names(scenario: JointSce
 def test_compare_reports_the_same_worst_case_and_the_error_on_other_levels(scenario: JointScenario) -> None:
     found, task = compare(scenario), JointTask.of(scenario)
     assert set(found.expectation.bands) == {"linear", "static", "inverse", "robust"}
-    command = task.answer(compensator_of(task.kind, "inverse"))
+    command = task.answer(compensator_of(task, "inverse"))
     softer = error_percent(scenario, with_numbers(scenario.mechanism, {"stiffness": 0.8}), command)
     band = found.bands["inverse", Level.PRESLIDING]
     assert band.scores[1].rmse_percent_of_range == close(softer)
@@ -149,7 +149,7 @@ def test_compare_reports_the_same_worst_case_and_the_error_on_other_levels(scena
 def test_a_sweep_reports_each_unit(scenario: JointScenario, tmp_path: Path) -> None:
     found = sweep(scenario, tmp_path / "s", samples=2, compensators=("linear", "inverse"))
     task = JointTask.of(scenario)
-    command = task.answer(compensator_of(task.kind, "inverse"))
+    command = task.answer(compensator_of(task, "inverse"))
     for row in found.rows:
         rig = with_numbers(scenario.mechanism, {"stiffness": row.values[0]})
         assert row.percent[1] == close(error_percent(scenario, rig, command))
@@ -166,13 +166,13 @@ def test_a_grid_designs_anew_at_every_point(tmp_path: Path) -> None:
     assert names[1:] == ["tendon.stiffness_N_per_m", "inverse_rmse_percent_of_range", "inverse_peak_error_rad"]
     softer = replace(scenario, mechanism=with_numbers(scenario.mechanism, {"tendon.stiffness_N_per_m": 1e4}))
     task = JointTask.of(softer)
-    command = task.answer(compensator_of(task.kind, "inverse"))
+    command = task.answer(compensator_of(task, "inverse"))
     assert float(soft[2]) == close(error_percent(softer, softer.mechanism, command))
 
 
 def test_a_table_is_the_quasi_static_law_and_judged_on_the_same_plants(scenario: JointScenario, tmp_path: Path) -> None:
     found, task = tabulate_joint(scenario), JointTask.of(scenario)
-    static = task.expect({"static": task.answer(compensator_of(task.kind, "static"))}).best
+    static = task.expect({"static": task.answer(compensator_of(task, "static"))}).best
     assert found.error_rad <= BOUND_SHARE * np.ptp(task.wanted)
     assert found.expectation.worst_percent["table"] == pytest.approx(
         static.worst.rmse_percent_of_range, rel=0.1, abs=0.2

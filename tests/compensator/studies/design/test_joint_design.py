@@ -17,7 +17,6 @@ from tendonff.compensator.compensators.motors import joint
 from tendonff.compensator.compensators.motors.drive import commanded, driven
 from tendonff.compensator.compensators.motors.task import UNSETTLED
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.scenario.kind import Kind
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.design.motors.run import design_motors
 from tendonff.models.errors import ParameterError
@@ -39,7 +38,7 @@ def columns(path: Path) -> dict[str, np.ndarray]:
 def hand(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The example behind an ideal servo, designed."""
     folder = tmp_path_factory.mktemp("hand")
-    text = (Path(__file__).parents[3] / "examples" / "hand_joint.toml").read_text("utf-8")
+    text = (Path(__file__).parents[4] / "examples" / "hand_joint.toml").read_text("utf-8")
     for key in ("resolution_rad", "command_interval_s"):
         text = "".join(line for line in text.splitlines(keepends=True) if not line.startswith(key))
     (folder / "hand.toml").write_text(text, "utf-8")
@@ -259,9 +258,10 @@ def test_a_compensator_that_fails_does_not_end_the_design(examples, tmp_path):
     def fails(_task):
         raise FloatingPointError("divide by zero")
 
-    broken = replace(compensator_of(Kind.JOINT, "static"), profile=fails)
+    scenario = load_scenario(variant(examples, tmp_path, COARSE))
+    broken = replace(compensator_of(scenario, "static"), profile=fails)
     given = ("linear", broken, "inverse")
-    result = design_motors(load_scenario(variant(examples, tmp_path, COARSE)), compensators=given)
+    result = design_motors(scenario, compensators=given)
     assert set(result.profiles) == {"linear", "inverse"}
     assert replace(result, failed={}).is_usable
     pushing = replace(result.inversion, status=JointStatus.WOULD_PUSH)
@@ -271,7 +271,7 @@ def test_a_compensator_that_fails_does_not_end_the_design(examples, tmp_path):
 
 
 def test_a_cycle_that_has_not_settled_is_said(monkeypatch):
-    scenario = load_scenario(Path(__file__).parents[2] / "golden" / "spring_cycle.toml")
+    scenario = load_scenario(Path(__file__).parents[3] / "golden" / "spring_cycle.toml")
     task = joint.JointTask.of(scenario)
     command = task.commanded(task.inversion.motor_rad)
     assert not task.respond(task.mechanism, command).message.startswith(UNSETTLED)

@@ -182,7 +182,7 @@ def test_a_unit_of_a_finger_is_valid_and_equals_the_runtime(fmi, tmp_path):
     from fmpy.validation import validate_fmu
 
     scenario = finger()
-    unit = build_finger_fmu(scenario, fmi)
+    unit = build_finger_fmu(scenario, fmi=fmi)
     assert "by the ratio alone" in unit.lines[0]
     unit.write(tmp_path)
     path = str(tmp_path / unit.name)
