@@ -68,7 +68,7 @@ def drawn(rng: np.random.Generator, *, resolution: float, backlash: float) -> di
 
 
 def behind(servo: Servo, command: Array, step_s: float) -> Array:
-    """Answer of a drive, `PARTS` rows to one of its command: samples, hold, delay, lag by the trapezoidal rule, play."""
+    """Answer of a drive, `PARTS` rows to one of its command: samples, hold, delay, lag (trapezoidal rule) and play."""
     if command.ndim == 2:
         return np.column_stack([behind(servo, column, step_s) for column in command.T])
     fine = np.arange((len(command) - 1) * PARTS + 1) * (step_s / PARTS)
