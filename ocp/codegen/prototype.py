@@ -53,6 +53,9 @@ class CFunction:
         if arguments.keys() != set(self.arguments):
             odd = ", ".join(sorted(arguments.keys() ^ set(self.arguments)))
             raise TypeError(f"{self.name} takes {', '.join(self.arguments)}; missing or unknown: {odd}")
+        for name, kind in zip(self.arguments, self._function.argtypes, strict=True):
+            if kind in _SCALARS.values() and np.ndim(arguments[name]) > 0:  # before 2.4 NumPy made it a number
+                raise ctypes.ArgumentError(f"{name} must be a number, got an array")
         return self._function(*(arguments[name] for name in self.arguments))
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tendonff.models.layout import ChainState
-from tendonff.models.mechanism.linearise import Lineariser
+from tendonff.models.mechanism.linearise import LinearChain, Lineariser
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tendon.inverse import Inversion, invert
@@ -98,8 +98,8 @@ def predict_stick_slip(
     last = len(reference) - 1
     rows = np.unique(np.linspace(min(1, last), last, min(_SAMPLES, max(last, 1))).astype(int))
     linear, layout = Lineariser(chain), chain.layout
-    all_poles = [linear.at(ChainState.from_vector(states[row], layout, row * step_s)).poles for row in rows]
-    poles = np.array([each[np.argmax(each.real)] for each in all_poles])  # the fastest growing [1/s]
+    along = [linear.at(ChainState.from_vector(states[row], layout, row * step_s)) for row in rows]
+    poles = np.array([_fastest(each) for each in along])
     time_s = rows * step_s
     found = _stretches(time_s, poles)
     duration = float(time_s[-1])
@@ -111,6 +111,14 @@ def predict_stick_slip(
         expected_error_N=expected,
         warnings=_warnings(found, share, expected, float(np.ptp(reference)), chain),
     )
+
+
+def _fastest(linear: LinearChain) -> complex:
+    """The fastest growing pole [1/s]; 0, neither growing nor not, where numbers beyond all measure leave no matrix."""
+    if not np.isfinite(linear.a).all():
+        return 0j
+    poles = linear.poles
+    return complex(poles[np.argmax(poles.real)])
 
 
 def expected_error_N(chain: Chain, force_N: Array, reference_N: Array, step_s: float, state: ChainState) -> float:

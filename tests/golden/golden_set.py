@@ -44,6 +44,7 @@ FLOORS: Mapping[str, float] = {
     "m_per_s": 1e-2,
     "N_per_s": 10.0,
     "m": 1e-2,
+    "rad": 1e-2,
     "s": 1.0,
     "dB": 10.0,
     "W": 1.0,

@@ -118,3 +118,10 @@ def test_a_reference_of_one_row_or_two_is_answered(generic: Transmission, rows: 
 def test_the_prediction_needs_no_control_or_drawing_library() -> None:
     loaded = "import sys, tendonff.ocp.tendon.stability; print(sorted({'control', 'matplotlib'} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+def test_a_tendon_that_no_matrix_describes_is_answered(generic: Transmission) -> None:
+    """A stiffness beyond all measure is asked about elsewhere; a forecast does not end the design."""
+    soft = replace(generic, tendon=replace(generic.tendon, stiffness_N_per_m=1e-300))
+    found = predict_stick_slip(Chain.of(soft, Level.PRESLIDING), 30 + 5 * np.sin(np.linspace(0, 6, 100)), 1e-3)
+    assert found.stretches == ()
