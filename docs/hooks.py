@@ -25,6 +25,7 @@ _NAMES = re.compile(r"^Names: (.+)$", re.MULTILINE)
 _OTHERS = "the others"
 _KEYS = "<!-- keys of a scenario -->"
 _CODE = re.compile(r"<!-- code: (\S+) -->")
+_SOURCE = re.compile(r"\[(`[^`]+\.py`)\]\(\.\./[^)]+\)")  # files of the repository, which the built pages do not hold
 _MATHS = "assets/mathjax/tex-svg.js"
 
 
@@ -58,7 +59,7 @@ def on_page_markdown(markdown: str, **_: object) -> str:
     markdown : str
     """
     markdown = _NAMES.sub(lambda found: _directives(found[1]), markdown)
-    markdown = _CODE.sub(lambda found: _script(found[1]), markdown)
+    markdown = _SOURCE.sub(r"\1", _CODE.sub(lambda found: _script(found[1]), markdown))
     return markdown.replace(_KEYS, _keys()) if _KEYS in markdown else markdown
 
 

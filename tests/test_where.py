@@ -32,7 +32,9 @@ def defined(file: Path) -> set[str]:
 @pytest.mark.parametrize("row", ROWS, ids=[row[0] for row in ROWS])
 def test_file_names_and_equations_are_there(row: list[str]) -> None:
     _, place, names, theory = row
-    file = ROOT / place.strip("`")
+    (shown, target) = re.findall(r"\[`([^`]+)`\]\(([^)]+)\)", place)[0]
+    file = ROOT / shown
+    assert (PAGE.parent / target).resolve() == file.resolve()
     assert re.findall(r"`(\w+)`", names)
     assert set(re.findall(r"`(\w+)`", names)) <= defined(file)
     for numbers, page in re.findall(r"\[([^]]+)\]\(([^)]+)\)", theory):
@@ -42,7 +44,7 @@ def test_file_names_and_equations_are_there(row: list[str]) -> None:
 
 def test_every_layer_and_every_page_of_theory_with_equations_is_named() -> None:
     text = PAGE.read_text(encoding="utf-8")
-    assert {row[1].strip("`").split("/")[0] for row in ROWS} == set(LAYERS)
+    assert {row[1].strip("[`").split("/")[0] for row in ROWS} == set(LAYERS)
     pages = [page for page in (PAGE.parent / "theory").glob("*.md") if r"\tag{" in page.read_text(encoding="utf-8")]
     assert [page.name for page in pages if f"(theory/{page.name})" not in text] == []
 

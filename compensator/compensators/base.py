@@ -204,7 +204,7 @@ class Problem:
 
     def bands(self, profiles: Mapping[K, Profile]) -> dict[K, ErrorBand]:
         """Errors of profiles on all transmissions that may be the real one."""
-        return error_bands(self.doubt, self.level, profiles, self.reference)
+        return error_bands(self.doubt, self.level, profiles, self.reference, self._known_bands)
 
     def expect(self, profiles: Mapping[str, Profile]) -> Expectation:
         """Try profiles, by name of the compensator, on all transmissions that may be the real one."""
@@ -225,6 +225,10 @@ class Problem:
     def doubt(self) -> Doubt[Transmission]:
         """Transmissions that may be the real one, by the uncertainty or, where none is stated, an assumed one."""
         return Doubt.of(self.transmission, self.uncertainty)
+
+    @cached_property
+    def _known_bands(self) -> dict[bytes, ErrorBand]:
+        return {}
 
     @property
     def is_robust(self) -> bool:

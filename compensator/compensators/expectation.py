@@ -173,11 +173,12 @@ class Expectation:
             compared = "; friction compensation does not reduce it"
         elif without is not None:
             compared = f"; {two_digits(without)} % without friction compensation"
+        drive = " behind an ideal drive (assumed; set drive_class)" if self.doubt.takes_drive_as_ideal else ""
         unfit = unfit_for(self.unit, worst.rmse_percent_of_range)
         return (
             f"{f'{unfit}: tracking' if unfit else 'Tracking'} error up to {self.error}, with the {label}, "
-            f"for {self.doubt} on the {self.level} level{compared}. Largest contribution: {self.contributions[0].key}. "
-            f"Next: {next_command}"
+            f"for {self.doubt} on the {self.level} level{drive}{compared}. "
+            f"Largest contribution: {self.contributions[0].key}. Next: {next_command}"
         )
 
     @property
@@ -243,9 +244,13 @@ def expectation_of(
 
 
 def error_bands(
-    doubt: Doubt[Transmission], level: Level, profiles: Mapping[K, Profile], reference: Reference
+    doubt: Doubt[Transmission],
+    level: Level,
+    profiles: Mapping[K, Profile],
+    reference: Reference,
+    known: dict[bytes, ErrorBand],
 ) -> dict[K, ErrorBand]:
-    """Errors of each profile over the samples; equal profiles are tried once."""
+    """Errors of each profile over the samples; `known` as of `bands_of`."""
 
     def respond(transmission: Transmission, profile: Profile) -> tuple[FloatArray, bool]:
         response = Plant(transmission, level, FINE_SEGMENTS).respond(profile, reference)
@@ -254,7 +259,7 @@ def error_bands(
     def given(profile: Profile) -> bytes:
         return profile.given.tobytes()
 
-    return bands_of(doubt, reference.wanted, profiles, respond, given)
+    return bands_of(doubt, reference.wanted, profiles, respond, given, known)
 
 
 def bands_of(
@@ -263,18 +268,19 @@ def bands_of(
     profiles: Mapping[K, P],
     respond: Callable[[S, P], tuple[FloatArray, bool]],
     given: Callable[[P], bytes],
+    known: dict[bytes, ErrorBand],
 ) -> dict[K, ErrorBand]:
     """Errors of profiles over the samples of a doubt; profiles that give the actuator the same are tried once.
 
-    `respond` simulates a system under a profile: the output, shape (n,), and whether a tendon went slack.
+    `respond` simulates a system under a profile: the output, shape (n,), and whether a tendon went slack. `known` keeps
+    the errors by what is given, for calls to come with the same samples.
     """
-    seen: dict[bytes, ErrorBand] = {}
     bands = {}
     for name, profile in profiles.items():
         key = given(profile)
-        if key not in seen:
-            seen[key] = _band(doubt, wanted, lambda system, profile=profile: respond(system, profile))  # type: ignore[misc]
-        bands[name] = seen[key]
+        if key not in known:
+            known[key] = _band(doubt, wanted, lambda system, profile=profile: respond(system, profile))  # type: ignore[misc]
+        bands[name] = known[key]
     return bands
 
 

@@ -254,8 +254,8 @@ class Actuator:
     resolution : float, optional
         Step of the command, in its unit [N] or [m], >= 0; default: none.
     drive_class : DriveClass, optional
-        Kind of drive, "hobby servo", "dynamixel" or "industrial": lag and delay that are not stated are those of its
-        kind, with a spread that counts in the expected error; default: an ideal drive.
+        Kind of drive, "hobby servo", "dynamixel", "industrial" or "ideal": lag and delay that are not stated are those
+        of its kind, with a spread that counts in the expected error; default: an ideal drive, which reports then name.
     backlash_m : float, optional
         Play between a position drive and the tendon's end [m], >= 0; default: none.
     """

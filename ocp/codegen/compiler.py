@@ -75,7 +75,7 @@ def find_compiler() -> tuple[str, ...] | None:
 def why_no_compiler() -> str:
     """Why `find_compiler` found none, and the way out."""
     try:
-        _cache_folder()
+        cache_folder()
     except OSError as error:
         return f"C cannot be compiled here ({error.strerror}); set TMPDIR or XDG_CACHE_HOME to a folder to write to"
     wanted = os.environ.get("CC", "").strip()
@@ -100,7 +100,7 @@ def run_compiler(compiler: tuple[str, ...], arguments: Sequence[str], folder: Pa
     environment = dict(os.environ)
     if compiler[1:3] == _PACKAGED[:2]:  # it would leave its caches where it runs
         for name in ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR"):
-            environment.setdefault(name, str(_cache_folder() / "zig"))
+            environment.setdefault(name, str(cache_folder() / "zig"))
     run = subprocess.run(
         [*compiler, *arguments], cwd=folder, env=environment, capture_output=True, text=True, check=False
     )
@@ -109,7 +109,7 @@ def run_compiler(compiler: tuple[str, ...], arguments: Sequence[str], folder: Pa
     return f"{' '.join(compiler)} failed with status {run.returncode}: {run.stderr[:500]}"
 
 
-def _cache_folder() -> Path:
+def cache_folder() -> Path:
     """Folder of compiled libraries: the user's own, or one of this process, slower but not wrong.
 
     A library is run as it is found, so a folder that others may write to is none to trust.
@@ -162,7 +162,7 @@ def load_library(source: str) -> ctypes.CDLL:
     """
     compiler = find_compiler()
     if compiler is None:
-        raise CodeError(f"{why_no_compiler()}, or use the CasADi engine")
+        raise CodeError(f"this runs as compiled C alone; {why_no_compiler()}")
     return ctypes.CDLL(str(_built(source, compiler)))
 
 
@@ -171,7 +171,7 @@ def _built(source: str, compiler: tuple[str, ...]) -> Path:
     version = _compiler_version(compiler)
     flags = (*_FLAGS, *_machine_flags(), *(() if "clang" in version else _GCC_FLAGS))
     key = "\0".join([source, *compiler, version, sys.platform, platform.machine(), *flags])
-    library = _cache_folder() / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.so"
+    library = cache_folder() / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.so"
     if not _is_whole(library):
         remove_leftovers(library.parent)
         scratch = library.parent / temporary_name(library.stem)

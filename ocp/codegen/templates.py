@@ -1,6 +1,33 @@
 """Templates of generated text."""
 
+import pickle
+
 import jinja2
+from jinja2.bccache import Bucket
+
+from tendonff.ocp.codegen.compiler import cache_folder
+from tendonff.ocp.codegen.leftovers import temporary_name
+
+
+class _Translated(jinja2.BytecodeCache):
+    """Templates as bytecode, beside the compiled libraries; where nothing can be kept they are translated each time."""
+
+    def load_bytecode(self, bucket: Bucket) -> None:
+        """Fill a bucket with what is kept; one of another text or interpreter, or torn, stays empty."""
+        try:
+            bucket.bytecode_from_string((cache_folder() / f"{bucket.key}.template").read_bytes())
+        except (OSError, EOFError, pickle.UnpicklingError):
+            bucket.reset()
+
+    def dump_bytecode(self, bucket: Bucket) -> None:
+        """Keep a bucket, whole or not at all."""
+        try:
+            folder = cache_folder()
+            partial = folder / temporary_name(bucket.key)
+            partial.write_bytes(bucket.bytecode_to_string())
+            partial.replace(folder / f"{bucket.key}.template")
+        except OSError:
+            return
 
 
 def environment(package: str, *folders: str) -> jinja2.Environment:
@@ -15,4 +42,5 @@ def environment(package: str, *folders: str) -> jinja2.Environment:
         keep_trailing_newline=True,
         trim_blocks=True,
         lstrip_blocks=True,
+        bytecode_cache=_Translated(),
     )

@@ -2,7 +2,8 @@
 
 The balances are written here in vectors from the models' own laws, and CasADi's own Newton iteration solves them. Only
 the scheme is the same: second-order backward differences, implicit Euler at the start and in the pieces of a step that
-must be split.
+must be split. CasADi's `idas` on the page of equations cannot stand in for it: its numbers are others, and it takes
+twice as long.
 """
 
 from dataclasses import dataclass

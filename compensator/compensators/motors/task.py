@@ -316,7 +316,11 @@ class MotorTask(ABC):
                 return np.full_like(self.wanted, np.nan), False
             return self.values_of(found), not found.is_taut
 
-        return bands_of(self.doubt, self.wanted, commands, respond, np.ndarray.tobytes)
+        return bands_of(self.doubt, self.wanted, commands, respond, np.ndarray.tobytes, self._known_bands)
+
+    @cached_property
+    def _known_bands(self) -> dict[bytes, ErrorBand]:
+        return {}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -249,7 +249,9 @@ class MechanismLaw:
 
         unknowns = [self._unknown(n, start[n]) for n in free]
         try:
-            return solve(evaluate, unknowns, values=alone, most=most, tolerance=tolerance)
+            # slopes come with the simulation; by differences they are wanted at the accepted points alone
+            plain = alone if resolve_engine(Engine.AUTO) is Engine.CASADI else None
+            return solve(evaluate, unknowns, values=plain, most=most, tolerance=tolerance)
         except ParameterError as error:
             raise SolveError(str(error)) from None
 

@@ -271,7 +271,7 @@ class Explorer(Subject):
         labels = {curve.name: curve.label for curve in FAST}
         fast = [curve.compensator for curve in FAST if curve.compensator is not None]
         profiles = answers_of(problem, fast, Parts(silent, len(fast))).profiles
-        bands = error_bands(doubt, problem.level, profiles, problem.reference)
+        bands = error_bands(doubt, problem.level, profiles, problem.reference, {})
         found = expectation_of(doubt, problem.level, bands, problem.share_of, problem.unit, change=problem.change)
         file = self._scenario.source.name
         then = next_step(found, file, f"tendonff design {file} --out out")

@@ -3,6 +3,9 @@
 import pytest
 
 import tendonff as tf
+from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.live import expect_live
+from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.export.c_project import export_project
 
 pytestmark = pytest.mark.compiler
@@ -42,3 +45,11 @@ def test_a_live_reference_is_never_promised_the_optimal_profile(examples):
     assert design.expectation.recommended == "optimal"
     assert design.live.recommended == "inverse"
     assert design.live.best.worst.rmse > design.expectation.best.worst.rmse
+
+
+def test_errors_that_are_known_are_not_simulated_again(examples, monkeypatch):
+    problem = Problem.of(tf.load_scenario(examples / "finger.toml"))
+    profiles = {each.name: problem.answer(each) for each in tf.COMPENSATORS if each.name in ("frictionless", "inverse")}
+    known = problem.bands(profiles)
+    monkeypatch.setattr(Plant, "respond", None)
+    assert expect_live(problem, profiles).bands == known

@@ -251,6 +251,26 @@ def test_a_joint_integrated_is_what_the_compiled_step_tends_to(rig: str, example
             assert apart(getattr(run, name), getattr(exact, name)[::20]) < 2e-3, (method, name)
 
 
+@pytest.mark.parametrize(
+    ("rig", "method"),
+    [
+        ("hand_joint", Method.IDAS),
+        pytest.param("hand_joint", Method.CVODES, marks=pytest.mark.nightly),
+        pytest.param("instrument_pair", Method.IDAS, marks=pytest.mark.nightly),
+        pytest.param("instrument_pair", Method.CVODES, marks=pytest.mark.nightly),
+    ],
+)
+def test_the_difference_of_a_joint_shrinks_with_the_tolerance(rig: str, method: Method, examples: Path) -> None:
+    problem, motor = joint_rigs(examples)[rig]
+    exact = turned(problem, motor, method=method, rtol=1e-10, atol=1e-13).tension_N
+    found = [
+        apart(turned(problem, motor, method=method, rtol=tolerance, atol=1e-3 * tolerance).tension_N, exact)
+        for tolerance in (1e-3, 1e-5, 1e-7)
+    ]
+    assert found[0] > 5 * found[1] > 25 * found[2]
+    assert found[2] < 1e-5
+
+
 @pytest.mark.compiler
 def test_a_led_joint_gives_its_torque_by_any_method(examples: Path) -> None:
     problem, motor = joint_rigs(examples)["hand_joint"]

@@ -83,6 +83,26 @@ def test_ipopt_and_sqp_come_to_the_same_cost_of_a_tendon_without_friction(exampl
     assert 0.95 < apart(smooth, problem, problem.solve()) < 1.05
 
 
+def test_with_friction_and_no_limit_the_cost_is_that_of_the_exact_inverse(examples):
+    """Each by its own discretisation; by that of the other the error of implicit Euler at 5 ms is all there is."""
+    scenario = finger(examples, "finger", duration_s=0.2)
+    problem = tf.opti(scenario)
+    posing = Problem.of(scenario, options=scenario.optimal)
+    exact = evaluate(posed(posing), solve(posing).force_N).merit
+    assert 0.95 < float(problem.solve().value(problem.cost)[0]) / exact < 1.05
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(("effort", "step_s"), [(0.0, 0.002), (1e-2, 0.001)])
+def test_ipopt_and_sqp_come_to_the_same_cost_with_friction_and_no_limit(examples, effort, step_s):
+    """Simulated, at intervals of one step by polynomials of degree 3; with effort the inverse is not the best force."""
+    scenario = finger(examples, "finger", duration_s=0.2)
+    optimal = replace(NOMINAL, effort_weight=effort)
+    scenario = replace(scenario, optimal=optimal, run=replace(scenario.run, step_s=step_s))
+    problem = tf.opti(scenario, interval_s=step_s, degree=3)
+    assert 0.95 < apart(scenario, problem, problem.solve()) < 1.05
+
+
 def test_the_scenario_chooses_the_solver(examples):
     scenario = finger(examples, duration_s=0.2)
     by_sqp = solve(Problem.of(scenario, options=NOMINAL))

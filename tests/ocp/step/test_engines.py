@@ -187,7 +187,7 @@ def test_a_missing_folder_to_compile_in_is_not_called_a_missing_compiler(monkeyp
     def full() -> FilePath:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(compiler, "_cache_folder", full)
+    monkeypatch.setattr(compiler, "cache_folder", full)
     compiler._works.cache_clear()
     try:
         with pytest.raises(CodeError, match=r"\(No space left on device\); set TMPDIR or XDG_CACHE_HOME"):
