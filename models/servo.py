@@ -72,8 +72,10 @@ ASSUMED_S: dict[DriveClass, dict[str, tuple[float, float]]] = {
 servo come every 20 ms, a serial bus is asked every few milliseconds, a field bus every millisecond or less."""
 
 
-def assumed_s(kind: DriveClass | None, key: str) -> float:
-    """Middle of what is assumed of a class [s]; 0 without one, and of an ideal drive."""
+def stated_or_assumed_s(stated_s: float | None, kind: DriveClass | None, key: str) -> float:
+    """Time that a drive states, 0 too, else the middle of what is assumed of its class; 0 without one, or ideal [s]."""
+    if stated_s is not None:
+        return stated_s
     return 0.0 if kind is None else sum(ASSUMED_S[DriveClass(kind)].get(key, (0.0, 0.0))) / 2
 
 

@@ -116,7 +116,7 @@ def _of_drive(system: object, stated: Uncertainty) -> list[Spread]:
     for place, drive in _drives(system).items():
         if drive.drive_class is not None:
             for key, interval in ASSUMED_S[DriveClass(drive.drive_class)].items():
-                if not getattr(drive, key) and f"{place}.{key}" not in known:
+                if getattr(drive, key) is None and f"{place}.{key}" not in known:
                     alike.setdefault((key, interval), []).append(f"{place}.{key}")
     return [Spread(keys=tuple(keys), low=low, high=high) for (_, (low, high)), keys in alike.items()]
 
