@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
-from scipy.special import gammaincinv
 
 from tendonff.compensator.compensators.plant import FINE_SEGMENTS, Plant
 from tendonff.compensator.compensators.profile import FloatArray, Profile
@@ -348,6 +347,8 @@ def _reach(gram: FloatArray) -> float:
     sizes = np.linalg.eigvalsh(gram)
     if not len(sizes) or sizes[-1] <= 0:
         return 1.0
+    from scipy.special import gammaincinv  # a fifth of a second to import, for numbers that were fitted together
+
     mean, square = float(sizes.sum()), float((sizes**2).sum())
     most = square / mean * 2 * float(gammaincinv(mean**2 / square / 2, 0.95))
     return math.sqrt(max(most / (TWO_SIDED**2 * float(sizes[-1])), 1.0))

@@ -6,7 +6,6 @@ from typing import Final, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
 from tendonff.models.joint.parameters.drive import JointDrive
 from tendonff.models.parameters import Actuator
@@ -156,6 +155,8 @@ def draw_systems(system: S, uncertainty: Uncertainty, count: int) -> tuple[Sampl
     shifted = (points + np.random.default_rng(uncertainty.seed).random(len(spreads))) % 1.0
     places = 2 * shifted - 1
     if together := list(uncertainty.correlated):
+        from scipy.special import ndtri
+
         root = correlation_root(uncertainty.correlations[np.ix_(together, together)])
         normal = ndtri(np.clip(shifted[:, together], 1e-12, 1 - 1e-12)) / TWO_SIDED
         places[:, together] = np.clip(normal @ root, -1, 1)
