@@ -52,25 +52,31 @@ class DriveClass(StrEnum):
         A smart servo on a serial bus.
     INDUSTRIAL
         A drive on a field bus with a current loop of its own.
+    IDEAL
+        Without lag or delay: nothing is assumed, and no sentence says that it was.
     """
 
     HOBBY_SERVO = "hobby servo"
     DYNAMIXEL = "dynamixel"
     INDUSTRIAL = "industrial"
+    IDEAL = "ideal"
 
 
 ASSUMED_S: dict[DriveClass, dict[str, tuple[float, float]]] = {
     DriveClass.HOBBY_SERVO: {"servo_time_s": (0.01, 0.06), "delay_s": (0.005, 0.025)},
     DriveClass.DYNAMIXEL: {"servo_time_s": (0.005, 0.03), "delay_s": (0.001, 0.01)},
+    DriveClass.IDEAL: {},
     DriveClass.INDUSTRIAL: {"servo_time_s": (0.0005, 0.004), "delay_s": (0.0002, 0.002)},
 }
 """Intervals that are assumed of a class [s]: estimates that leave room, not data of a product. The pulses of a hobby
 servo come every 20 ms, a serial bus is asked every few milliseconds, a field bus every millisecond or less."""
 
 
-def assumed_s(kind: DriveClass | None, key: str) -> float:
-    """Middle of what is assumed of a class [s]; 0 without one."""
-    return 0.0 if kind is None else sum(ASSUMED_S[DriveClass(kind)][key]) / 2
+def stated_or_assumed_s(stated_s: float | None, kind: DriveClass | None, key: str) -> float:
+    """Time that a drive states, 0 too, else the middle of what is assumed of its class; 0 without one, or ideal [s]."""
+    if stated_s is not None:
+        return stated_s
+    return 0.0 if kind is None else sum(ASSUMED_S[DriveClass(kind)].get(key, (0.0, 0.0))) / 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
-from scipy.special import gammaincinv
 
 from tendonff.compensator.compensators.plant import FINE_SEGMENTS, Plant
 from tendonff.compensator.compensators.profile import FloatArray, Profile
@@ -174,11 +173,12 @@ class Expectation:
             compared = "; friction compensation does not reduce it"
         elif without is not None:
             compared = f"; {two_digits(without)} % without friction compensation"
+        drive = " behind an ideal drive (assumed; set drive_class)" if self.doubt.takes_drive_as_ideal else ""
         unfit = unfit_for(self.unit, worst.rmse_percent_of_range)
         return (
             f"{f'{unfit}: tracking' if unfit else 'Tracking'} error up to {self.error}, with the {label}, "
-            f"for {self.doubt} on the {self.level} level{compared}. Largest contribution: {self.contributions[0].key}. "
-            f"Next: {next_command}"
+            f"for {self.doubt} on the {self.level} level{drive}{compared}. "
+            f"Largest contribution: {self.contributions[0].key}. Next: {next_command}"
         )
 
     @property
@@ -347,6 +347,8 @@ def _reach(gram: FloatArray) -> float:
     sizes = np.linalg.eigvalsh(gram)
     if not len(sizes) or sizes[-1] <= 0:
         return 1.0
+    from scipy.special import gammaincinv  # a fifth of a second to import, for numbers that were fitted together
+
     mean, square = float(sizes.sum()), float((sizes**2).sum())
     most = square / mean * 2 * float(gammaincinv(mean**2 / square / 2, 0.95))
     return math.sqrt(max(most / (TWO_SIDED**2 * float(sizes[-1])), 1.0))

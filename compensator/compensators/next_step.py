@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from tendonff.compensator.compensators.expectation import Contribution, Expectation
-from tendonff.compensator.scenario.doubts import largest_tension, needed_force
+from tendonff.compensator.scenario.doubts import is_nothing, largest_tension, needed_force
 from tendonff.models.parameters import Transmission
 from tendonff.models.parameters.numbers import FACTORS
 from tendonff.models.parameters.uncertainty import Spread
@@ -40,10 +40,11 @@ def within_reach(transmission: Transmission, peak_N: float) -> str:
     if peak_N <= most:
         return ""
     actuator = transmission.actuator
-    return (
-        f"lower the reference to at most {most:.4g} N, or raise {actuator.largest_force_name} from "
-        f"{actuator.largest_force_N:g} to {needed_force(transmission, peak_N):.4g}"
-    )
+    needed = needed_force(transmission, peak_N)
+    raised = f"raise {actuator.largest_force_name} from {actuator.largest_force_N:g} to {needed:.4g}"
+    if is_nothing(most, peak_N):
+        return f"{raised}, or bend the path less: nothing arrives through the friction"
+    return f"lower the reference to at most {most:.4g} N, or {raised}"
 
 
 def limited_by(found: Expectation, reasons: Sequence[str]) -> str:

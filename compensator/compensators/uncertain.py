@@ -6,8 +6,9 @@ from typing import Final, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
+from tendonff.models.joint.parameters.drive import JointDrive
+from tendonff.models.parameters import Actuator
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.models.parameters.uncertainty import Spread, Uncertainty
 from tendonff.models.servo import ASSUMED_S, DriveClass
@@ -89,6 +90,11 @@ class Doubt(Generic[S]):
         return self.uncertainty.correlated
 
     @property
+    def takes_drive_as_ideal(self) -> bool:
+        """Nothing is stated of how a drive follows its command, neither a time nor a class."""
+        return any(each.drive_class is None and each.servo.is_ideal for each in _drives(self.system).values())
+
+    @property
     def widths(self) -> str:
         """The intervals in words: "mu ±10 %"; the first three where there are more."""
         words = [spread.words for spread in self.spreads]
@@ -101,20 +107,24 @@ class Doubt(Generic[S]):
 
 
 def _of_drive(system: object, stated: Uncertainty) -> list[Spread]:
-    """Lag and delay of a drive of which the scenario states the class alone, but for those that have an interval."""
+    """Lag and delay of drives of which the scenario states the class alone, but for those that have an interval.
+
+    Drives of one class lag alike.
+    """
     known = {key for spread in stated.spreads for key in spread.keys}
-    found = []
-    for table in ("actuator", "drive"):
-        drive = getattr(system, table, None)
-        kind = getattr(drive, "drive_class", None)
-        if kind is not None:
-            intervals = ASSUMED_S[DriveClass(kind)]
-            found += [
-                Spread(keys=(f"{table}.{key}",), low=low, high=high)
-                for key, (low, high) in intervals.items()
-                if not getattr(drive, key) and f"{table}.{key}" not in known
-            ]
-    return found
+    alike: dict[tuple[str, tuple[float, float]], list[str]] = {}
+    for place, drive in _drives(system).items():
+        if drive.drive_class is not None:
+            for key, interval in ASSUMED_S[DriveClass(drive.drive_class)].items():
+                if getattr(drive, key) is None and f"{place}.{key}" not in known:
+                    alike.setdefault((key, interval), []).append(f"{place}.{key}")
+    return [Spread(keys=tuple(keys), low=low, high=high) for (_, (low, high)), keys in alike.items()]
+
+
+def _drives(system: object) -> dict[str, Actuator | JointDrive]:
+    """Drives of a system by their places in it."""
+    found = {table: drive for table in ("actuator", "drive") if (drive := getattr(system, table, None)) is not None}
+    return found | {f"motors.{motor.name}.drive": motor.drive for motor in getattr(system, "motors", ())}
 
 
 def sample_systems(system: S, uncertainty: Uncertainty) -> tuple[Sample[S], ...]:
@@ -145,6 +155,8 @@ def draw_systems(system: S, uncertainty: Uncertainty, count: int) -> tuple[Sampl
     shifted = (points + np.random.default_rng(uncertainty.seed).random(len(spreads))) % 1.0
     places = 2 * shifted - 1
     if together := list(uncertainty.correlated):
+        from scipy.special import ndtri
+
         root = correlation_root(uncertainty.correlations[np.ix_(together, together)])
         normal = ndtri(np.clip(shifted[:, together], 1e-12, 1 - 1e-12)) / TWO_SIDED
         places[:, together] = np.clip(normal @ root, -1, 1)

@@ -8,10 +8,10 @@ from tendonff.compensator.compensators.stream import choose_stream, followed_ran
 from tendonff.compensator.compensators.table import accepted_range
 from tendonff.compensator.compensators.tuning import check_tuning
 from tendonff.compensator.export.feedback import feedback_files
+from tendonff.compensator.export.feedback_module import feedback_module
 from tendonff.compensator.export.joint.text import accepted_rad, joint_sources, problem_of
 from tendonff.compensator.export.modules import ADAPTIVE, STREAM, c_modules
 from tendonff.compensator.export.text.c_text import c_sources
-from tendonff.compensator.feedback.code import feedback_module
 from tendonff.compensator.feedback.joint import JointFeedbackTask
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.runtime.kinds import RuntimeKind

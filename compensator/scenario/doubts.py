@@ -31,6 +31,7 @@ _SLOWEST_RAD_PER_S = 250.0  # sqrt(k/m) of a tendon: 15 m of steel rope have so 
 _LONGEST_STEP_S, _LONGEST_RELAXATION_S, _LONGEST_LAG_S = 0.05, 3600.0, 5.0  # of a controller, a tendon, a filter
 _LARGEST_FORCE_N = 2e4  # of an actuator: two tonnes on a tendon
 _SMALLEST_N, _BEYOND = 0.1, 100.0  # a tension in kN; reach of the actuator times so much: a tension in mN
+_NOTHING = 1e-3  # of the reference's peak
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,10 +137,19 @@ def out_of_reach(transmission: Transmission, time_s: float, peak_N: float) -> st
     if peak_N <= most:
         return ""
     name, needed = actuator.largest_force_name, needed_force(transmission, peak_N)
+    asked = f"the peak of {peak_N:.4g} N at t = {time_s:g} s needs {needed:.4g} N through the friction"
+    given = f"{name} = {actuator.largest_force_N:g}"
+    if is_nothing(most, peak_N):
+        return f"{asked}, of {given} nothing arrives; raise {name} or bend the path less"
     return (
-        f"the peak of {peak_N:.4g} N at t = {time_s:g} s needs {needed:.4g} N through the friction, "
-        f"{name} = {actuator.largest_force_N:g} delivers at most {most:.4g} N; lower the reference or raise {name}"
+        f"{asked}, {given} delivers at most {most:.4g} N by slow pulling, and more only in passing; lower the "
+        f"reference or raise {name}"
     )
+
+
+def is_nothing(most_N: float, peak_N: float) -> bool:
+    """Return True where a tension is none beside the peak of a reference, which lowered to it would ask for nothing."""
+    return most_N < _NOTHING * peak_N
 
 
 def reach_notes(transmission: Transmission, time_s: FloatArray, tension_N: FloatArray, file: str) -> tuple[str, ...]:

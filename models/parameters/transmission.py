@@ -8,7 +8,7 @@ from tendonff.models.errors import LARGEST, ParameterError, require, require_giv
 from tendonff.models.gear import DriveLaw, require_efficiency
 from tendonff.models.parameters.drive import Drive, Motor
 from tendonff.models.path import JointMotion, Section, above_static
-from tendonff.models.servo import CommandHold, DriveClass, Servo, assumed_s
+from tendonff.models.servo import CommandHold, DriveClass, Servo, stated_or_assumed_s
 
 LARGEST_EXPONENT = 0.5
 """Largest load exponent n [-]: measured ones are at most 1/3."""
@@ -254,8 +254,8 @@ class Actuator:
     resolution : float, optional
         Step of the command, in its unit [N] or [m], >= 0; default: none.
     drive_class : DriveClass, optional
-        Kind of drive, "hobby servo", "dynamixel" or "industrial": lag and delay that are not stated are those of its
-        kind, with a spread that counts in the expected error; default: an ideal drive.
+        Kind of drive, "hobby servo", "dynamixel", "industrial" or "ideal": lag and delay that are not stated are those
+        of its kind, with a spread that counts in the expected error; default: an ideal drive, which reports then name.
     backlash_m : float, optional
         Play between a position drive and the tendon's end [m], >= 0; default: none.
     """
@@ -336,17 +336,13 @@ class Actuator:
     def servo(self) -> Servo:
         """The way from a command to the force [N], or to the position x_c1 [m]."""
         return Servo(
-            servo_time_s=self._time_s("servo_time_s"),
-            delay_s=self._time_s("delay_s"),
+            servo_time_s=stated_or_assumed_s(self.servo_time_s, self.drive_class, "servo_time_s"),
+            delay_s=stated_or_assumed_s(self.delay_s, self.drive_class, "delay_s"),
             command_interval_s=self.command_interval_s,
             command_hold=self.command_hold or CommandHold.LINE,
             resolution=self.resolution or 0.0,
             play=self.backlash_m or 0.0,
         )
-
-    def _time_s(self, key: str) -> float:
-        stated: float | None = getattr(self, key)
-        return assumed_s(self.drive_class, key) if stated is None else stated
 
     @property
     def largest_force_N(self) -> float:

@@ -29,7 +29,7 @@ class Spread:
     half_width : float, optional
         Relative half-width [-], > 0 and < 1: 0.2 means within 20 % either way.
     low, high : float, optional
-        Ends of the interval instead, in the unit of the one key; low < high.
+        Ends of the interval instead, in the unit of the keys, which all have the same value; low < high.
     """
 
     keys: tuple[str, ...]
@@ -54,8 +54,6 @@ class Spread:
                 f'spread "{name}" must be a relative half-width or [low, high] with low < high, '
                 f"got [{self.low}, {self.high}]"
             )
-        elif len(self.keys) > 1:
-            raise ParameterError(f'spread "{name}": numbers that vary together need a relative half-width')
 
     @property
     def name(self) -> str:
@@ -75,7 +73,7 @@ class Spread:
             factor = 1 + place * self.half_width
             return {key: factor * (number_of(system, key) or 0.0) for key in self.keys}
         low, high = self.low or 0.0, self.high or 0.0
-        return {self.keys[0]: low + 0.5 * (1 + place) * (high - low)}
+        return dict.fromkeys(self.keys, low + 0.5 * (1 + place) * (high - low))
 
     def check(self, system: object) -> None:
         """Refuse a key that cannot vary; KeyError where there is none of that name."""

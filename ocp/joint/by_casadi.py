@@ -13,7 +13,7 @@ import numpy as np
 from tendonff.models.cached import cached_property
 from tendonff.models.mechanism.equations import equations_of
 from tendonff.ocp.codegen.smoothing import smoothed, switches
-from tendonff.ocp.integrate.joint import chain_states, cut_joint, led_places, page_state
+from tendonff.ocp.joint.integrated import chain_states, cut_joint, led_places, page_state
 from tendonff.ocp.joint.protocol import Array, JointInverseRows, JointMemory, JointProblem, JointRows
 from tendonff.ocp.joint.recursion import JointRecursion
 from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT

@@ -9,8 +9,8 @@ from tendonff.models.errors import ParameterError
 from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.integrate.joint import IntegratedJoint
 from tendonff.ocp.integrate.method import Accuracy, Method
+from tendonff.ocp.joint.integrated import IntegratedJoint
 from tendonff.ocp.joint.invert import as_rows, engine_of, motor_torques, require_step
 from tendonff.ocp.joint.protocol import Array, JointMemory, JointProblem, JointRows, JointRunner
 from tendonff.ocp.joint.start import start_memory

@@ -8,9 +8,9 @@ import numpy as np
 from tendonff.models.errors import ParameterError
 from tendonff.models.turns import in_turn
 from tendonff.ocp.integrate.integrator import gave_up
-from tendonff.ocp.integrate.mechanism import IntegratedMechanism
 from tendonff.ocp.integrate.method import Accuracy, Method
 from tendonff.ocp.mechanism.compiled import CompiledMechanism, RunRows
+from tendonff.ocp.mechanism.integrated import IntegratedMechanism
 from tendonff.ocp.mechanism.problem import Array, MechanismMemory, MechanismProblem, rest
 from tendonff.ocp.short import rows_in_short
 

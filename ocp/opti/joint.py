@@ -16,11 +16,11 @@ from tendonff.models.layout import Array
 from tendonff.models.mechanism.equations import MechanismEquations, equations_of
 from tendonff.models.mechanism.mechanism import CutMechanism
 from tendonff.models.path import JointMotion
-from tendonff.ocp.integrate.joint import cut_joint, led_places, page_state
-from tendonff.ocp.integrate.mechanism import cut_problem
-from tendonff.ocp.integrate.mechanism import page_state as mechanism_state
+from tendonff.ocp.joint.integrated import cut_joint, led_places, page_state
 from tendonff.ocp.joint.protocol import JointProblem
 from tendonff.ocp.joint.start import start_memory
+from tendonff.ocp.mechanism.integrated import cut_problem
+from tendonff.ocp.mechanism.integrated import page_state as mechanism_state
 from tendonff.ocp.mechanism.problem import MechanismProblem, rest
 from tendonff.ocp.opti.choices import Collocation
 from tendonff.ocp.opti.collocation import History, collocate

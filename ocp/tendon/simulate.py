@@ -14,11 +14,11 @@ from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.integrate.method import Accuracy, Method
-from tendonff.ocp.integrate.tendon import IntegratedStepper
 from tendonff.ocp.short import rows_in_short
 from tendonff.ocp.step.c_engine import CompiledStepper
 from tendonff.ocp.step.casadi_engine import CasadiStepper
 from tendonff.ocp.step.protocol import Array, Rows, Stepper, StepperMemory
+from tendonff.ocp.tendon.integrated import IntegratedStepper
 
 
 class Outcome(StrEnum):

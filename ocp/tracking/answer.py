@@ -63,7 +63,10 @@ def answer(
     left = f"RMS error {rms:.3g} N ({100 * rms / span:.2g} % of range)"
     if problem.chains > 1:
         worst_rms = float(np.sqrt(squares[: problem.chains].max()))
-        left = f"RMS error {worst_rms:.3g} N on the worst of {problem.chains} plants, {left[10:]} on the nominal one"
+        left = (
+            f"RMS error {worst_rms:.3g} N on the worst of {problem.chains} plants, the search's own with "
+            f"{nominal.count} masses (an expected error is over more and finer ones), {left[10:]} on the nominal one"
+        )
     if work.at_clipped.beyond_N == 0:  # what breaks a bound is no yardstick
         left += f", that of the clipped inverse {clipped_rms:.3g} N"
     left += _floor(problem)

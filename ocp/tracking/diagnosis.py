@@ -164,7 +164,8 @@ def _range_reasons(law: CapstanLaw, reference: Array, step_s: float, limits: For
             PeakBeyond(
                 f"the reference asks for {reference[high]:.4g} N at t = {high * step_s:.4g} s; through e^(mu theta) = "
                 f"{math.exp(law.pull_exponent):.3g}{rubs} that needs {needed:.4g} N at the actuator, "
-                f"{limits.maximum_name} is {limits.maximum_N:.4g}: at most {most:.4g} N arrive"
+                f"{limits.maximum_name} is {limits.maximum_N:.4g}: at most {most:.4g} N arrive "
+                "by slow pulling, and more only in passing"
             )
         )
     if reference[low] < least:

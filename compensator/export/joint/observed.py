@@ -5,7 +5,7 @@ import numpy as np
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.scenario.driven.joint import JointScenario
 
-MOVES = 12
+MOVES = 16
 """Steps of the model after the first one, in which an observed joint is found."""
 
 STEP_RAD, SPEED, SPEED_OF_COURSE = 0.02, 1.5, 10.0

@@ -12,6 +12,7 @@ from tendonff.compensator.compensators.motors.joint import JointTask
 from tendonff.compensator.compensators.motors.task import verifying_masses
 from tendonff.compensator.export.drive import test_text
 from tendonff.compensator.export.feedback import feedback_files
+from tendonff.compensator.export.feedback_module import feedback_module
 from tendonff.compensator.export.joint.golden import (
     JointCourse,
     drive_context,
@@ -24,7 +25,6 @@ from tendonff.compensator.export.joint.golden import (
 from tendonff.compensator.export.joint.text import module_text, problem_of, render, transmission_files
 from tendonff.compensator.export.modules import FOLDER_FILES, check_prefix
 from tendonff.compensator.export.motors import ExportedMotors, JudgedJoint, judge, live_headline
-from tendonff.compensator.feedback.code import feedback_module
 from tendonff.compensator.feedback.joint import JointFeedbackTask
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.driven.joint import JointScenario, on_level, sample_joint

@@ -98,7 +98,7 @@ def c_sources(
     if "inverse" in names:
         code["inverse"] = settable_inverse(problem, precision, prefix)
     servo = actuator.servo_stiffness_N_per_m or 0.0
-    forward, shared = chain.with_end_stiffness(servo, chain.far.stiffness_N_per_m), context["shared"]
+    forward, shared = chain.with_end_stiffness(servo, chain.far.stiffness_N_per_m), shared_sources(problem, names)
     if "chain" in shared:
         run = asdict(plant_code(forward, step, f"{prefix}_chain", precision, led=True))
         code |= {

@@ -161,6 +161,11 @@ def _band(course: Course) -> float:
 
 
 def _columns(found: Watch) -> dict[str, np.ndarray]:
+    """Watched numbers of each window; not a number where the logs cannot show a change.
+
+    Free strokes tell the product of friction and pre-tension. What each is then comes from how the law departs from
+    the rig, which is in no band.
+    """
     fitted = [w for w in found.windows if w.values]
     names = [path.name for path in found.inputs]
     columns = {
@@ -173,6 +178,8 @@ def _columns(found: Watch) -> dict[str, np.ndarray]:
     for course in found.courses:
         name, base = str(course.drift.number), course.base
         columns |= {f"{name}_low": base * course.low, f"{name}_high": base * course.high}
+        if not course.shown:
+            columns |= {key: np.full(len(fitted), np.nan) for key in (name, f"{name}_low", f"{name}_high")}
     return columns
 
 
@@ -266,7 +273,10 @@ def watch_report(found: Watch, figures: dict[str, Figure]) -> Report:
             inputs=found.inputs,
         ),
         files=(
-            FileNote(name="watch.csv", content="watched numbers of each window, with their 95 % bands"),
+            FileNote(
+                name="watch.csv",
+                content="watched numbers of each window with 95 % bands, NaN where no change would show",
+            ),
             FileNote(name="summary.json", content="alarms and changes for other programs"),
         ),
     )

@@ -8,7 +8,7 @@ import numpy as np
 from tendonff.models.errors import ParameterError, require, require_given
 from tendonff.models.gear import require_efficiency, slip_friction
 from tendonff.models.layout import Array
-from tendonff.models.servo import CommandHold, DriveClass, Servo, assumed_s
+from tendonff.models.servo import CommandHold, DriveClass, Servo, stated_or_assumed_s
 
 
 class DriveKind(StrEnum):
@@ -53,18 +53,18 @@ class JointDrive:
     speed_max_rad_per_s, torque_max_N_m : float, optional
         Largest speed and torque of the motor, either way, > 0.
     servo_time_s : float, optional
-        Time constant with which the motor follows its command [s], >= 0.
+        Time constant with which the motor follows its command [s], >= 0; default: none.
     resolution_rad : float, optional
         Step of the command at the motor [rad], >= 0: 2 pi/4096 for 12 bits a turn.
     delay_s : float, optional
-        Dead time between a command and the motor's answer [s], >= 0.
+        Dead time between a command and the motor's answer [s], >= 0; default: none.
     command_interval_s : float, optional
         Time between two commands [s], > 0; default: one a step.
     command_hold : CommandHold, optional
         What the drive makes of commands between their samples; default: a straight line.
     drive_class : DriveClass, optional
-        Kind of drive, "hobby servo", "dynamixel" or "industrial": lag and delay that are not stated are those of its
-        kind, with a spread that counts in the expected error; default: an ideal drive.
+        Kind of drive, "hobby servo", "dynamixel", "industrial" or "ideal": lag and delay that are not stated are those
+        of its kind, with a spread that counts in the expected error; default: an ideal drive, which reports then name.
     backlash_rad : float, optional
         Play of the gear, in series with the drum of a loop [rad of the commanded shaft], >= 0: the drum stands, held by
         its tendons, until the motor has crossed it. A pair's tensions keep its gears on one side.
@@ -83,8 +83,8 @@ class JointDrive:
     torque_constant_N_m_per_A: float | None = None
     speed_max_rad_per_s: float | None = None
     torque_max_N_m: float | None = None
-    servo_time_s: float = 0.0
-    delay_s: float = 0.0
+    servo_time_s: float | None = None
+    delay_s: float | None = None
     resolution_rad: float = 0.0
     command_interval_s: float | None = None
     command_hold: CommandHold = CommandHold.LINE
@@ -98,9 +98,11 @@ class JointDrive:
         for radius in self.drum_radius_m:
             require("drum_radius_m", radius, above=0, hint="half the drum's diameter plus half the tendon's")
         require("gear_ratio", self.gear_ratio, above=0, hint="turns of the motor for one of the drum")
-        least_zero = ("inertia_kg_m2", "coulomb_N_m", "servo_time_s", "delay_s", "resolution_rad", "backlash_rad")
+        least_zero = ("inertia_kg_m2", "coulomb_N_m", "resolution_rad", "backlash_rad")
         for name in (*least_zero, "homing_rad"):
             require(name, getattr(self, name), least=0, hint="leave it out for none")
+        for name in ("servo_time_s", "delay_s"):
+            require_given(name, getattr(self, name), least=0, hint="leave it out for none")
         for name in ("torque_constant_N_m_per_A", "speed_max_rad_per_s", "torque_max_N_m", "command_interval_s"):
             require_given(name, getattr(self, name), above=0, hint="leave it out if it is not known")
         require_efficiency(self.gear_efficiency)
@@ -137,8 +139,8 @@ class JointDrive:
     def servo(self) -> Servo:
         """The way from a command to the drum, both as angles of the commanded shaft."""
         return Servo(
-            servo_time_s=self.servo_time_s or assumed_s(self.drive_class, "servo_time_s"),
-            delay_s=self.delay_s or assumed_s(self.drive_class, "delay_s"),
+            servo_time_s=stated_or_assumed_s(self.servo_time_s, self.drive_class, "servo_time_s"),
+            delay_s=stated_or_assumed_s(self.delay_s, self.drive_class, "delay_s"),
             command_interval_s=self.command_interval_s,
             command_hold=self.command_hold,
             resolution=self.resolution_rad,

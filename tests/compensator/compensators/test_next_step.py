@@ -12,6 +12,7 @@ from tendonff.compensator.compensators.live import expect_live
 from tendonff.compensator.compensators.next_step import limited_by, next_step, within_reach
 from tendonff.compensator.compensators.score import Score
 from tendonff.compensator.compensators.uncertain import Doubt
+from tendonff.compensator.scenario.doubts import out_of_reach
 from tendonff.compensator.scenario.unit import RADIAN
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.capstan import Branch, CapstanLaw
@@ -102,6 +103,17 @@ def test_a_reference_out_of_reach_says_what_to_change(transmission):
     assert needed == pytest.approx(1.2 * within * math.exp(law.pull_exponent), rel=1e-9)
     found = expected(transmission, (MU,), (6.0,))
     assert next_step(found, "rig.toml", EXPORT, change=change) == change
+
+
+def test_an_actuator_of_which_nothing_arrives_is_not_asked_for_a_lower_reference(transmission):
+    """4.6e-14 N as the most says nothing."""
+    path = replace(transmission.path, total_angle_rad=100.0)
+    lost = replace(transmission, path=path)
+    change, said = within_reach(lost, 30.0), out_of_reach(lost, 1.0, 30.0)
+    assert "lower the reference" not in change + said
+    assert change.startswith("raise force_max_N from ")
+    assert "nothing arrives" in change
+    assert "nothing arrives" in said
 
 
 def test_table_and_export_say_so_as_design_does(examples):

@@ -119,7 +119,6 @@ def test_the_number_that_does_it_is_the_first_contribution_and_the_corner_of_all
     [
         (("load.stiffness_N_per_m",), {"half_width": 1.0}, "must be > 0 and < 1, got 1"),
         (("actuator.coulomb_N",), {"low": 3.0, "high": 1.0}, r"low < high, got \[3.0, 1.0\]"),
-        (("mu", "stiffness"), {"low": 0.9, "high": 1.1}, "together need a relative half-width"),
     ],
 )
 def test_an_interval_without_a_meaning_is_refused(keys: tuple[str, ...], values: dict, message: str) -> None:

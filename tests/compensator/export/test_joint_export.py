@@ -138,6 +138,17 @@ def test_one_project_of_joints_that_differ_answers_as_python_does(double: Path) 
     assert not list(double.glob("*joint_*.c")), "one copy of the code"
 
 
+def test_the_observer_finds_a_joint_that_turns_within_a_long_step(tmp_path: Path, examples: Path) -> None:
+    """Friction turns there, so that the motor's angle has a kink over the joint's; the shipped test watches it."""
+    sine = SHORT.partition("[reference]\n")[2].partition("[run]")[0]
+    turning = 'kind = "waypoints"\ntimes_s = [0.0, 0.3, 0.6]\nangles_rad = [0.3, 0.8, 0.3]\nshape = "smooth"\n'
+    steps = ("step_s = 0.001", "step_s = 0.004")
+    joint = changed(examples / "hand_joint.toml", tmp_path / "quick.toml", (sine, turning), steps)
+    export_joints(joint, force_export=True).write(tmp_path / "c")
+    done = make(tmp_path / "c", "test", "CFLAGS=-std=c99 -O1")
+    assert done.returncode == 0, done.stdout[-500:] + done.stderr[-500:]
+
+
 def test_what_is_written_says_what_each_joint_is_worth(double: Path) -> None:
     content = json.loads((double / "design.json").read_text("utf-8"))
     assert [joint["name"] for joint in content["joints"]] == ["knuckle", "wrist", "tip", "loose", "sprung", "table"]

@@ -149,7 +149,7 @@ def test_a_reference_beyond_the_actuator_ends_in_numbers_the_user_can_act_on(gen
     found = track(chain, reference(1.9), STEP, limits(80.0, least=15.0, most=70.0))
     text = " ".join(found.reasons)
     assert "through e^(mu theta) = 1.86 that needs" in text
-    assert "force_max_N is 70: at most 37.43 N arrive" in text
+    assert "force_max_N is 70: at most 37.43 N arrive by slow pulling, and more only in passing" in text
     assert "force_min_N is 15" in text
     assert "N/s at the actuator, limit 80" in text
     assert "reversals the force must cross the deadband" in text

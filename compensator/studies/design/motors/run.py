@@ -21,7 +21,13 @@ from tendonff.compensator.scenario.driven.finger_doubts import finger_doubts
 from tendonff.compensator.scenario.driven.joint import JointScenario, SampledJoint
 from tendonff.compensator.scenario.driven.joint_doubts import joint_doubts
 from tendonff.compensator.studies.design.motors.result import MotorDesign, MotorProfile
-from tendonff.models.joint.closed_form import DataSheet, GrossSliding, data_sheet, sweep_pretension
+from tendonff.models.joint.closed_form import (
+    RECOMMENDED_MARGIN,
+    DataSheet,
+    GrossSliding,
+    data_sheet,
+    sweep_pretension,
+)
 from tendonff.models.joint.parameters import DriveKind, Mechanism
 from tendonff.models.turns import in_turn
 
@@ -107,6 +113,8 @@ def _several(task: FingerTask) -> tuple[dict[str, Any], list[str]]:
     return own, [str(doubt) for doubt in finger_doubts(task.scenario)]
 
 
+_SURPLUS = 3.0  # pre-tension over the recommended one that is worth a word
+
 _OWN: Mapping[type[MotorTask], Callable[[Any], tuple[dict[str, Any], list[str]]]] = {
     JointTask: _one,
     FingerTask: _several,
@@ -140,10 +148,15 @@ def _data_sheet(
             f"pretension_N = {tension:g} is below {sheet.least_pretension_N:.3g} N, at which the largest torque makes "
             f"a tendon slack in steady sliding; {sheet.recommended_pretension_N:.3g} N leaves a margin"
         )
-    elif sheet.recommended_pretension_N > 0 and tension > 3 * sheet.recommended_pretension_N:
+    low, high = mechanism.joint.range_rad or (0.0, 0.0)
+    standing = mechanism.joint.static_torque_N_m(np.linspace(low, high, 101) if high > low else sampled.angle_rad)
+    anywhere = max(largest, float(np.abs(standing).max()))  # a live reference may ask for the whole range
+    enough = RECOMMENDED_MARGIN * law.least_pretension_N(anywhere)
+    if 0 < _SURPLUS * enough < tension:
         warned.append(
-            f"pretension_N = {tension:g} is more than the torque asks for; {sheet.recommended_pretension_N:.3g} N "
-            "would make lost motion and friction of the drive that much smaller"
+            f"pretension_N = {tension:g} is more than {anywhere:.3g} N m ask for, the most in the reference and at "
+            f"rest in range_rad; {enough:.3g} N would make lost motion and friction of the drive that much smaller, "
+            "where nothing else loads the joint"
         )
     return sheet, tuple(zip(grid.tolist(), sweep_pretension(law, largest, grid), strict=True)), warned
 

@@ -256,7 +256,8 @@ def test_a_reference_beyond_reach_is_said_in_one_line_and_refused_only_if_strict
         return
     line = (
         "finger.toml [reference]: the peak of 106.8 N at t = 0.7 s needs 200.2 N through the friction, "
-        "force_max_N = 200 delivers at most 106.7 N; lower the reference or raise force_max_N"
+        "force_max_N = 200 delivers at most 106.7 N by slow pulling, and more only in passing; lower the reference or "
+        "raise force_max_N"
     )
     assert sample_reference(posed).warnings == (line,)
     with pytest.raises(InputError, match=re.escape(line)):

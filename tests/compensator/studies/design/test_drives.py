@@ -11,6 +11,7 @@ from tendonff.compensator.compensators.base import Problem, with_motion
 from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.score import verify
+from tendonff.compensator.compensators.uncertain import Doubt
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.scenario.joints import SineJoint
 from tendonff.compensator.scenario.reference import Hold, Quantity, Shape, WaypointReference
@@ -431,7 +432,7 @@ def test_the_expected_error_counts_a_lag_that_is_not_known_well(examples):
     assert found.contributions[0].key == "actuator.servo_time_s"
 
 
-@pytest.mark.parametrize("kind", DriveClass)
+@pytest.mark.parametrize("kind", [kind for kind, assumed in ASSUMED_S.items() if assumed])
 def test_the_expected_error_covers_nine_of_ten_drives_of_a_class(examples, kind):
     """Only the class is stated: lag and delay are drawn from it, and both are named with the way to measure them."""
     scenario = actuated(load_scenario(examples / "finger.toml"), drive_class=kind)
@@ -458,6 +459,35 @@ def test_times_that_are_stated_are_not_assumed(examples):
     assert keys == {"mu", "actuator.delay_s"}
     assert scenario.transmission.actuator.servo.servo_time_s == 0.02
     assert scenario.transmission.actuator.servo.delay_s == pytest.approx(0.0055)
+
+
+def test_a_drive_of_which_nothing_is_stated_is_said_to_be_taken_as_ideal(examples):
+    """A time, a hold or a class states it, and so does the class "ideal", which changes no number."""
+    finger = load_scenario(examples / "finger.toml")
+
+    def said(scenario):
+        problem, profile = answer(replace(scenario, robust=Uncertainty(mu=0.1, samples=3)))
+        found = problem.expect({"inverse": profile})
+        return "ideal drive (assumed; set drive_class)" in found.headline("inverse", "x"), found.best.worst.rmse
+
+    assumed, error = said(finger)
+    assert assumed
+    assert said(actuated(finger, drive_class=DriveClass.IDEAL)) == (False, error)
+    for stated in ({"drive_class": DriveClass.INDUSTRIAL}, {"delay_s": 0.002}, {"command_hold": CommandHold.LATE}):
+        assert not said(actuated(finger, **stated))[0]
+
+
+def test_motors_of_one_class_lag_alike(examples):
+    finger = load_scenario(examples / "three_joint_finger.toml")
+    motors = finger.system.motors
+    kinds = (DriveClass.DYNAMIXEL, DriveClass.DYNAMIXEL, DriveClass.DYNAMIXEL, DriveClass.IDEAL)
+    driven = [replace(m, drive=replace(m.drive, drive_class=k)) for m, k in zip(motors, kinds, strict=True)]
+    doubt = Doubt.of(replace(finger.system, motors=tuple(driven)), Uncertainty(mu=0.1, samples=3))
+    lag = next(spread for spread in doubt.spreads if "servo_time_s" in spread.name)
+    assert lag.keys == tuple(f"motors.{motor.name}.drive.servo_time_s" for motor in motors[:3])
+    slow = doubt.samples[doubt.ends(doubt.spreads.index(lag))[1]].system
+    assert [motor.drive.servo_time_s for motor in slow.motors] == [0.03, 0.03, 0.03, 0.0]
+    assert not doubt.takes_drive_as_ideal
 
 
 @pytest.mark.nightly

@@ -16,11 +16,14 @@ from tendonff.compensator.compensators.every import compensator_of
 from tendonff.compensator.compensators.motors import joint
 from tendonff.compensator.compensators.motors.drive import commanded, driven
 from tendonff.compensator.compensators.motors.task import UNSETTLED
+from tendonff.compensator.compensators.uncertain import Doubt
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.design.motors.run import design_motors
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters import DriveKind, JointDrive
+from tendonff.models.parameters.uncertainty import Uncertainty
+from tendonff.models.servo import DriveClass
 from tendonff.ocp.joint.invert import JointStatus
 from tendonff.ocp.joint.simulate import simulate_joint
 from tendonff.ocp.joint.start import joint_problem
@@ -176,6 +179,19 @@ def test_limits_of_the_motor_are_reported(tmp_path: Path, examples: Path) -> Non
     assert speed <= 2.0 * (1 + 1e-9)
 
 
+def test_a_pretension_is_too_much_only_where_no_angle_in_range_asks_for_it(tmp_path: Path, examples: Path) -> None:
+    """A small reference asks for little; the template's 5 N are for what a live one may want within range_rad."""
+    small = ("angles_rad = [0.0, 0.9, 0.9, 0.3, 1.1, 0.0]", "angles_rad = [0.0, 0.25, 0.25, 0.1, 0.3, 0.0]")
+    narrow = ("range_rad = [-0.5, 1.6]", "range_rad = [-0.1, 0.3]")
+
+    def said(*changes: tuple[str, str]) -> str:
+        path = variant(examples, tmp_path, COARSE, small, *changes)
+        return " ".join(design_motors(load_scenario(path), compensators=("linear", "inverse")).warnings)
+
+    assert "pretension_N" not in said()
+    assert "pretension_N = 5 is more than" in said(narrow)
+
+
 def test_commands_that_shake_a_joint_without_damping_are_reported(tmp_path: Path, examples: Path) -> None:
     calm = design_motors(load_scenario(variant(examples, tmp_path, COARSE)))
     light = ("damping_N_m_s_per_rad = 2.0e-3", "damping_N_m_s_per_rad = 2.0e-4")
@@ -187,6 +203,17 @@ def test_commands_that_shake_a_joint_without_damping_are_reported(tmp_path: Path
 
 def drive(**values: float) -> JointDrive:
     return JointDrive(kind=DriveKind.LOOP, drum_radius_m=(8e-3,), pretension_N=10.0, **values)
+
+
+def test_a_stated_time_is_kept_beside_a_class_of_drives_zero_too(examples: Path) -> None:
+    """Of lag and delay, what is not stated is assumed, with a spread that counts."""
+    assumed = drive(drive_class=DriveClass.DYNAMIXEL)
+    known = replace(assumed, servo_time_s=0.0)
+    assert assumed.servo.servo_time_s > 0
+    assert (known.servo.servo_time_s, known.servo.delay_s) == (0.0, assumed.servo.delay_s)
+    mechanism = load_scenario(examples / "hand_joint.toml").mechanism
+    doubt = Doubt.of(replace(mechanism, drive=known), Uncertainty(mu=0.1, samples=2))
+    assert [spread.name for spread in doubt.spreads] == ["mu", "drive.delay_s"]
 
 
 def test_the_lag_of_a_servo_is_taken_back() -> None:

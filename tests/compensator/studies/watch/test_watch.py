@@ -112,6 +112,17 @@ def test_logs_that_cannot_show_a_change_are_not_said_to_show_no_drift(covariance
     assert "push" in found.headline
 
 
+def test_numbers_that_the_logs_cannot_tell_apart_are_no_numbers_in_the_file():
+    """A band around a value that the fit has by chance would exclude the true one: the headline says so too."""
+    windows = tuple(drawn(1 / 6, lambda _: np.zeros(3), WIDE))
+    found = Watch(scenario=scenario(), windows=windows, courses=courses_of(windows), inputs=(Path("day"),))
+    frame = found.to_frame()
+    assert not any(course.shown for course in found.courses)
+    for number in WATCHED:
+        assert frame[[str(number), f"{number}_low", f"{number}_high"]].isna().all(axis=None)
+    assert frame["used_s"].notna().all()
+
+
 def test_logs_that_show_every_change_say_no_drift():
     windows = tuple(drawn(1 / 3, lambda _: np.zeros(3), SURE))
     found = Watch(scenario=scenario(), windows=windows, courses=courses_of(windows), inputs=())
