@@ -33,8 +33,8 @@ from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.models.tendon.chain import Chain
+from tendonff.ocp.optimal.track import track, track_robust
 from tendonff.ocp.tendon.simulate import simulate
-from tendonff.ocp.tracking.track import track, track_robust
 
 Array = NDArray[np.float64]
 RIVALS = ("inverse", "smoothed", "table")

@@ -24,10 +24,10 @@ from tendonff.models.fidelity import Level
 from tendonff.models.mechanism.chain import chain_equations
 from tendonff.models.parameters import Transmission
 from tendonff.models.tendon.chain import Chain
+from tendonff.ocp.optimal.track import track
 from tendonff.ocp.tendon.inverse import invert
 from tendonff.ocp.tendon.simulate import simulate
 from tendonff.ocp.tracking.limits import ForceLimits
-from tendonff.ocp.tracking.track import track
 
 Array = NDArray[np.float64]
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"

@@ -14,7 +14,7 @@ from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.stream import choose_stream, over_preview
 from tendonff.compensator.scenario.settings import Stream
 from tendonff.compensator.scenarios import load_scenario
-from tendonff.ocp.tracking.track import track
+from tendonff.ocp.optimal.track import track
 
 PREVIEWS_S = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.5)
 

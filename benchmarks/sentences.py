@@ -17,13 +17,13 @@ from random_rigs import Array, random_problem
 
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.codegen.engine import Engine
+from tendonff.ocp.optimal.track import track
 from tendonff.ocp.tendon.inverse import invert
 from tendonff.ocp.tendon.simulate import simulate
 from tendonff.ocp.tendon.stability import predict_stick_slip
 from tendonff.ocp.tracking.diagnosis import law_of
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.result import TrackStatus
-from tendonff.ocp.tracking.track import track
 
 FIRST, LAST = (int(text) for text in f"0:{os.environ.get('TENDONFF_RIGS', '60')}".split(":")[-2:])
 FACTOR = 2.0  # between promise and delivery

@@ -61,11 +61,11 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.ocp.integrate.integrate import Integration, integrate
     from tendonff.ocp.integrate.method import Method
     from tendonff.ocp.opti.tendon import Formulation, OptiSolution
+    from tendonff.ocp.optimal.track import track
     from tendonff.ocp.systems import invert, simulate, system_of
     from tendonff.ocp.tendon.batch import SimulationJob, simulate_batch
     from tendonff.ocp.tracking.limits import ForceLimits
     from tendonff.ocp.tracking.options import TrackOptions
-    from tendonff.ocp.tracking.track import track
 
 __all__ = [
     "COMPENSATORS",
@@ -201,7 +201,7 @@ _HOMES = {
     "ocp.opti.tendon": ("Formulation", "OptiSolution"),
     "ocp.tracking.limits": ("ForceLimits",),
     "ocp.tracking.options": ("TrackOptions",),
-    "ocp.tracking.track": ("track",),
+    "ocp.optimal.track": ("track",),
     "ocp.systems": ("invert", "simulate", "system_of"),
 }
 _HOME_OF = {

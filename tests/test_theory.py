@@ -23,10 +23,10 @@ from tendonff.models.tendon.friction import LuGreBristle, equivalent_coefficient
 from tendonff.models.tendon.link import ZenerLink
 from tendonff.ocp.adaptation.bounds import CertifiedInterval
 from tendonff.ocp.adaptation.recursion import update_law
+from tendonff.ocp.optimal.track import track
 from tendonff.ocp.tendon.inverse import invert
 from tendonff.ocp.tendon.simulate import simulate
 from tendonff.ocp.tracking.limits import ForceLimits
-from tendonff.ocp.tracking.track import track
 
 ROOT = Path(__file__).resolve().parents[1]
 LAW = CapstanLaw(pull_exponent=0.63, release_exponent=0.47, adhesion_N=1.5)

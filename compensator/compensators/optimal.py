@@ -19,12 +19,12 @@ from tendonff.models.parameters import Transmission
 from tendonff.models.parameters.drive import Drive
 from tendonff.models.parameters.uncertainty import Objective
 from tendonff.models.tendon.chain import Chain
+from tendonff.ocp.optimal.cycle import track_cycle
+from tendonff.ocp.optimal.track import track_robust
 from tendonff.ocp.reference.motion import tension_of_motion
-from tendonff.ocp.tracking.cycle import track_cycle
 from tendonff.ocp.tracking.diagnosis import PeakBeyond
 from tendonff.ocp.tracking.problem import TrackingProblem
 from tendonff.ocp.tracking.result import Tracking, TrackStatus
-from tendonff.ocp.tracking.track import track_robust
 
 _STATUS = {
     TrackStatus.EXACT: ProfileStatus.GOOD,

@@ -10,10 +10,10 @@ from tendonff.compensator.reporting.plots import figure_style, new_figure
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.tendon.chain import Chain
+from tendonff.ocp.optimal.track import track
 from tendonff.ocp.tendon.inverse import invert
 from tendonff.ocp.tendon.simulate import simulate
 from tendonff.ocp.tracking.limits import ForceLimits
-from tendonff.ocp.tracking.track import track
 
 FAST = Path(__file__).resolve().parents[2] / "examples" / "finger_fast.toml"
 

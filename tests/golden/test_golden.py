@@ -39,6 +39,9 @@ UNITS = (("finger", "inverse"), ("finger", "plant"))
 # profile further than other results. Measured: 6e-11 in the design, 4e-6 in the matrix, which has stiffer levels too.
 SEARCHED = {"finger_fast": 5e-5}
 DIAGNOSTICS = {"largest_growth_per_s": 2e-6}  # written to a millionth
+# Of a command without friction a tendon sticks and slips as rounding has it. Measured with that of another machine: 7e-6
+# of the peak of a pair, 9e-4 of how much a change of the model is amplified.
+STICKS = {"compensators.linear": 5e-5, "compensators.static": 5e-5, "amplification": 5e-3}
 TORQUES = (
     "--input-column=input_torque_Nm",
     "--output-column=output_torque_Nm",
@@ -191,7 +194,7 @@ def test_design_of_joints_gives_what_is_stored(example, command, golden):
     stored = golden(f"{example}/design")
     stored.messages(command("design", here if here.with_suffix(".toml").exists() else example, "--out", "out"))
     stored.table(Path("out/profile.csv"))
-    stored.data(Path("out/summary.json"))
+    stored.data(Path("out/summary.json"), amplified=STICKS)
 
 
 @pytest.mark.compiler

@@ -14,7 +14,7 @@ from tendonff.models.turns import in_turn
 from tendonff.ocp.opti.choices import Collocation
 from tendonff.ocp.opti.joint import JointFormulation, Pursuit, formulate_joint, formulate_mechanism
 from tendonff.ocp.opti.tendon import TensionFormulation, formulate
-from tendonff.ocp.tracking.track import first_guess
+from tendonff.ocp.optimal.track import first_guess
 
 
 @in_turn

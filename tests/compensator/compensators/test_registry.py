@@ -31,8 +31,8 @@ from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.ocp.errors import SolveError
+from tendonff.ocp.optimal import track as tracking
 from tendonff.ocp.tendon import stability
-from tendonff.ocp.tracking import track as tracking
 from tendonff.ocp.tracking.options import TrackOptions
 from tendonff.ocp.tracking.result import TrackStatus
 

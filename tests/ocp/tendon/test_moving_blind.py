@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.models.tendon.chain import Chain
+from tendonff.ocp.optimal.track import track
 from tendonff.ocp.tendon.inverse import invert
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.result import TrackStatus
-from tendonff.ocp.tracking.track import track
 from tests.moving_plant import moving_finger, moving_output
 
 Array = NDArray[np.float64]

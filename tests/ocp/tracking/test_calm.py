@@ -10,6 +10,7 @@ from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.models.path import Section
 from tendonff.models.tendon.chain import Chain
+from tendonff.ocp.optimal.track import TrackStatus, track
 from tendonff.ocp.tendon.inverse import invert
 from tendonff.ocp.tendon.simulate import simulate
 from tendonff.ocp.tracking.cost import evaluate, gauss_newton_model
@@ -17,7 +18,6 @@ from tendonff.ocp.tracking.diagnosis import law_of, reversals
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.options import TrackOptions
 from tendonff.ocp.tracking.problem import TrackingProblem
-from tendonff.ocp.tracking.track import TrackStatus, track
 
 STEP = 4e-3
 TIME = np.arange(0, 1.2 + STEP / 2, STEP)

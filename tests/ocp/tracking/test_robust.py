@@ -8,11 +8,11 @@ from tendonff.models.parameters import Transmission
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.models.parameters.uncertainty import Objective
 from tendonff.models.tendon.chain import Chain
+from tendonff.ocp.optimal.track import track_robust
 from tendonff.ocp.tendon.inverse import invert
 from tendonff.ocp.tendon.simulate import simulate
 from tendonff.ocp.tracking.diagnosis import law_of
 from tendonff.ocp.tracking.limits import ForceLimits
-from tendonff.ocp.tracking.track import track_robust
 
 STEP = 2e-3
 TIME = np.arange(0, 1 + STEP / 2, STEP)

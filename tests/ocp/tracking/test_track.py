@@ -12,6 +12,7 @@ from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.errors import SolveError
+from tendonff.ocp.optimal.track import TrackStatus, track
 from tendonff.ocp.tendon.inverse import InverseStatus, invert
 from tendonff.ocp.tendon.simulate import simulate
 from tendonff.ocp.tracking import search
@@ -20,7 +21,6 @@ from tendonff.ocp.tracking.diagnosis import law_of
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.options import TrackOptions
 from tendonff.ocp.tracking.problem import PlantRun, TrackingProblem
-from tendonff.ocp.tracking.track import TrackStatus, track
 
 Array = NDArray[np.float64]
 STEP = 1e-3

@@ -11,6 +11,7 @@ import pytest
 from benchmarks.random_rigs import random_problem
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.codegen.engine import Engine
+from tendonff.ocp.optimal.track import TrackStatus, track
 from tendonff.ocp.tendon.inverse import invert
 from tendonff.ocp.tendon.simulate import simulate
 from tendonff.ocp.tendon.stability import predict_stick_slip
@@ -18,7 +19,6 @@ from tendonff.ocp.tracking.cost import evaluate
 from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.options import TrackOptions
 from tendonff.ocp.tracking.problem import TrackingProblem
-from tendonff.ocp.tracking.track import TrackStatus, track
 
 COUNT = int(os.environ.get("TENDONFF_RANDOM_RIGS", "6"))
 

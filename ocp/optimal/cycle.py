@@ -11,6 +11,7 @@ from tendonff.models.parameters.uncertainty import Objective
 from tendonff.models.tendon.chain import Chain
 from tendonff.models.turns import in_turn
 from tendonff.ocp.errors import SolveError
+from tendonff.ocp.optimal.track import solve_tracking
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.tendon.batch import Progress
 from tendonff.ocp.tendon.inverse import Inversion
@@ -20,7 +21,6 @@ from tendonff.ocp.tracking.limits import ForceLimits
 from tendonff.ocp.tracking.options import TrackOptions
 from tendonff.ocp.tracking.problem import TrackingProblem
 from tendonff.ocp.tracking.result import Tracking, TrackStatus
-from tendonff.ocp.tracking.track import solve_tracking
 
 _CYCLES = 3
 

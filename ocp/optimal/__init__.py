@@ -1,0 +1,1 @@
+"""The optimal force: which search solves a tracking problem, and cycles of it."""
