@@ -163,7 +163,8 @@ def atomic_directory(target: str | os.PathLike[str]) -> Iterator[Path]:
     """Empty folder to fill; its contents become `target` when the block ends without an error, else it vanishes.
 
     Files of an earlier run with the same names are replaced, on success only; files that this run does not write stay,
-    for they may be the user's. A page of another program is not replaced: InputError, and the folder stays as it was. InputError at entry, before any work, when `target` is a file or cannot be written.
+    for they may be the user's. A page of another program is not replaced: InputError, and the folder stays as it was.
+    InputError at entry, before any work, when `target` is a file or cannot be written.
     """
     target = Path(os.path.abspath(target))  # noqa: PTH100 - `resolve` would replace a linked folder by its target
     if target.exists() and not target.is_dir():
@@ -209,7 +210,7 @@ def _merge(source: Path, target: Path) -> None:
 
 
 def _head(path: Path) -> bytes:
-    """First bytes of a file; none of one that may not be read, and is then somebody else's."""
+    """First bytes of a file; none of one that may not be read."""
     try:
         with path.open("rb") as file:
             return file.read(_HEAD_BYTES)
