@@ -72,15 +72,27 @@ LIVE = tuple(  # of every module that follows a reference
     (f"{module}.c", f"{module}: {what}", old, new)
     for module in ("inverse", "capstan", "table")
     for what, old, new in (
-        ("a lost reference not noted", "tff_entry_lose(&self->entry, 1);", ""),
+        ("a lost reference not noted", "tff_lose(&self->output, &self->entry, reference);", "self->output.force;"),
         ("missed calls not noted", "tff_entry_lose(&self->entry, samples);", ""),
-        ("a pause is no pause", f"tff_{module}_missed(self, missed);", "(void)missed;"),
-        ("limits of a record not taken", "tff_output_use(&self->output, given);", ""),
-        ("a bad start taken", "_MAX_N) == 0) {\n        tension", "_MAX_N) == 2) {\n        tension"),
-        ("a bad start not flagged", "status = TFF_INPUT_HELD;", "status = TFF_OK;"),
+        ("a pause is no pause", f"tff_{module}_missed(self, pause.missed);", ""),
+        ("limits of a record not taken", "tff_output_use(&self->output, given)", "tff_parameters_are_good(given)"),
     )
 )
 RESTS = (
+    ("limits.c", "a lost reference not noted", "tff_entry_lose(entry, 1);", ""),
+    (
+        "limits.c",
+        "a lost reference not flagged",
+        "return tff_output_hold(output, tff_held(reference));",
+        "return output->force;",
+    ),
+    (
+        "limits.c",
+        "a bad start taken",
+        "if (tff_is_within(tension, low, high) == 0)",
+        "if (tff_is_within(tension, low, high) == 2)",
+    ),
+    ("limits.c", "a bad start not flagged", "        status = TFF_INPUT_HELD;", "        status = TFF_OK;"),
     ("limits.c", "a way back of one sample", "followed = self->held + ", "followed = reference + 0 * "),
     ("limits.c", "a way back without an end", "self->left -= 1.0;", ""),
     ("limits.c", "a lost reference never ends", "        self->lost = 0;\n    }", "    }"),
@@ -88,10 +100,10 @@ RESTS = (
     (
         "limits.c",
         "no rate limit after a longer step",
-        "output->change = change * samples;",
+        "output->change *= pause.samples;",
         "output->change = TFF_LARGEST_N;",
     ),
-    ("limits.c", "a longer step's rate limit stays", "output->change = change;", ""),
+    ("limits.c", "a longer step's rate limit stays", "output->change = pause->change;", ""),
     ("limits.c", "upper limit of a record ignored", "self->high = given->force_max;", ""),
     ("limits.c", "lower limit of a record ignored", "self->low = given->force_min;", ""),
     ("limits.c", "rate of a record ignored", "self->change = (change < TFF", "self->change = (change > 2 * TFF"),

@@ -8,7 +8,7 @@ from tendonff.compensator.export.judgement import Judged, chosen, judge, profile
 from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.export.modules import ADAPTIVE, OBSERVER, PLANT, c_modules, check_prefix
 from tendonff.compensator.export.observer import ObserverDesign
-from tendonff.compensator.export.text.c_text import c_sources, harmless, table_context
+from tendonff.compensator.export.text.c_text import c_sources, harmless, shared_sources, table_context
 from tendonff.compensator.export.text.parameters import parameters_of
 from tendonff.compensator.export.unit import Fmu, Variable, pack
 from tendonff.compensator.files.reading import InputError
@@ -43,8 +43,7 @@ def build_fmu(
     if module is None:
         raise InputError(f"{scenario.source.name}: no {kind} serves this drive and path; use --kind inverse")
     identifier = f"{prefix}_{kind}"
-    path = ("path",) if problem.chain.moving else ()
-    compiled = [f"{prefix}_{name}.c" for name in ("parameters", "limits", *path, kind)]
+    compiled = [f"{prefix}_{name}.c" for name in (*shared_sources(problem, (kind,)), kind)]
     built = table_of(problem) if kind is Kind.TABLE else None
     judged, warnings = _judged(problem, built, module, force_export=force_export)
     further = {} if built is None else table_context(built, Precision.DOUBLE)

@@ -4,7 +4,7 @@ A scenario whose friction sets in gradually (spread plays, as `identify` fits th
 """
 
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,7 +23,6 @@ from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.adaptation.code import TunedChain
 from tendonff.ocp.adaptation.tuning import Tunable
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.step.target import plant_code
 from tendonff.ocp.tendon.inverse import invert
 from tendonff.ocp.tendon.simulate import Simulator, simulate
 
@@ -222,15 +221,13 @@ def _least_release(law: CapstanLaw) -> float:
     return float(play_exponents(law.release_exponent, law.release_spread).min())
 
 
-def observer_code(design: ObserverDesign, precision: Precision, prefix: str) -> dict[str, object]:
+def observer_code(design: ObserverDesign) -> dict[str, object]:
     """Values for the templates of the observer."""
     problem, chain, held = design.problem, design.chain, design.enclosure
     slope = chain.rest_state(1.0).near_position_m if design.follows_far_end else 0.0
     largest = accepted_range(problem)[1] + held.adhesion_N
     plays = design.law.plays
-    code = plant_code(chain, problem.reference.step_s, f"{prefix}_forward", precision, far_moves=design.follows_far_end)
     return {
-        **asdict(code),
         "observer": {
             "far": design.follows_far_end,
             "by_estimate": held.by_estimate,
@@ -238,7 +235,6 @@ def observer_code(design: ObserverDesign, precision: Precision, prefix: str) -> 
             "masses": BOUND_MASSES,
             "spread": design.spread,
             "input_max": design.input_max_N,
-            "reals": chain.layout.size,
             "narrow": math.exp(-held.margin),
             "wide": math.exp(held.margin),
             "low_pull": math.exp(-held.low_pull),
@@ -325,7 +321,7 @@ def observer_golden(design: ObserverDesign, chain: Chain, course_N: FloatArray, 
         any_low=math.exp(-design.enclosure.low_pull),
         any_high=math.exp(design.enclosure.high_release),
         knows_friction=design.law.plays is None and layout.friction_states == ("f_s",),
-        friction_at=layout.part(layout.friction_states[0]).start if layout.friction_states else 0,
+        friction_at=chain.layout.part(layout.friction_states[0]).start if layout.friction_states else 0,
     )
 
 

@@ -47,7 +47,7 @@ class ChainCode:
     record: str  # the coefficient record and its values, one row per weight of the scheme
     laws: str  # element laws as static functions
     body: str  # the scheme around them
-    rest: str  # statements that fill `self->x` with the state at rest under `tension`
+    rest: str  # statements that fill `x`, of an inverse `self->x`, with the state at rest under `tension`
     contact: str = ""  # record of friction on a bend, where the path moves or has sections; else empty
     # statements that set `travel` to that of the actuator's end since the rest under `self->start`; of the inverse. On
     # a path in sections to its position but for a constant
@@ -118,29 +118,36 @@ def inverse_code(
     )
 
 
-def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision, *, far_moves: bool = False) -> ChainCode:
-    """The time step; `far_moves` where the rest position of the load's spring is an input."""
+def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision, *, led: bool = False) -> ChainCode:
+    """The time step; `led`: its input says whether a tension cell stands in for the near end (`led_by_tension`).
+
+    Then the rest position of the load's spring is an input too, where no joint moves the far end.
+    """
     limits = plant_limits(precision)
     weights = scheme_rows(step_s, limits.splits)
-    contact = _contact(chain, prefix, precision)
+    contact = _contact(chain, prefix, precision, shared=led)
     folder = chain_evaluator(chain, weights, prefix, precision, contact, whole=False)
     laws = ElementLaws.of(chain) if contact is None else contact.laws
-    near, far = {"pull": -1.0}, {"f_c": 0.0, "pull": 1.0}
-    if not far_moves:
+    near, cell, far = {"pull": -1.0}, {"pull": -1.0, "x_c": 0.0}, {"f_c": 0.0, "pull": 1.0}
+    if not led or chain.far_joint is not None:
         far["x_c"] = 0.0
     if not chain.near.stiffness_N_per_m:
         near["x_c"] = 0.0
+    ends = {
+        "near": folder.fold(end_mass(chain.near), "end_mass_near", fixed=_end(chain, "near") | near),
+        "far": folder.fold(end_mass(), "end_mass_far", fixed=_end(chain, "far") | far),
+    }
+    if led:
+        ends["cell"] = folder.fold(end_mass(), "end_mass_cell", fixed=_end(chain.led_by_tension(), "near") | cell)
     folded = (
         folder.fold(laws.link_start()),
         folder.fold(laws.link_force()),
         folder.fold(laws.link_states()),
         folder.fold(laws.path_mass()),
-        folder.fold(end_mass(chain.near), "end_mass_near", fixed=_end(chain, "near") | near),
-        folder.fold(end_mass(), "end_mass_far", fixed=_end(chain, "far") | far),
+        *ends.values(),
         *((folder.fold(laws.link_gain()),) if contact else ()),
     )
     code = step_code(chain, folder.prefix, precision, folded, limits=limits, contact=contact)
-    ends = {"near": folded[4], "far": folded[5]}
     split = {name: name.split("_", 1) for name in INPUT_NAMES}
     taken = tuple(name for name, (end, what) in split.items() if _ARGUMENTS[what] in ends[end].inputs)
     code = replace(code, inputs=taken)
@@ -149,7 +156,7 @@ def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision, *
         record=_record(folder, weights),
         laws=_text(folded, contact),
         body=(code.render("moving_target.c.j2") if contact else "") + code.render("kernel.c.j2"),
-        rest=_rest(chain, precision),
+        rest=_rest(chain, precision, array="x"),
         contact=contact.record if contact else "",
         inputs=code.inputs,
     )
@@ -219,8 +226,12 @@ def step_code(
     )
 
 
-def _contact(chain: Chain, prefix: str, precision: Precision, *, settable: bool = False) -> Contact | None:
-    return contact_code(chain, Joints.of(chain), prefix, precision, settable=settable) if chain.moving else None
+def _contact(
+    chain: Chain, prefix: str, precision: Precision, *, settable: bool = False, shared: bool = False
+) -> Contact | None:
+    if not chain.moving:
+        return None
+    return contact_code(chain, Joints.of(chain), prefix, precision, settable=settable, shared=shared)
 
 
 def _text(folded: tuple[FoldedLaw, ...], contact: Contact | None) -> str:
@@ -313,7 +324,7 @@ def _record(folder: PartialEvaluator, weights: Weights) -> str:
     return "{}\n{}\n{}".format(comment, *record_code(folder, columns))
 
 
-def _rest(chain: Chain, precision: Precision, *, relative: bool = False) -> str:
+def _rest(chain: Chain, precision: Precision, *, relative: bool = False, array: str = "self->x") -> str:
     """Statements for the state at rest: affine in the tension, so two evaluations of `rest_state` say it all."""
     slopes = chain.rest_state(1.0).vector() - chain.rest_state(0.0).vector()
-    return rest_statements(slopes * (0.0 if relative else 1.0), precision)
+    return rest_statements(slopes * (0.0 if relative else 1.0), precision, array)

@@ -55,12 +55,13 @@ def contact_code(
     settable: bool = False,
     slopes: bool = False,
     types: str = "",
+    shared: bool = False,
 ) -> Contact:
     """Friction of the bends.
 
     Where it is settable, coefficients carry factors that are known at run time only; with `slopes` the record also
     holds how these change with it, `SLOPE_OF` in front of their names. `types` is the prefix of the C names of the
-    path; default: `prefix` without its last word.
+    path; default: `prefix` without its last word. `shared`: its functions are declared in a header.
     """
     types = types or prefix.rpartition("_")[0]
     twins = twins_of(chain, ways_differ=settable)
@@ -114,12 +115,12 @@ def contact_code(
     functions = [
         *([_helper(chain, prefix, precision), *texts] if calls[False] else []),
         *(
-            _function("Friction where the joints stand now.", f"{prefix}_touch", head, _either(moving, types))
+            _function("Friction where the joints stand now.", f"{prefix}_touch", head, _either(moving, types), shared)
             if joints.names
             else []
         ),
         *(_function("Friction everywhere.", f"{prefix}_touch_all", head, [*calls[False].values()]) if settable else []),
-        *_function("Friction at the start.", f"{prefix}_contact_init", f"{prefix}_contact *contact", init),
+        *_function("Friction at the start.", f"{prefix}_contact_init", f"{prefix}_contact *contact", init, shared),
     ]
     fields = (*own, *sorted(name for name in renewed if name.startswith(SLOPE_OF)))
     everything = {**chain.numbers(), **{name: float(values[0]) for name, values in known.items()}}
@@ -148,12 +149,12 @@ def _either(calls: dict[bool, list[str]], types: str) -> list[str]:
     ]
 
 
-def _function(comment: str, name: str, arguments: str, lines: list[str]) -> list[str]:
+def _function(comment: str, name: str, arguments: str, lines: list[str], shared: bool = False) -> list[str]:
     names = ("path", "contact", "pull", "release")
     idle = [n for n in names if f" {n}" in f" {arguments}".replace("*", " ") and not any(n in line for line in lines)]
     return [
         f"/* {comment} */",
-        f"static void {name}({arguments})",
+        f"{'' if shared else 'static '}void {name}({arguments})",
         "{",
         *(f"    (void){n};" for n in idle),
         *lines,

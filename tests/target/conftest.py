@@ -22,7 +22,7 @@ from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.tendon.inverse import invert
 
 HERE = Path(__file__).parent
-MODULES = ("parameters", "limits", "inverse", "capstan", "table", "plant", "observer")
+MODULES = ("parameters", "limits", "chain", "inverse", "capstan", "table", "plant", "observer")
 KINDS = ("inverse", "capstan", "table", "plant", "observer")
 _SHOWN = re.compile("[0-9a-f]{8}|[0-9a-f]{16}")
 HOST_FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno")
@@ -231,7 +231,8 @@ def _bench(folder: Path, kinds: tuple[str, ...]) -> list[str | Path]:
 
 def _objects(compiler: tuple[str, ...], source: Path, kinds: tuple[str, ...]) -> list[Path]:
     """Compiled modules: all, or one alone and what it needs."""
-    needed = ("parameters", "limits", "path", "inverse") if kinds == ("stream",) else ("parameters", "limits", "path")
+    more = {"stream": "inverse", "plant": "chain", "observer": "chain"}.get(kinds[0])
+    needed = ("parameters", "limits", "path", *((more,) if more else ()))
     modules = MODULES if kinds == KINDS else (*needed, *kinds)
     return [compiled(compiler, made) for name in modules if (made := source / f"tff_{name}.c").exists()]
 
@@ -273,7 +274,8 @@ def code_size(board: Board, source: Path) -> tuple[dict[str, int], dict[str, int
             stack[where.split(":")[-1]] = int(size)
     inner = [size for name, size in stack.items() if name.startswith("tff_inverse_after")]  # where it is not inlined
     inverse = stack["tff_inverse_step"] + max(inner, default=0) + stack["tff_output_set"]
-    plant = stack["tff_plant_step"] + stack.get("tff_chain_solve", 0) + stack.get("tff_chain_evaluate", 0)
+    inner = ("advance", "step", "solve", "evaluate")  # where they are not inlined
+    plant = stack["tff_plant_step"] + sum(stack.get(f"tff_chain_{name}", 0) for name in inner)
     return sizes, {"inverse": inverse, "plant": plant}
 
 

@@ -3,7 +3,7 @@
 import json
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict
 from importlib.resources import files
 from types import MappingProxyType
@@ -97,19 +97,30 @@ def c_sources(
         )
     if "inverse" in names:
         code["inverse"] = settable_inverse(problem, precision, prefix)
-    if "plant" in names:
-        plant = chain.with_end_stiffness(actuator.servo_stiffness_N_per_m or 0.0, chain.far.stiffness_N_per_m)
-        code["plant"] = asdict(plant_code(plant, step, f"{prefix}_chain", precision))
+    servo = actuator.servo_stiffness_N_per_m or 0.0
+    forward, shared = chain.with_end_stiffness(servo, chain.far.stiffness_N_per_m), shared_sources(problem, names)
+    if "chain" in shared:
+        run = asdict(plant_code(forward, step, f"{prefix}_chain", precision, led=True))
+        code |= {
+            "chain": run | _start_context(forward),
+            "plant": {"inputs": run["inputs"]},
+            "observer": {"inputs": run["inputs"]},
+        }
     if "observer" in names:
         design: ObserverDesign = further.get("observed") or ObserverDesign(problem=problem)
-        started = _start_context(design.chain)
-        code["observer"] = observer_code(design, precision, prefix) | started
-    shared = ("parameters", "limits", "path") if context["joints"] else ("parameters", "limits")
+        started = _start_context(forward) | {"drive": design.chain.drive}
+        code["observer"] = code.get("observer", {}) | observer_code(design) | started
     headers = ("types", *shared, *(header for module in modules for header in (*module.headers, module.name)))
     texts = {f"{prefix}_{name}.h": _render(f"{name}.h.j2", context | code.get(name, {})) for name in headers}
     for name in (*shared, *names):
         texts[f"{prefix}_{name}.c"] = _render(f"{name}.c.j2", context | code.get(name, {}))
     return texts
+
+
+def shared_sources(problem: Problem, names: Collection[str]) -> tuple[str, ...]:
+    """Sources that modules of these names share, without prefix: parameters, limits, the path, the forward chain."""
+    runs = PLANT.name in names or (OBSERVER.name in names and CapstanLaw.of(problem.transmission).plays is None)
+    return ("parameters", "limits", *(("path",) if problem.chain.moving else ()), *(("chain",) if runs else ()))
 
 
 def folder_files(
@@ -301,6 +312,7 @@ def _context(
         state["stream"] = _padded(output + state["inverse"] + line * size + entry + places, size)
     return _naming(scenario, problem.level, precision, prefix) | {
         "joints": joints,
+        "shared": shared_sources(problem, names),
         "joint_parameter": f", const {prefix}_real joint_rad[]" if moving else "",
         "arguments": ", joint_rad" if moving else "",
         "carry": BDF2_CARRY,
@@ -413,7 +425,7 @@ def _observer_bytes(chain: Chain, law: CapstanLaw, size: int, path: int) -> int:
     if law.plays is not None:
         return _padded(common + PLAYS * size + 4, size)
     far = 0 if chain.far_joint is not None else 3 * size + 4
-    return _padded(common + path + 2 * chain.led_by_tension().layout.size * size + far + 12, size)
+    return _padded(common + path + 2 * chain.layout.size * size + far + 12, size)
 
 
 def _rated(joints: Joints) -> list[bool]:

@@ -304,17 +304,9 @@ static void tff_inverse_settable_numbers(
 
 void tff_inverse_init(tff_inverse *self, tff_real initial_tension)
 {
-    tff_real tension = initial_tension;
-    uint32_t status = TFF_OK;
+    const tff_real tension = tff_begin(&self->output, &self->entry, initial_tension, TFF_REFERENCE_MIN_N, TFF_REFERENCE_MAX_N);
     int32_t j;
 
-    if (tff_is_within(tension, TFF_REFERENCE_MIN_N, TFF_REFERENCE_MAX_N) == 0) {
-        tension = (tension > TFF_REFERENCE_MAX_N) ? TFF_REFERENCE_MAX_N : TFF_REFERENCE_MIN_N;
-        status = TFF_INPUT_HELD;
-    }
-    tff_output_init(&self->output, tension);
-    self->output.status = status;
-    self->output.seen = status;
     for (j = 0; j < 8; j++) {
         self->x[j] = 0.0;
     }
@@ -339,7 +331,6 @@ void tff_inverse_init(tff_inverse *self, tff_real initial_tension)
     }
     self->start = tension;
     self->least = tension;
-    tff_entry_init(&self->entry, tension);
     self->fresh = 2;
     self->samples = 0.0;
     self->waiting = 0.0;
@@ -352,13 +343,12 @@ void tff_inverse_init(tff_inverse *self, tff_real initial_tension)
 
 int32_t tff_inverse_use(tff_inverse *self, const tff_parameters *given)
 {
-    const int32_t good = tff_parameters_are_good(given);
+    const int32_t good = tff_output_use(&self->output, given);
 
     if (good != 0) {
         tff_inverse_numbers *const own = &self->own;
 
         tff_inverse_settable_numbers(given->mu_pull, given->mu_release, given->adhesion, &own->piece_adhesion_N, &own->friction_mu_dynamic_pull, &own->friction_mu_dynamic_release);
-        tff_output_use(&self->output, given);
         self->mu = given->mu_pull;
         self->adhesion = given->adhesion;
     }
@@ -387,10 +377,7 @@ tff_real tff_inverse_mu(const tff_inverse *self)
 void tff_inverse_init_at(tff_inverse *self, tff_real tension, tff_real force)
 {
     tff_inverse_init(self, tension);
-    if (tff_is_within(force, TFF_FORCE_MIN_N, TFF_FORCE_MAX_N) == 0) {
-        self->output.status |= TFF_INPUT_HELD;
-        self->output.seen |= TFF_INPUT_HELD;
-    } else {
+    if (tff_begin_at(&self->output, force) != 0) {
         const tff_real rest = self->start;
         tff_real lifted = rest + 0.0;
         tff_real ratio = (force + 0.0) / lifted;
@@ -415,7 +402,6 @@ void tff_inverse_init_at(tff_inverse *self, tff_real tension, tff_real force)
         for (j = 0; j < TFF_INVERSE_REALS; j++) {
             self->x_old[j] = self->x[j];
         }
-        self->output.force = force;
         if (tff_is_within(force, self->start, self->start) == 0) {
             tff_inverse_missed(self, TFF_RE_ENTRY); /* what is measured is not what is wanted: led there */
         }
@@ -433,8 +419,7 @@ static tff_real tff_inverse_after(tff_inverse *self, tff_real samples, tff_real 
     tff_real force;
 
     if (tff_is_within(reference, TFF_REFERENCE_MIN_N, TFF_REFERENCE_MAX_N) == 0) {
-        tff_entry_lose(&self->entry, 1);
-        force = tff_output_hold(&self->output, tff_held(reference));
+        force = tff_lose(&self->output, &self->entry, reference);
     } else if ((self->fresh == 2) && (tff_is_within(reference, self->start, self->start) != 0)) {
         self->fresh = 1; /* the sample at t = 0: at rest */
         force = tff_output_set(&self->output, self->output.force);
@@ -473,19 +458,8 @@ tff_real tff_inverse_step(tff_inverse *self, tff_real reference)
 
 tff_real tff_inverse_step_dt(tff_inverse *self, tff_real dt_s, tff_real reference)
 {
-    const tff_real samples = tff_samples(&self->waiting, dt_s);
-    const int32_t missed = tff_paused(samples);
-    tff_real force;
+    const tff_pause pause = tff_pause_of(&self->output, &self->waiting, dt_s);
 
-    if (samples > 0.0) {
-        const tff_real length = (missed > 0) ? 1.0 : samples;
-        const tff_real change = tff_stretch(&self->output, length);
-
-        tff_inverse_missed(self, missed);
-        force = tff_inverse_after(self, length, reference);
-        tff_resume(&self->output, &self->entry, change, length);
-    } else {
-        force = tff_output_hold(&self->output, (tff_is_within(dt_s, 0.0, TFF_STEP_MIN_S) != 0) ? TFF_OK : TFF_INPUT_HELD);
-    }
-    return force;
+    tff_inverse_missed(self, pause.missed);
+    return (pause.samples > 0.0) ? tff_resume(&self->output, &self->entry, &pause, tff_inverse_after(self, pause.samples, reference)) : self->output.force;
 }

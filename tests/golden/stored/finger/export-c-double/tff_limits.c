@@ -22,13 +22,17 @@ void tff_output_init(tff_output *self, tff_real force)
     self->change = TFF_CHANGE_MAX_N;
 }
 
-void tff_output_use(tff_output *self, const tff_parameters *given)
+int32_t tff_output_use(tff_output *self, const tff_parameters *given)
 {
     const tff_real change = given->force_rate_max * TFF_STEP_S;
+    const int32_t good = tff_parameters_are_good(given);
 
-    self->low = given->force_min;
-    self->high = given->force_max;
-    self->change = (change < TFF_CHANGE_MAX_N) ? change : TFF_CHANGE_MAX_N;
+    if (good != 0) {
+        self->low = given->force_min;
+        self->high = given->force_max;
+        self->change = (change < TFF_CHANGE_MAX_N) ? change : TFF_CHANGE_MAX_N;
+    }
+    return good;
 }
 
 tff_real tff_output_hold(tff_output *self, uint32_t why)
@@ -90,20 +94,6 @@ tff_real tff_samples(tff_real *waiting, tff_real dt_s)
     return samples;
 }
 
-tff_real tff_stretch(tff_output *output, tff_real samples)
-{
-    const tff_real change = output->change;
-
-    output->change = change * samples;
-    return change;
-}
-
-void tff_resume(tff_output *output, tff_entry *entry, tff_real change, tff_real samples)
-{
-    output->change = change;
-    entry->left = (entry->left > 0.0) ? (entry->left - (samples - 1.0)) : 0.0;
-}
-
 int32_t tff_paused(tff_real samples)
 {
     const tff_real most = (tff_real)TFF_RE_ENTRY;
@@ -151,4 +141,93 @@ tff_real tff_entry_take(tff_entry *self, tff_real reference)
     }
     self->last = followed;
     return followed;
+}
+
+tff_real tff_begin(tff_output *output, tff_entry *entry, tff_real initial_tension, tff_real low, tff_real high)
+{
+    tff_real tension = initial_tension;
+    uint32_t status = TFF_OK;
+
+    if (tff_is_within(tension, low, high) == 0) {
+        tension = (tension > high) ? high : low;
+        status = TFF_INPUT_HELD;
+    }
+    tff_output_init(output, tension);
+    output->status = status;
+    output->seen = status;
+    tff_entry_init(entry, tension);
+    return tension;
+}
+
+int32_t tff_begin_at(tff_output *output, tff_real force)
+{
+    const int32_t good = tff_is_within(force, TFF_FORCE_MIN_N, TFF_FORCE_MAX_N);
+
+    if (good != 0) {
+        output->force = force;
+    } else {
+        output->status |= TFF_INPUT_HELD;
+        output->seen |= TFF_INPUT_HELD;
+    }
+    return good;
+}
+
+tff_real tff_lose(tff_output *output, tff_entry *entry, tff_real reference)
+{
+    tff_entry_lose(entry, 1);
+    return tff_output_hold(output, tff_held(reference));
+}
+
+tff_pause tff_pause_of(tff_output *output, tff_real *waiting, tff_real dt_s)
+{
+    const tff_real samples = tff_samples(waiting, dt_s);
+    tff_pause pause;
+
+    pause.missed = tff_paused(samples);
+    pause.samples = (pause.missed > 0) ? 1.0 : samples;
+    pause.change = output->change;
+    if (samples > 0.0) {
+        output->change *= pause.samples;
+    } else {
+        (void)tff_output_hold(output, (tff_is_within(dt_s, 0.0, TFF_STEP_MIN_S) != 0) ? TFF_OK : TFF_INPUT_HELD);
+    }
+    return pause;
+}
+
+tff_real tff_resume(tff_output *output, tff_entry *entry, const tff_pause *pause, tff_real answer)
+{
+    output->change = pause->change;
+    entry->left = (entry->left > 0.0) ? (entry->left - (pause->samples - 1.0)) : 0.0;
+    return answer;
+}
+
+tff_span tff_span_of(tff_real waiting, tff_real dt_s)
+{
+    tff_span found = { 0.0, 0.0, -1, 0 };
+
+    if (tff_is_within(dt_s, 0.0, TFF_LARGEST_N) != 0) {
+        const int32_t missed = tff_paused(dt_s * 1000.0);
+        const tff_real since = (missed > 0) ? TFF_STEP_S : (waiting + dt_s);
+        const tff_real fit = (since * 1000.0) + 9.9999999999999995e-07;
+
+        found.dt_s = dt_s;
+        found.samples = (int32_t)fit;
+        found.missed = missed;
+        found.left = since - ((tff_real)found.samples * TFF_STEP_S);
+    }
+    return found;
+}
+
+tff_real tff_span_rest(const tff_span *since, int32_t k)
+{
+    const tff_real whole = (tff_real)k * TFF_STEP_S;
+    const tff_real back = whole + since->left;
+    const tff_real least = since->dt_s * 9.9999999999999995e-07;
+
+    return ((since->missed > 0) || (back <= least)) ? 0.0 : (back / since->dt_s);
+}
+
+tff_real tff_on_the_way(tff_real reference, tff_real before, tff_real rest)
+{
+    return (rest > 0.0) ? (reference + (rest * (before - reference))) : reference;
 }

@@ -38,8 +38,9 @@ typedef struct {
 /* Start from a force [N]. */
 void tff_output_init(tff_output *self, tff_real force);
 
-/* Other limits from the next sample on; the last output is led inside them at the rate that they state. */
-void tff_output_use(tff_output *self, const tff_parameters *given);
+/* Other limits from the next sample on; the last output is led inside them at the rate that they state. Returns 0 where
+ * the record is not good: then nothing changes. */
+int32_t tff_output_use(tff_output *self, const tff_parameters *given);
 
 /* Samples that a time since the last call [s] makes, to which what waited is added: 0 for one that is no number, negative,
  * or too short for a step of its own, which waits for the next one. */
@@ -77,10 +78,43 @@ void tff_entry_lose(tff_entry *self, int32_t samples);
  * acceleration from where it was lost. */
 tff_real tff_entry_take(tff_entry *self, tff_real reference);
 
-/* Around a step of so many samples: what the rate allows, and the way back that is left. The first answers with the change
- * that the second is to put back. */
-tff_real tff_stretch(tff_output *output, tff_real samples);
-void tff_resume(tff_output *output, tff_entry *entry, tff_real change, tff_real samples);
+/* Start of a module: a tension [N] beyond a range is replaced by its nearer end, and flagged. */
+tff_real tff_begin(tff_output *output, tff_entry *entry, tff_real initial_tension, tff_real low, tff_real high);
+
+/* Start in motion: the last force [N]. Returns 0, flagged, for one that no actuator gives. */
+int32_t tff_begin_at(tff_output *output, tff_real force);
+
+/* A reference [N] that is not taken: the last good output. */
+tff_real tff_lose(tff_output *output, tff_entry *entry, tff_real reference);
+
+/* A step of any length, or a pause. */
+typedef struct {
+    tff_real samples; /* length of the step; 0: there is none, and the output holds */
+    tff_real change;  /* that the rate allows in one sample [N] */
+    int32_t missed;         /* samples of a pause before it */
+} tff_pause;
+
+/* A time since the last call [s] as one step; the rate allows as much more. */
+tff_pause tff_pause_of(tff_output *output, tff_real *waiting, tff_real dt_s);
+
+/* After that step: rate and way back are what they were. Returns the output. */
+tff_real tff_resume(tff_output *output, tff_entry *entry, const tff_pause *pause, tff_real answer);
+
+/* A time since the last call [s] as whole samples. */
+typedef struct {
+    tff_real dt_s;
+    tff_real left;  /* time that waits for the next call [s] */
+    int32_t samples;      /* -1: the time is no number */
+    int32_t missed;       /* samples of a pause before them */
+} tff_span;
+
+tff_span tff_span_of(tff_real waiting, tff_real dt_s);
+
+/* Share of the way that is left to what was passed last, when `k` samples are to come. */
+tff_real tff_span_rest(const tff_span *since, int32_t k);
+
+/* What to follow with that share left. */
+tff_real tff_on_the_way(tff_real reference, tff_real before, tff_real rest);
 
 #ifdef __cplusplus
 }

@@ -14,7 +14,7 @@
 #ifndef TFF_OBSERVER_H
 #define TFF_OBSERVER_H
 
-#include "tff_limits.h"
+#include "tff_chain.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -26,8 +26,8 @@ extern "C" {
 /* One more status bit: something else than the tendon has moved the far end. */
 #define TFF_OBSERVER_FAR_MOVED 512u
 
-#define TFF_OBSERVER_COUNT 6
-#define TFF_OBSERVER_REALS 30
+#define TFF_OBSERVER_COUNT TFF_CHAIN_COUNT
+#define TFF_OBSERVER_REALS TFF_CHAIN_REALS
 
 /* What is known; owned by the caller as part of the record. */
 typedef struct {

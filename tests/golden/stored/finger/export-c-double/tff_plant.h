@@ -3,20 +3,19 @@
  * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 6b567c7d1473e421, level presliding.
  * Written by tendonff VERSION export-c --precision double --prefix tff.
  * The licence of tendonff does not cover what it writes: this file is yours.
- * presliding chain with 6 masses, 7 links and the end masses. Implicit steps (second-order backward
- * differences), solved by a tridiagonal Newton iteration with a line search, bounded by 60 evaluations a call.
+ * presliding chain with 6 masses, 7 links and the end masses.
  */
 #ifndef TFF_PLANT_H
 #define TFF_PLANT_H
 
-#include "tff_limits.h"
+#include "tff_chain.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
-#define TFF_PLANT_COUNT 6
-#define TFF_PLANT_REALS 30
+#define TFF_PLANT_COUNT TFF_CHAIN_COUNT
+#define TFF_PLANT_REALS TFF_CHAIN_REALS
 
 /* State; owned by the caller. */
 typedef struct {

@@ -136,25 +136,20 @@ tff_real tff_stream_step(tff_stream *self, tff_real reference)
 
 tff_real tff_stream_step_dt(tff_stream *self, tff_real dt_s, tff_real reference)
 {
+    const tff_span span = tff_span_of(self->waiting, dt_s);
     tff_real answer = self->output.force;
 
-    if (tff_is_within(dt_s, 0.0, 1e+30) != 0) {
-        const int32_t missed = tff_paused(dt_s * 1000.0);
-        const tff_real since = (missed > 0) ? TFF_STEP_S : (self->waiting + dt_s);
-        const tff_real fit = (since * 1000.0) + 9.9999999999999995e-07;
-        const int32_t samples = (int32_t)fit;
-        const tff_real left = since - ((tff_real)samples * TFF_STEP_S);
+    if (span.samples >= 0) {
         const tff_real before = self->passed;
         int32_t k;
 
-        tff_stream_missed(self, missed);
-        for (k = samples - 1; k >= 0; k--) { /* so many are to come */
-            const tff_real back = (tff_real)k * TFF_STEP_S;
-            const tff_real rest = ((missed > 0) || ((back + left) <= (dt_s * 9.9999999999999995e-07))) ? 0.0 : ((back + left) / dt_s);
-            const tff_real followed = (rest > 0.0) ? (reference + (rest * (before - reference))) : reference;
+        tff_stream_missed(self, span.missed);
+        for (k = span.samples - 1; k >= 0; k--) { /* so many are to come */
+            const tff_real rest = tff_span_rest(&span, k);
+            const tff_real followed = tff_on_the_way(reference, before, rest);
             answer = tff_stream_sample(self, followed);
         }
-        self->waiting = (left > 0.0) ? left : 0.0;
+        self->waiting = (span.left > 0.0) ? span.left : 0.0;
         tff_stream_pass(self, reference);
     } else {
         (void)tff_output_hold(&self->output, TFF_INPUT_HELD);
