@@ -68,6 +68,7 @@ def compiled_writer() -> Writer | None:
     return write
 
 
+_GENERATOR, _HEAD_BYTES = b'name="generator" content="tendonff"', 4096  # what every report begins with
 _MANY_VALUES = 100_000  # numbers in a block from which it pays to load the compiled writer
 _BLOCK_VALUES = 20_000  # numbers per written block: what stays in the processor's cache writes twice as fast
 
@@ -162,7 +163,8 @@ def atomic_directory(target: str | os.PathLike[str]) -> Iterator[Path]:
     """Empty folder to fill; its contents become `target` when the block ends without an error, else it vanishes.
 
     Files of an earlier run with the same names are replaced, on success only; files that this run does not write stay,
-    for they may be the user's. InputError at entry, before any work, when `target` is a file or cannot be written.
+    for they may be the user's. A page of another program is not replaced: InputError, and the folder stays as it was.
+    InputError at entry, before any work, when `target` is a file or cannot be written.
     """
     target = Path(os.path.abspath(target))  # noqa: PTH100 - `resolve` would replace a linked folder by its target
     if target.exists() and not target.is_dir():
@@ -193,6 +195,10 @@ def _merge(source: Path, target: Path) -> None:
     for file in files:
         if (target / file).is_dir():
             raise InputError(f"{target / file} is a folder, and the result is a file of that name; move it away")
+        if file.suffix == ".html" and (target / file).exists() and _GENERATOR not in _head(target / file):
+            raise InputError(
+                f"{target / file} is no page of tendonff and is kept; name another folder, or move it away"
+            )
     for folder in folders:
         if (target / folder).exists() and not (target / folder).is_dir():
             raise InputError(f"{target / folder} is a file, and the result is a folder of that name; move it away")
@@ -201,6 +207,15 @@ def _merge(source: Path, target: Path) -> None:
     for file in files:
         (source / file).replace(target / file)
     shutil.rmtree(source)
+
+
+def _head(path: Path) -> bytes:
+    """First bytes of a file; none of one that may not be read."""
+    try:
+        with path.open("rb") as file:
+            return file.read(_HEAD_BYTES)
+    except OSError:
+        return b""
 
 
 def write_text(path: Path, text: str) -> None:

@@ -1,5 +1,6 @@
 import json
 import os
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -186,6 +187,22 @@ def test_a_clash_of_file_and_folder_is_refused_before_anything_moves(tmp_path: P
         write_text(out / "a", "new")
         write_text(out / "b" / "c", "new")
     assert (tmp_path / "out" / "a").read_text(encoding="utf-8") == "old"
+    assert listing(tmp_path) == ["out"]
+
+
+def test_a_page_that_another_program_wrote_is_kept(tmp_path: Path) -> None:
+    """A report of an earlier run is replaced; beside a foreign one nothing is written at all."""
+    ours = '<head><meta name="generator" content="tendonff">'
+    for old, new in (("<p>a thesis", "<p>a thesis"), (f"{ours} old", f"{ours} new")):
+        write_text(tmp_path / "out" / "report.html", old)
+        with (
+            pytest.raises(InputError, match="no page of tendonff and is kept") if old == new else nullcontext(),
+            atomic_directory(tmp_path / "out") as out,
+        ):
+            write_text(out / "profile.csv", new)
+            write_text(out / "report.html", f"{ours} new")
+        assert (tmp_path / "out" / "report.html").read_text(encoding="utf-8") == new
+        assert (tmp_path / "out" / "profile.csv").exists() == (old != new)
     assert listing(tmp_path) == ["out"]
 
 
