@@ -39,7 +39,7 @@ UNITS = (("finger", "inverse"), ("finger", "plant"))
 # profile further than other results. Measured: 6e-11 in the design, 4e-6 in the matrix, which has stiffer levels too.
 SEARCHED = {"finger_fast": 5e-5}
 DIAGNOSTICS = {"largest_growth_per_s": 2e-6}  # written to a millionth
-# Of a command without friction a tendon sticks and slips as rounding has it. Measured with that of another machine: 7e-6
+# With a command without friction a tendon sticks and slips as rounding has it. Measured with another machine's: 7e-6
 # of the peak of a pair, 9e-4 of how much a change of the model is amplified.
 STICKS = {"compensators.linear": 5e-5, "compensators.static": 5e-5, "amplification": 5e-3}
 TORQUES = (
