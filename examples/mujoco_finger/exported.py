@@ -28,7 +28,8 @@ double step(double reference, const double *joint_rad) { return tff_inverse_step
 """
 # The plant gives the output tension; each joint needs that of its own link, which the laws printed into the file give.
 _PLANT = """
-#include "tff_plant.c"
+#include "tff_chain.c"
+#include "tff_plant.h"
 static tff_plant self;
 static tff_chain_work work;
 static const tff_chain_weights instant = { .link_start_2 = 1.0 }; /* a step of no length */
@@ -118,7 +119,7 @@ class ExportedPlant:
     """
 
     def __init__(self, rig: Transmission, start_N: float, step_s: float) -> None:
-        self._code = _compiled(_PLANT, (), rig, start_N, step_s)
+        self._code = _compiled(_PLANT, ("plant",), rig, start_N, step_s)
         real, array = ctypes.c_double, ctypes.POINTER(ctypes.c_double)
         self._code.start.argtypes = [real, array]
         self._code.step.argtypes = [real, array, array]
