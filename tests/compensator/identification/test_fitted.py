@@ -254,6 +254,7 @@ def test_a_delay_of_the_output_is_measured_and_taken_out(nominal, truth, tmp_pat
     assert viscous.value == pytest.approx(truth.friction.viscous_N_s_per_m, abs=0.5)
 
 
+@pytest.mark.nightly
 def test_viscous_friction_is_not_taken_for_a_delay(nominal, truth, tmp_path):
     viscous = replace(truth, friction=replace(truth.friction, viscous_N_s_per_m=25.0))
     write_synthetic(tmp_path / "a.csv", viscous, *strokes(5, seconds=13.0), Faults(noise=0.005), step_s=STEP)

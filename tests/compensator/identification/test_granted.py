@@ -55,6 +55,7 @@ def test_a_gain_that_is_off_is_in_the_intervals_once_its_doubt_is_said(rig, log,
     assert np.ptp(said.estimate("mu_theta").interval) > np.ptp(silent(static_only).estimate("mu_theta").interval)
 
 
+@pytest.mark.nightly
 def test_a_kept_value_in_doubt_widens_the_bristle(rig, log, silent):
     """Kept values are in doubt by default."""
     said, exact = silent(False), found(rig, log, kept_uncertainty=0.0)

@@ -140,6 +140,7 @@ def test_a_biased_cell_keeps_one_direction_and_refuses_the_other_with_a_reason(m
     assert "cell with an offset" in release.reason
 
 
+@pytest.mark.nightly
 def test_a_seal_has_a_constant_friction_and_hardly_any_that_grows_with_load(scenario, measured_data):
     """The rod is moved, the gas holds: p (e^{mu theta} - 1) is what remains without load."""
     how = Measurement(
