@@ -49,6 +49,7 @@ FLOORS: Mapping[str, float] = {
     "dB": 10.0,
     "W": 1.0,
     "matrix": 1.0,  # of correlations
+    "likelihood": 1.0,  # its logarithm
 }
 
 _NUMBER = re.compile(r"(?<![\w.])(?:(?<![\w)\]])[-+\u2212])?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?=[fF]?(?!\w))")
