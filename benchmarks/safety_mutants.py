@@ -31,7 +31,7 @@ SWAPS = (  # file, what, old, new
     ),
     ("inverse.c", "bad parameters taken", "if (good != 0)", "if (good >= 0)"),
     ("capstan.c", "bad parameters taken", "if (good != 0)", "if (good >= 0)"),
-    ("table.c", "bad parameters taken", "if (good != 0)", "if (good >= 0)"),
+    ("limits.c", "bad limits taken", "if (good != 0) {\n        self->low", "if (good >= 0) {\n        self->low"),
     ("limits.c", "infinity passes", "wanted <= TFF_LARGEST_N", "wanted > TFF_FORCE_MAX_N"),
     ("limits.c", "minus infinity passes", "wanted >= -TFF_LARGEST_N", "wanted < TFF_FORCE_MIN_N"),
     ("limits.c", "not a number passes", "/* not a number, or minus infinity */", "force = wanted;"),

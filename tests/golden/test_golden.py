@@ -41,7 +41,7 @@ SEARCHED = {"finger_fast": 5e-5}
 DIAGNOSTICS = {"largest_growth_per_s": 2e-6}  # written to a millionth
 # With a command without friction a tendon sticks and slips as rounding has it. Measured with another machine's: 7e-6
 # of the peak of a pair, 9e-4 of how much a change of the model is amplified.
-STICKS = {"compensators.linear": 5e-5, "compensators.static": 5e-5, "amplification": 5e-3}
+STICKS = {"compensators.linear": 5e-5, "compensators.static": 5e-6, "amplification": 5e-3}
 TORQUES = (
     "--input-column=input_torque_Nm",
     "--output-column=output_torque_Nm",

@@ -36,7 +36,7 @@ from tendonff.ocp.joint.invert import JointStatus
 from tendonff.ocp.joint.protocol import JointProblem
 from tendonff.ocp.joint.target import other_joints
 
-DRIVEN = {"episodes": 12, "episode_rows": 100, "tuner_rows": 400}
+DRIVEN = {"episodes": 12, "episode_rows": 100, "tuner_rows": 4000}
 """Of the drive at random in the self test."""
 
 
