@@ -1541,6 +1541,13 @@ static void drive_prepare(int episode)
         if (near != 0) {
             at->dt = (tff_real)((double)TFF_STEP_S * (1.0 + (0.25 * (fault - 0.42))));
         }
+        if ((k > 0) && ((episode % 3) != 0) && (near == 0) && (fault > 0.46) && (fault < 0.48)) { /* hardly more than four times as long as the last */
+            const double last = (drive_course_of[k - 1].call == 1) ? (double)drive_course_of[k - 1].dt : (double)TFF_STEP_S;
+            if ((last > (0.6 * (double)TFF_STEP_S)) && (last < (2.2 * (double)TFF_STEP_S))) {
+                at->call = 1;
+                at->dt = (tff_real)(4.02 * last);
+            }
+        }
         if (paused != 0) { /* a pause leaves no time over */
             at->call = 1;
             at->dt = (tff_real)(0.995 * (double)TFF_STEP_S);
