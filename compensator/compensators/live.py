@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from tendonff.compensator.compensators.base import Problem, with_motion, with_travel
 from tendonff.compensator.compensators.closed_form import Frictionless, Inverse
-from tendonff.compensator.compensators.expectation import FRICTIONLESS, Expectation, expectation_of
+from tendonff.compensator.compensators.expectation import FRICTIONLESS, Expectation
 from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.compensators.profile import Profile
 from tendonff.compensator.files.text import as_argument
@@ -41,14 +41,4 @@ def expect_live(problem: Problem, known: Mapping[str, Profile] | None = None) ->
         inverse.name: driven(problem, inverse.name, inverse.profile(following)),
         FRICTIONLESS: with_motion(problem, bare.name, bare.profile(problem)) if plain is None else plain,
     }
-    bands = problem.bands(profiles)
-    reference = problem.reference
-    return expectation_of(
-        problem.doubt,
-        problem.level,
-        bands,
-        reference.share_of,
-        reference.unit,
-        recommended=inverse.name,
-        change=problem.change,
-    )
+    return problem.expect(profiles, inverse.name)

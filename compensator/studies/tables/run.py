@@ -5,7 +5,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from tendonff.compensator.compensators.base import Problem, limit_warnings, with_motion
-from tendonff.compensator.compensators.expectation import FRICTIONLESS, expectation_of
+from tendonff.compensator.compensators.expectation import FRICTIONLESS
 from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.score import harm_warnings, verify
@@ -62,16 +62,7 @@ def make_tables(
     profile = profiles["table"]
     scores = {on: verify(Plant(transmission, on), "table", profile, reference).score for on in Level}
     nothing = verify(Plant(transmission, problem.level), "none", profiles["none"], reference).score
-    bands = problem.bands(profiles)
-    expectation = expectation_of(
-        problem.doubt,
-        problem.level,
-        bands,
-        reference.share_of,
-        reference.unit,
-        recommended="table",
-        change=problem.change,
-    )
+    expectation = problem.expect(profiles, "table")
     harm = harm_warnings({"none": nothing, "table": scores[problem.level]}, reference.wanted, "table")
     met = limit_warnings("table", compensation.wanted_N(problem), profile.force_N)
     bounds = problem.options.minimum_tension_N, problem.options.maximum_tension_N
