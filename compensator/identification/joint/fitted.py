@@ -2,7 +2,6 @@
 
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +10,12 @@ from tendonff.compensator.compensators.motors.task import ASSUMED_SPREAD
 from tendonff.compensator.identification.answer.result import Estimate
 from tendonff.compensator.identification.joint.parameters import JointNumber, key_in
 from tendonff.compensator.scenario.base import with_base
+from tendonff.compensator.scenario.driven.common import part_keys
 from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenario.driven.observer_table import ObserverTable
 from tendonff.compensator.scenario.scenario import relative_to_folder
-from tendonff.compensator.scenario.tables import toml_value
-from tendonff.models.joint.parameters import JointTendon, Mechanism
+from tendonff.compensator.scenario.tables import set_keys, to_toml
+from tendonff.models.joint.parameters import Mechanism
 from tendonff.models.parameters.numbers import FACTORS, keys_of
 
 _PARTS = ("path", "tendon", "friction")
@@ -30,17 +30,17 @@ def fitted_text(scenario: JointScenario, mechanism: Mechanism, estimates: Sequen
     """Text of the scenario with a mechanism's numbers, and its intervals as [robust.spread]."""
     raw: dict[str, Any] = with_base(tomllib.loads(scenario.text), scenario.source, [])
     raw["name"] = f"{scenario.name}, fitted"
-    name, joint = mechanism.joint.name, _keys(mechanism.joint)
+    name, joint = mechanism.joint.name, set_keys(mechanism.joint)
     raw["joints"][name] = {"kind": "driven", **{key: value for key, value in joint.items() if key != "name"}}
-    raw["drive"] = _keys(mechanism.drive)
+    raw["drive"] = set_keys(mechanism.drive)
     first = mechanism.tendons[0]
     for part in _PARTS:
-        raw[part] = _part(first, part)
+        raw[part] = part_keys(first, part)
     for row, tendon in zip(raw["tendons"], mechanism.tendons, strict=True):
         for part in _PARTS:
             row.pop(part, None)
             if getattr(tendon, part) != getattr(first, part):
-                row[part] = _part(tendon, part)
+                row[part] = part_keys(tendon, part)
     if robust := _robust(mechanism, estimates, raw.get("robust", {})):
         raw["robust"] = robust
     raw["run"]["level"] = "presliding"
@@ -51,7 +51,7 @@ def observer_text(scenario: JointScenario, table: ObserverTable) -> str:
     """Text of the scenario with fitted laws of an observer."""
     raw: dict[str, Any] = with_base(tomllib.loads(scenario.text), scenario.source, [])
     raw["name"] = f"{scenario.name}, observed"
-    raw["observer"] = _keys(table)
+    raw["observer"] = set_keys(table)
     return to_toml(raw)
 
 
@@ -123,50 +123,3 @@ def moved_files(text: str, source: Path, folder: Path) -> str:
 
     moved(raw)
     return to_toml(raw)
-
-
-def _keys(instance: Any) -> dict[str, object]:
-    pairs = ((field.name, getattr(instance, field.name)) for field in fields(instance))
-    return {key: value for key, value in pairs if value not in (None, ())}
-
-
-def _part(tendon: JointTendon, part: str) -> dict[str, object]:
-    found = _keys(getattr(tendon, part))
-    if part == "path" and tendon.path.sections:
-        found["sections"] = [_keys(section) for section in tendon.path.sections]
-        del found["total_angle_rad"]
-    return found
-
-
-def set_keys(record: Any) -> dict[str, object]:
-    """Keys and values of a record of the scenario that say something."""
-    pairs = ((field.name, getattr(record, field.name)) for field in fields(record))
-    return {key: value for key, value in pairs if value not in (None, ())}
-
-
-def to_toml(raw: Mapping[str, object]) -> str:
-    """Plain tables as TOML: scalars and lists first, then tables and rows of tables."""
-    return "".join(_lines(raw, "")).lstrip("\n")
-
-
-def _lines(table: Mapping[str, object], name: str) -> list[str]:
-    lines, later = [], []
-    for key, value in table.items():
-        path = f"{name}.{key}" if name else key
-        if isinstance(value, Mapping):
-            later += [f"\n[{path}]\n", *_lines(value, path)]
-        elif isinstance(value, list) and value and all(isinstance(each, Mapping) for each in value):
-            for each in value:
-                later += [f"\n[[{path}]]\n", *_lines(each, path)]
-        else:
-            lines.append(f"{_bare(key)} = {toml_value(_tuples(value))}\n")
-    return lines + later
-
-
-def _bare(key: str) -> str:
-    """A key as TOML writes it."""
-    return key if key.replace("-", "_").isidentifier() else toml_value(key)
-
-
-def _tuples(value: object) -> object:
-    return tuple(map(_tuples, value)) if isinstance(value, list) else value

@@ -16,7 +16,6 @@ from tendonff.compensator.compensators.motors.task import ASSUMED_SPREAD
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.answer.result import Estimate, is_known
 from tendonff.compensator.identification.constants import TUNED, with_torque_constant
-from tendonff.compensator.identification.joint.fitted import set_keys, to_toml
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.motors.law import Lacking, MotorsLaw
 from tendonff.compensator.identification.motors.log import MotorsLog, answered_logs, read_logs
@@ -30,6 +29,7 @@ from tendonff.compensator.identification.motors.routine import MotorsRoutine, su
 from tendonff.compensator.scenario.base import with_base
 from tendonff.compensator.scenario.driven.finger import FingerScenario, SampledFinger
 from tendonff.compensator.scenario.driven.joint import JointScenario
+from tendonff.compensator.scenario.tables import set_keys, to_toml
 from tendonff.models.joint.parameters.finger import Finger
 from tendonff.models.turns import in_turn
 from tendonff.ocp.fits.least_squares import Solution
