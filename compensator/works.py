@@ -65,13 +65,6 @@ WORKS: Mapping[str, Work] = MappingProxyType(
                 Kind.FINGER: "compensators.motors.registry:known",
             }
         ),
-        "expect_live": Work(
-            by={
-                Kind.TENSION: "compensators.live:expect_live",
-                Kind.JOINT: "compensators.motors.task:MotorTask.expect_live",
-                Kind.FINGER: "compensators.motors.task:MotorTask.expect_live",
-            }
-        ),
         "runtime": Work(
             by={
                 Kind.TENSION: "runtime.core:of_tension",
