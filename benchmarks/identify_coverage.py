@@ -141,7 +141,7 @@ def log_of(case: Case, seed: int, group: str) -> Path:
 
 
 def _misread(channels: FloatArray, error: str) -> None:
-    """What the cells do to the tensions, in place."""
+    """Put errors of cells into the tensions, in place."""
     along = np.linspace(0, 1, len(channels))
     if error == "crosstalk":
         channels[:, 1] += CROSSTALK * channels[:, 0]

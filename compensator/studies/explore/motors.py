@@ -12,7 +12,7 @@ from tendonff.compensator.compensators.every import answering, compensator_of, p
 from tendonff.compensator.compensators.motors.task import MotorTask
 from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.compensators.score import score
-from tendonff.compensator.identification.joint.fitted import set_keys, to_toml
+from tendonff.compensator.identification.motors.fitted import set_keys, to_toml
 from tendonff.compensator.scenario.base import with_base
 from tendonff.compensator.scenario.driven.finger import FingerScenario
 from tendonff.compensator.scenario.driven.joint import JointScenario
