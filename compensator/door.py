@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from tendonff.compensator.studies.compare.result import Comparison
     from tendonff.compensator.studies.design.motors.result import MotorDesign
     from tendonff.compensator.studies.design.result import Design
-    from tendonff.compensator.studies.explore.subject import Subject
+    from tendonff.compensator.studies.explore.run import Explorer
     from tendonff.compensator.studies.simulate.result import SimulatedFile
     from tendonff.compensator.studies.tables.joint import JointTable
     from tendonff.compensator.studies.tables.result import Tables
@@ -194,9 +194,9 @@ def adapt(scenario: "AnyScenario", *, progress: Progress = silent) -> "Adaptatio
     return found
 
 
-def explore(scenario: "AnyScenario") -> "Subject":
+def explore(scenario: "AnyScenario") -> "Explorer":
     """The subject of the interactive page of a scenario."""
-    found: Subject = function_of("explore", scenario)(scenario)
+    found: Explorer = function_of("explore", scenario)(scenario)
     return found
 
 

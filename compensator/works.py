@@ -100,20 +100,8 @@ WORKS: Mapping[str, Work] = MappingProxyType(
                 Kind.FINGER: "studies.design.motors.run:design_motors",
             },
         ),
-        "compare": Work(
-            by={
-                Kind.TENSION: "studies.compare.run:compare",
-                Kind.JOINT: "studies.compare.run:compare",
-                Kind.FINGER: "studies.compare.run:compare",
-            },
-        ),
-        "explore": Work(
-            by={
-                Kind.TENSION: "studies.explore.run:Explorer",
-                Kind.JOINT: "studies.explore.motors:MotorExplorer",
-                Kind.FINGER: "studies.explore.motors:MotorExplorer",
-            },
-        ),
+        "compare": Work(by=dict.fromkeys(Kind, "studies.compare.run:compare")),
+        "explore": Work(by=dict.fromkeys(Kind, "studies.explore.run:Explorer")),
         "simulate": Work(
             by={
                 Kind.TENSION: "studies.simulate.run:simulate_force_file",

@@ -188,9 +188,10 @@ def test_a_damaged_measurement_is_read_or_refused(folder, cells, at, rows):
 def test_any_position_of_the_sliders_is_drawn_or_refused(tiny, data):
     explorer = Explorer(tiny)
     number = st.floats(0, 10) | st.floats(allow_nan=True)
-    names = ("mu", "total_angle_deg", "bristle_stiffness_N_per_m", "relaxation_time_s", "force_rate_max_N_per_s")
-    knobs = replace(explorer.start, **{data.draw(st.sampled_from(names)): data.draw(number)})
-    message_of(lambda: explorer.at(knobs, design_knows=data.draw(st.booleans())))
+    start = {knob.key: knob.value for knob in explorer.knobs}
+    values = start | {data.draw(st.sampled_from(sorted(start))): data.draw(number)}
+    knows = data.draw(st.booleans())
+    message_of(lambda: explorer.explore(values, design_knows=knows, curves=explorer.fast))
 
 
 def test_friction_that_lets_nothing_through_is_refused_and_radians_are_mentioned(tiny):

@@ -20,7 +20,10 @@ from tendonff.compensator.compensators.sent import sent
 from tendonff.compensator.compensators.uncertain import Doubt
 from tendonff.compensator.files.notices import Remark
 from tendonff.compensator.files.progress import Parts, Progress, silent
+from tendonff.compensator.files.text import InputError
 from tendonff.compensator.reporting.colours import SKY, Style
+from tendonff.compensator.scenario.doubts import reach_notes
+from tendonff.compensator.scenario.goal import Given
 from tendonff.compensator.scenario.kind import Kind
 from tendonff.compensator.scenario.reference import Hold
 from tendonff.compensator.scenario.sampled.joint_motion import moved
@@ -72,6 +75,8 @@ class Problem:
     """
 
     kind: ClassVar[Kind] = Kind.TENSION
+    given_as: ClassVar[Given] = Given(title="Force profile", label="force [N]", loop="Tendon hysteresis")
+    tunes_itself: ClassVar[bool] = True  # an inverse of it can tune itself on its plant
     transmission: Transmission
     level: Level
     reference: Reference
@@ -150,6 +155,24 @@ class Problem:
         """Profile of a compensator, with travel and command; its status may be that it failed."""
         profile = _answer(compensator.profile(self, progress=progress), self)
         return with_motion(self, compensator.name, profile)
+
+    def on_rig(self, scenario: Scenario) -> "Problem":
+        """The same reference on what another scenario describes, with its uncertainty."""
+        return Problem.of(scenario, level=self.level, reference=self.reference, options=self.options)
+
+    @property
+    def nominal(self) -> "Problem":
+        """The same, all being certain: an optimal profile for many plants takes too long for some uses."""
+        return replace(self, uncertainty=Uncertainty())
+
+    def check_reach(self) -> None:
+        """Refuse a reference above the largest tension that the actuator reaches through the friction; InputError."""
+        if beyond := reach_notes(self.transmission, self.time_s, self.reference.tension_N, ""):
+            raise InputError("; ".join(beyond).strip())
+
+    def given_of(self, profile: Profile) -> FloatArray:
+        """Given to the drive, at the rows of `wanted`, as `given_as` says, shape (n,)."""
+        return profile.force_N
 
     def given(self, profile: Profile) -> bytes:
         """Identity of what a profile commands."""

@@ -12,6 +12,7 @@ from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.scenario.driven.finger import SampledFinger
 from tendonff.compensator.scenario.driven.joint import JointScenario, SampledJoint, sample_joint
 from tendonff.compensator.scenario.driven.reference import JointQuantity
+from tendonff.compensator.scenario.goal import Given
 from tendonff.models.cached import cached_property
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
@@ -50,6 +51,9 @@ class JointTask(MotorTask):
     level: Level
 
     refinement = 10
+    given_as = Given(
+        title="Motor beyond the ratio", label="motor beyond the ratio [deg]", loop="Lost motion", is_ordinate=True
+    )
 
     @classmethod
     def of(cls, scenario: JointScenario, level: Level | None = None) -> "JointTask":
@@ -69,6 +73,11 @@ class JointTask(MotorTask):
     def with_system(self, system: Mechanism) -> "JointTask":
         """The same for another mechanism."""
         return replace(self, mechanism=system)
+
+    def given_of(self, command_rad: FloatArray) -> FloatArray:
+        """Angle of the first motor beyond the ratio, shape (n,) [deg]."""
+        found: FloatArray = np.rad2deg(command_rad[:, 0] - self.lengths_rad[:, 0])[self.lead :]
+        return found
 
     @property
     def lead(self) -> int:

@@ -16,7 +16,7 @@ from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.reporting.colours import Style
 from tendonff.compensator.scenario.driven.finger import SampledFinger
-from tendonff.compensator.scenario.goal import Goal
+from tendonff.compensator.scenario.goal import Given, Goal
 from tendonff.compensator.scenario.kind import Kind
 from tendonff.compensator.scenario.unit import Unit
 from tendonff.models.cached import cached_property
@@ -59,6 +59,9 @@ class MotorTask(ABC):
     sampled: Any
     level: Level
 
+    given_as: ClassVar[Given | None] = None  # of several motors there is no one
+    tunes_itself: ClassVar[bool] = False  # `adapt` runs its tuner
+
     refinement: int
     """Steps of the verifying mechanism in one of the design."""
 
@@ -75,6 +78,19 @@ class MotorTask(ABC):
     @abstractmethod
     def with_system(self, system: Any) -> Self:
         """The same for another mechanism."""
+
+    def on_rig(self, scenario: Any) -> Self:
+        """The same reference on what another scenario describes, with its uncertainty."""
+        return self if scenario is self.scenario else self.of(scenario, self.level)
+
+    @property
+    def nominal(self) -> Self:
+        """The same: no answer of it depends on the uncertainty but by name."""
+        return self
+
+    def given_of(self, command_rad: FloatArray) -> FloatArray | None:  # noqa: ARG002
+        """Given to the drive, at the rows of `wanted`, as `given_as` says, shape (n,); None for several."""
+        return None
 
     @property
     def kind(self) -> Kind:

@@ -2,7 +2,6 @@
 
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +10,13 @@ from tendonff.compensator.compensators.motors.task import ASSUMED_SPREAD
 from tendonff.compensator.identification.answer.result import Estimate
 from tendonff.compensator.identification.motors.parameters import Quantity, key_in
 from tendonff.compensator.scenario.base import with_base
+from tendonff.compensator.scenario.driven.common import part_keys
 from tendonff.compensator.scenario.driven.finger import FingerScenario
 from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenario.driven.observer_table import ObserverTable
 from tendonff.compensator.scenario.scenario import relative_to_folder
-from tendonff.compensator.scenario.tables import toml_value
-from tendonff.models.joint.parameters import JointTendon, Mechanism
+from tendonff.compensator.scenario.tables import set_keys, to_toml
+from tendonff.models.joint.parameters import Mechanism
 from tendonff.models.joint.parameters.finger import Finger
 from tendonff.models.parameters.numbers import FACTORS, keys_of
 
@@ -49,12 +49,12 @@ def _put_one(raw: dict[str, Any], mechanism: Mechanism, estimates: Sequence[Esti
     raw["drive"] = set_keys(mechanism.drive)
     first = mechanism.tendons[0]
     for part in _PARTS:
-        raw[part] = _part(first, part)
+        raw[part] = part_keys(first, part)
     for row, tendon in zip(raw["tendons"], mechanism.tendons, strict=True):
         for part in _PARTS:
             row.pop(part, None)
             if getattr(tendon, part) != getattr(first, part):
-                row[part] = _part(tendon, part)
+                row[part] = part_keys(tendon, part)
     if robust := _robust(mechanism, estimates, raw.get("robust", {})):
         raw["robust"] = robust
 
@@ -172,45 +172,3 @@ def moved_files(text: str, source: Path, folder: Path) -> str:
 
     moved(raw)
     return to_toml(raw)
-
-
-def _part(tendon: JointTendon, part: str) -> dict[str, object]:
-    found = set_keys(getattr(tendon, part))
-    if part == "path" and tendon.path.sections:
-        found["sections"] = [set_keys(section) for section in tendon.path.sections]
-        del found["total_angle_rad"]
-    return found
-
-
-def set_keys(record: Any) -> dict[str, object]:
-    """Keys and values of a record of the scenario that say something."""
-    pairs = ((field.name, getattr(record, field.name)) for field in fields(record))
-    return {key: value for key, value in pairs if value not in (None, ())}
-
-
-def to_toml(raw: Mapping[str, object]) -> str:
-    """Plain tables as TOML: scalars and lists first, then tables and rows of tables."""
-    return "".join(_lines(raw, "")).lstrip("\n")
-
-
-def _lines(table: Mapping[str, object], name: str) -> list[str]:
-    lines, later = [], []
-    for key, value in table.items():
-        path = f"{name}.{key}" if name else key
-        if isinstance(value, Mapping):
-            later += [f"\n[{path}]\n", *_lines(value, path)]
-        elif isinstance(value, list) and value and all(isinstance(each, Mapping) for each in value):
-            for each in value:
-                later += [f"\n[[{path}]]\n", *_lines(each, path)]
-        else:
-            lines.append(f"{_bare(key)} = {toml_value(_tuples(value))}\n")
-    return lines + later
-
-
-def _bare(key: str) -> str:
-    """A key as TOML writes it."""
-    return key if key.replace("-", "_").isidentifier() else toml_value(key)
-
-
-def _tuples(value: object) -> object:
-    return tuple(map(_tuples, value)) if isinstance(value, list) else value

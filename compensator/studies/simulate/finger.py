@@ -66,7 +66,7 @@ def simulate_finger_file(
     time = np.arange(float(len(drums))) * step
     task = FingerTask.of(scenario, level)
     if joints is not None:
-        motion = motion_by_file(task.sampled.motion, tuple(scenario.others), joints, time[-1], scenario.source.name)
+        motion = motion_by_file(task.sampled.motion, tuple(scenario.joints), joints, time[-1], scenario.source.name)
         task = replace(task, sampled=replace(task.sampled, motion=motion))
     problem = task.problem(finger)
     known, effort = task.sampled.motion.at(time), np.zeros((len(time), problem.known))
