@@ -105,8 +105,8 @@ WORKS: Mapping[str, Work] = MappingProxyType(
         "simulate": Work(
             by={
                 Kind.TENSION: "studies.simulate.run:simulate_force_file",
-                Kind.JOINT: "studies.simulate.joint:simulate_joint_file",
-                Kind.FINGER: "studies.simulate.finger:simulate_finger_file",
+                Kind.JOINT: "studies.simulate.motors:simulate_motor_file",
+                Kind.FINGER: "studies.simulate.motors:simulate_motor_file",
             },
         ),
         "experiment": Work(

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonff.compensator.compensators.motors.drive import driven
-from tendonff.compensator.compensators.motors.response import MotorResponse
+from tendonff.compensator.compensators.motors.response import MotorResponse, Turned, finer
 from tendonff.compensator.compensators.motors.task import ASSUMED_SPREAD, UNSETTLED, MotorTask
 from tendonff.compensator.compensators.uncertain import Doubt
 from tendonff.compensator.files.reading import FloatArray, InputError
@@ -229,18 +229,57 @@ class JointTask(MotorTask):
         keep = slice(rows * (repeats - 1), None, refinement)
         angle = run.angle_rad[keep]
         output = run.torque_N_m[keep] - joint_load(system, sampled, step) if torque else angle
-        return MotorResponse(
-            status=run.outcome,
-            message=_settled(run, rows) if repeats > 1 else run.message,
-            output=output[:, None],
-            position_rad=np.column_stack([angle, sampled.motion.angle_rad[:, 1:]]),
-            motor_rad=run.motor_rad[keep],
-            torque_N_m=run.motor_torque_N_m[keep],
-            tension_N=run.tension_N[keep],
-            drum_N=run.drum_N[keep],
-            lowest_N=run.lowest_N[keep],
-            work=run.iterations,
+        position = np.column_stack([angle, sampled.motion.angle_rad[:, 1:]])
+        found = _response(run, output, position, keep)
+        return replace(found, message=_settled(run, rows)) if repeats > 1 else found
+
+    @property
+    def without_homing(self) -> "JointTask":
+        """The same without a homing stroke."""
+        whole = replace(self.mechanism, drive=replace(self.mechanism.drive, homing_rad=0.0))
+        return replace(self, sampled=sample_joint(replace(self.scenario, mechanism=whole)))
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the motors in columns: that of a loop has none."""
+        return ("",) if self.mechanism.drive.kind is DriveKind.LOOP else self.motors
+
+    def turned(self, drums_rad: FloatArray, *, parts: int = 1, method: Method = Method.BDF2) -> Turned:
+        """Motion under drums; where a torque is wanted, the joint is led; see `MotorTask.turned`."""
+        sampled, led = self.sampled, self.scenario.motion is not None
+        time = np.arange((len(drums_rad) - 1) // parts + 1) * self.step_s
+        contact, angle = (np.interp(time, sampled.time_s, x) for x in (sampled.contact_N_m, sampled.angle_rad))
+        run = simulate_joint(
+            self.problem,
+            drums_rad,
+            self.step_s / parts,
+            contact_N_m=float(contact[0]) if led else finer(contact, parts),
+            led_rad=finer(angle, parts) if led else None,
+            method=method,
+        ).require()
+        return Turned(
+            response=_response(run, run.torque_N_m if led else run.angle_rad, run.angle_rad[:, None]),
+            columns={"angle_rad": run.angle_rad, "torque_N_m": run.torque_N_m},
+            judged=("torque_N_m" if led else "angle_rad",),
         )
+
+
+def _response(
+    run: JointSimulation, output: FloatArray, position_rad: FloatArray, kept: slice = slice(None)
+) -> MotorResponse:
+    """A run at the rows that are kept, those of output and position."""
+    return MotorResponse(
+        status=run.outcome,
+        message=run.message,
+        output=output[:, None],
+        position_rad=position_rad,
+        motor_rad=run.motor_rad[kept],
+        torque_N_m=run.motor_torque_N_m[kept],
+        tension_N=run.tension_N[kept],
+        drum_N=run.drum_N[kept],
+        lowest_N=run.lowest_N[kept],
+        work=run.iterations,
+    )
 
 
 def motor_names(mechanism: Mechanism) -> tuple[str, ...]:

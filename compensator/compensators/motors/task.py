@@ -2,14 +2,14 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar, Self, TypeVar
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self, TypeVar, cast
 
 import numpy as np
 
 from tendonff.compensator.compensators.expectation import ErrorBand, Expectation, bands_of, expectation_of
 from tendonff.compensator.compensators.motors.drive import commanded, known_by_ratio
-from tendonff.compensator.compensators.motors.response import MotorResponse
+from tendonff.compensator.compensators.motors.response import MotorResponse, Turned
 from tendonff.compensator.compensators.score import Score, score
 from tendonff.compensator.compensators.uncertain import Doubt
 from tendonff.compensator.files.progress import Progress, silent
@@ -26,6 +26,7 @@ from tendonff.models.joint.parameters import JointDrive, Mechanism
 from tendonff.models.joint.parameters.finger import Finger
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.models.parameters.uncertainty import Objective, Uncertainty
+from tendonff.models.path import JointMotion
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.integrate.method import Method
 
@@ -252,6 +253,28 @@ class MotorTask(ABC):
         `masses` of each tendon, by default the paths' own; `refinement` steps to one of the run. SolveError or
         ParameterError where it fails.
         """
+
+    @abstractmethod
+    def turned(self, drums_rad: FloatArray, *, parts: int = 1, method: Method = Method.BDF2) -> Turned:
+        """Motion from where the reference starts, under drums whose rows are so many parts of a step apart.
+
+        `drums_rad` has the shape (rows, motors). SolveError where it fails.
+        """
+
+    @property
+    def without_homing(self) -> Self:
+        """The same without a homing stroke: a file says what is turned."""
+        return self
+
+    def with_motion(self, motion: JointMotion) -> Self:
+        """The same while the joints that no tendon drives move otherwise."""
+        found: Self = replace(cast(Any, self), sampled=replace(self.sampled, motion=motion))
+        return found
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the motors in columns: the only one of a loop has none."""
+        return self.motors
 
     @property
     def notes(self) -> tuple[str, ...]:
