@@ -29,8 +29,7 @@ if TYPE_CHECKING:
     from tendonff.compensator.export.several import ExportedTensions
     from tendonff.compensator.export.unit import Fmu
     from tendonff.compensator.identification.answer.result import Identification
-    from tendonff.compensator.identification.joint.result import JointIdentification
-    from tendonff.compensator.identification.joint.routine import MotorRoutine
+    from tendonff.compensator.identification.motors.loop_routine import MotorRoutine
     from tendonff.compensator.identification.motors.result import MotorsIdentification
     from tendonff.compensator.identification.motors.routine import MotorsRoutine
     from tendonff.compensator.identification.suggest import Excitation
@@ -276,7 +275,7 @@ def identify(
     how: "Measurement | None" = None,
     say: Callable[[str], None] = ...,
     confirm: Callable[[str], bool] | None = None,
-) -> "JointIdentification | MotorsIdentification": ...
+) -> "MotorsIdentification": ...
 @overload
 def identify(
     scenario: "AnyScenario",
@@ -287,7 +286,7 @@ def identify(
     static_only: bool = False,
     say: Callable[[str], None] = ...,
     confirm: Callable[[str], bool] | None = None,
-) -> "Identification | JointIdentification | MotorsIdentification": ...
+) -> "Identification | MotorsIdentification": ...
 @in_turn
 def identify(
     scenario: "AnyScenario",
@@ -298,7 +297,7 @@ def identify(
     static_only: bool = False,
     say: Callable[[str], None] = lambda _: None,
     confirm: Callable[[str], bool] | None = None,
-) -> "Identification | JointIdentification | MotorsIdentification":
+) -> "Identification | MotorsIdentification":
     """Find the parameters of a rig from files that were measured on it.
 
     Parameters
@@ -333,7 +332,7 @@ def identify(
         if isinstance(files, str | os.PathLike):
             raise ParameterError(f'{name} must be a list of files, got "{files}"; write ["{files}"]')
     asked = {"how": how, "static_only": static_only}
-    found: Identification | JointIdentification | MotorsIdentification = function_of("identify", scenario, asked)(
+    found: Identification | MotorsIdentification = function_of("identify", scenario, asked)(
         scenario, data, validate, say=say, **({} if confirm is None else {"confirm": confirm})
     )
     return found

@@ -112,8 +112,8 @@ WORKS: Mapping[str, Work] = MappingProxyType(
         "identify": Work(
             by={
                 Kind.TENSION: "identification.run:identify",
-                Kind.JOINT: "identification.driven:identify_one",
-                Kind.FINGER: "identification.driven:identify_several",
+                Kind.JOINT: "identification.motors.run:identify_motors",
+                Kind.FINGER: "identification.motors.run:identify_motors",
             },
             options=dict.fromkeys(
                 ("tension_columns", "actuator_force_column", "explain", "static_only", "gear_ratio", "drum_radius_m"),
@@ -123,15 +123,15 @@ WORKS: Mapping[str, Work] = MappingProxyType(
         "suggest": Work(
             by={
                 Kind.TENSION: "identification.suggest:suggest",
-                Kind.JOINT: "identification.driven:suggest_one",
+                Kind.JOINT: "identification.motors.run:suggest_motor_routine",
                 Kind.FINGER: "identification.motors.run:suggest_motor_routine",
             },
         ),
         "write_suggestion": Work(
             by={
                 Kind.TENSION: "identification.answer.output:write_suggestion",
-                Kind.JOINT: "identification.driven:write_one",
-                Kind.FINGER: "identification.driven:write_several",
+                Kind.JOINT: "identification.motors.output:write_routine",
+                Kind.FINGER: "identification.motors.output:write_routine",
             },
         ),
         "watch": Work(
