@@ -12,6 +12,7 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 
 from tendonff.compensator.compensators.expectation import (
+    FRICTIONLESS,
     Behind,
     ErrorBand,
     Expectation,
@@ -28,7 +29,10 @@ from tendonff.compensator.compensators.sent import sent
 from tendonff.compensator.compensators.uncertain import Doubt
 from tendonff.compensator.files.notices import Remark
 from tendonff.compensator.files.progress import Parts, Progress, silent
+from tendonff.compensator.files.text import InputError
 from tendonff.compensator.reporting.colours import SKY, Style
+from tendonff.compensator.scenario.doubts import reach_notes
+from tendonff.compensator.scenario.goal import Given
 from tendonff.compensator.scenario.kind import Kind
 from tendonff.compensator.scenario.reference import Hold
 from tendonff.compensator.scenario.sampled.joint_motion import moved
@@ -80,6 +84,9 @@ class Problem:
     """
 
     kind: ClassVar[Kind] = Kind.TENSION
+    given_as: ClassVar[Given] = Given(title="Force profile", label="force [N]", loop="Tendon hysteresis")
+    plain: ClassVar[str] = FRICTIONLESS  # compensator that others are compared with
+    tunes_itself: ClassVar[bool] = True  # an inverse of it can tune itself on its plant
     transmission: Transmission
     level: Level
     reference: Reference
@@ -158,6 +165,37 @@ class Problem:
         """Profile of a compensator, with travel and command; its status may be that it failed."""
         profile = _answer(compensator.profile(self, progress=progress), self)
         return with_motion(self, compensator.name, profile)
+
+    def answer_live(self, compensator: "Compensator") -> Profile:
+        """Profile of a compensator where the reference arrives live, as applied by the actuator."""
+        return self.applied(compensator.name, compensator.profile(replace(self, live=True)))
+
+    def applied(self, name: str, profile: Profile) -> Profile:
+        """Profile of a module as applied by the actuator, within the limits of its motion, which modules leave out.
+
+        Lag, delay and hold of the drive remain, as in the exported code; a position drive takes the command unchanged.
+        """
+        if self.transmission.actuator.drive is Drive.POSITION:
+            return profile if profile.command_m is not None else with_travel(self, name, profile)
+        return replace(profile, force_N=self.limited(profile.force_N), travel_m=None)
+
+    def on_rig(self, scenario: Scenario) -> "Problem":
+        """The same reference on what another scenario describes, with its uncertainty."""
+        return Problem.of(scenario, level=self.level, reference=self.reference, options=self.options)
+
+    @property
+    def nominal(self) -> "Problem":
+        """The same, all being certain: an optimal profile for many plants takes too long for some uses."""
+        return replace(self, uncertainty=Uncertainty())
+
+    def check_reach(self) -> None:
+        """Refuse a reference above the largest tension that the actuator reaches through the friction; InputError."""
+        if beyond := reach_notes(self.transmission, self.time_s, self.reference.tension_N, ""):
+            raise InputError("; ".join(beyond).strip())
+
+    def given_of(self, profile: Profile) -> FloatArray:
+        """Given to the drive, at the rows of `wanted`, as `given_as` says, shape (n,)."""
+        return profile.force_N
 
     def given(self, profile: Profile) -> bytes:
         """Identity of what a profile commands."""
@@ -357,6 +395,8 @@ class Compensator(ABC):
         Tried by a sweep by default.
     is_compared : bool
         Tried by a comparison by default: on every level in less time than all the others.
+    is_refusal_stated : bool
+        A comparison states why it has no answer; False where that is no finding, but what the file describes.
     """
 
     kinds: ClassVar[tuple[Kind, ...]] = (Kind.TENSION,)
@@ -368,6 +408,7 @@ class Compensator(ABC):
     is_fast: bool = True
     is_swept: bool = True
     is_compared: bool = True
+    is_refusal_stated: bool = True
     c_module: CModule | None = None
 
     def __init_subclass__(cls) -> None:

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from benchmarks.identify_joint import measured, truth
-from tendonff.compensator.identification.joint.first_look import look
-from tendonff.compensator.identification.joint.log import read_logs
-from tendonff.compensator.identification.joint.result import JointIdentification
-from tendonff.compensator.identification.joint.run import identify_joint
+from tendonff.compensator.identification.motors.first_look import look
+from tendonff.compensator.identification.motors.log import read_logs
+from tendonff.compensator.identification.motors.result import MotorsIdentification
+from tendonff.compensator.identification.motors.run import identify_motors
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.design.motors.run import design_motors
@@ -28,8 +28,8 @@ def log(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def found(log) -> JointIdentification:
-    return identify_joint(scenario(), [log])
+def found(log) -> MotorsIdentification:
+    return identify_motors(scenario(), [log])
 
 
 def test_exponent_ratio_lost_motion_and_friction_are_those_of_the_plant_and_inside_their_intervals(found):

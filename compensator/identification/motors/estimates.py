@@ -1,22 +1,21 @@
 """Estimates from a fitted mechanism: each number with its interval, and what follows from all of them."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import t as student
 
-from tendonff.compensator.identification.answer.result import Estimate
+from tendonff.compensator.identification.answer.result import Estimate, is_known
 from tendonff.compensator.identification.constants import TUNED, with_torque_constant
-from tendonff.compensator.identification.joint.mechanism_law import MechanismLaw
-from tendonff.compensator.identification.joint.parameters import ANGLE_OR_PUSH, NUMBERS, JointNumber
 from tendonff.compensator.identification.measured import Array
-from tendonff.compensator.scenario.driven.joint import JointScenario
+from tendonff.compensator.identification.motors.law import MechanismLaw
+from tendonff.compensator.identification.motors.parameters import ANGLE_OR_PUSH, Number, Quantity, System, Values
 from tendonff.models.joint.closed_form import GrossSliding, data_sheet
 from tendonff.models.joint.parameters import Mechanism
+from tendonff.models.parameters.numbers import number_of
 from tendonff.ocp.fits.least_squares import Solution
 
-N = JointNumber
+N = Quantity
 
 DERIVED = {
     "mu_theta": "-",
@@ -51,24 +50,27 @@ class Found:
     solution : Solution
     covariance : ndarray, shape (k, k)
         Of the solution's values, with the floor of the method.
-    tried : tuple of (JointNumber, float, bool)
+    tried : tuple of (Quantity, float, bool), optional
         Effects beside the core: gain of log-likelihood, and whether it was taken up.
-    kept_because : str
+    kept_because : str, optional
         Why mu theta is the scenario's; empty where it was free.
-    not_identifiable : tuple of JointNumber
+    not_identifiable : tuple of str, optional
         Numbers that were free, so that the others are right, but of which the moves tell nothing: they stay the
         scenario's.
-    alternatives : tuple of JointNumber
+    alternatives : tuple of Quantity, optional
         Effects that explain the logs about as well and widen an interval: the covariance reaches those values too.
+    lacking : tuple of Quantity, optional
+        Effects that would explain the logs better, and are not fitted: the covariance reaches the values with them.
     """
 
     law: MechanismLaw
     solution: Solution
     covariance: Array
-    tried: tuple[tuple[JointNumber, float, bool], ...]
-    kept_because: str
-    not_identifiable: tuple[JointNumber, ...] = ()
-    alternatives: tuple[JointNumber, ...] = ()
+    tried: tuple[tuple[Quantity, float, bool], ...] = ()
+    kept_because: str = ""
+    not_identifiable: tuple[str, ...] = ()
+    alternatives: tuple[Quantity, ...] = ()
+    lacking: tuple[Quantity, ...] = ()
 
     @property
     def pushed(self) -> bool:
@@ -76,20 +78,29 @@ class Found:
         return N.STOP_LOW in self.names or N.STOP_HIGH in self.names
 
     @property
-    def identified(self) -> dict[JointNumber, float]:
-        """Values that `fitted.toml` takes up."""
-        values = {N(name): value for name, value in self.solution.values.items()}
-        return {k: v for k, v in {**self.law.fixed, **values}.items() if k not in self.not_identifiable}
+    def apart(self) -> bool:
+        """Each tendon, motor and joint has numbers of its own: one that is not known stays the scenario's."""
+        return not isinstance(self.law.mechanism, Mechanism)
 
     @property
-    def names(self) -> tuple[JointNumber, ...]:
-        """Numbers that were free."""
-        return tuple(JointNumber(name) for name in self.solution.values)
+    def identified(self) -> dict[str, float]:
+        """Values that `fitted.toml` takes up, of a loop together."""
+        return {k: v for k, v in {**self.law.fixed, **self.solution.values}.items() if k not in self.not_identifiable}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Numbers of the mechanism that were free."""
+        return tuple(name for name in self.solution.values if not self.law.numbers[name].of_start)
 
     @property
     def reach(self) -> float:
         """Half-width of an interval in standard errors."""
         return float(student.ppf(0.975, max(self.solution.degrees, 1)))
+
+    def error(self, name: str) -> float:
+        """Standard error of a value."""
+        k = list(self.solution.values).index(name)
+        return float(np.sqrt(self.covariance[k, k]))
 
 
 def derived(mechanism: Mechanism, start_rad: float) -> Array:
@@ -104,73 +115,79 @@ def derived(mechanism: Mechanism, start_rad: float) -> Array:
     return np.array([exponent, ratio, sheet.lost_motion_rad, float(held), whole])
 
 
-def estimates_of(
-    scenario: JointScenario, found: Found, *, described: bool
-) -> tuple[tuple[Estimate, ...], tuple[str, ...], Array]:
-    """Estimates of all numbers and of what follows, the names of the free ones, and their correlation."""
-    values = {JointNumber(k): v for k, v in found.solution.values.items()}
-    deviation = np.sqrt(np.diag(found.covariance))
-    rows = []
-    for number in NUMBERS:
-        if number in found.not_identifiable:
-            rows.append(_kept(scenario, number, f"{found.kept_because}; {_advice(number)}"))
-        elif number in values:
-            error = float(deviation[found.names.index(number)])
-            rows.append(_free(scenario, number, values[number], error, found, described=described))
-        elif number in found.law.fixed:
-            rows.append(_kept(scenario, number, f"{found.kept_because}; {number.spec.advice}"))
-    rows += _derived(found, values, described=described)
-    if described:
-        rows.append(_scale(scenario, values, found))
+def estimates_of(system: System, found: Found, *, described: bool) -> tuple[Estimate, ...]:
+    """Estimates of all numbers and of what follows, before which the system was the scenario's."""
+    values, numbers, rows = found.solution.values, found.law.numbers, []
+    for name, number in numbers.items():
+        if name in found.not_identifiable:
+            rows.append(_kept(system, number, f"{found.kept_because}; {_advice(number)}"))
+        elif name in values and not number.of_start:
+            rows.append(_free(system, number, values[name], found, described=described))
+        elif name in found.law.fixed:
+            rows.append(_kept(system, number, f"{found.kept_because}; {number.advice}"))
+    if isinstance(system, Mechanism):
+        rows += _derived(found, described=described)
+        if described:
+            rows.append(_scale(system, found))
+    return tuple(rows)
+
+
+def correlation_of(found: Found) -> Array:
+    """Correlation of the values of the mechanism, shape (k, k)."""
+    own = [list(found.solution.values).index(name) for name in found.names]
+    covariance = found.covariance[np.ix_(own, own)]
+    deviation = np.sqrt(np.diag(covariance))
     safe = np.where(np.isfinite(deviation) & (deviation > 0), deviation, np.inf)
-    correlation = np.where(np.isfinite(found.covariance), found.covariance, 0.0) / np.outer(safe, safe)
+    correlation = np.where(np.isfinite(covariance), covariance, 0.0) / np.outer(safe, safe)
     np.fill_diagonal(correlation, 1.0)
-    return tuple(rows), tuple(str(n) for n in found.names), correlation
+    return np.asarray(correlation)
 
 
-def _advice(number: JointNumber) -> str:
+def _advice(number: Number) -> str:
     """Measurement that tells a number of which the moves tell nothing."""
-    return number.spec.advice if number is N.GEAR_SLIP else ANGLE_OR_PUSH
+    return number.advice if number.quantity is N.GEAR_SLIP else ANGLE_OR_PUSH
 
 
-def _own(scenario: JointScenario, number: JointNumber) -> float | None:
-    return number.of(scenario.mechanism) if number.spec.key else None
+def _own(system: System, number: Number) -> float | None:
+    """The scenario's value; None where it has none."""
+    if number.name == number.quantity:
+        return number.quantity.of(system) if number.spec.key else None
+    return number_of(system, number.name)
 
 
-def _free(
-    scenario: JointScenario, number: JointNumber, value: float, error: float, found: Found, *, described: bool
-) -> Estimate:
-    size = abs(value) if number.spec.logarithmic or number.spec.of_force else max(abs(value), number.spec.step)
-    at_bound = number in found.solution.at_bound
-    identifiable = described and not at_bound and error < TUNED.identifiable_share * size
-    by_stop = bool(found.kept_because) and number in (*_BY_A_STOP, N.BRISTLE, N.COULOMB)
+def _free(system: System, number: Number, value: float, found: Found, *, described: bool) -> Estimate:
+    error, own = found.error(number.name), _own(system, number)
+    at_bound = number.name in found.solution.at_bound
+    identifiable = described and not at_bound and is_known(error, number.size(value))
+    by_stop = bool(found.kept_because) and number.quantity in (*_BY_A_STOP, N.BRISTLE, N.COULOMB)
     why = "fit of the whole mechanism"
     if by_stop:
-        why = f"belongs to the scenario's mu_dynamic: {found.kept_because}; {number.spec.advice}"
+        why = f"belongs to the scenario's mu_dynamic: {found.kept_because}; {number.advice}"
     elif at_bound:
-        why = f"it ended at a bound of its search; {number.spec.advice or 'longer files'}"
+        why = f"it ended at a bound of its search; {number.advice or 'longer files'}"
     elif not identifiable:
-        why = f"its standard error is {error:.2g} {number.spec.unit}; {number.spec.advice or 'longer files'}"
+        why = f"its standard error is {error:.2g} {number.spec.unit}; {number.advice or 'longer files'}"
     elif number.spec.of_force:
         why += ", as measured by the motor: its interval counts 10 % for the torque constant"
     whole, half = _reached(value, error, found, of_force=number.spec.of_force)
     known = identifiable and not by_stop
+    kept = found.apart and not known and own is not None
     return Estimate(
-        name=str(number),
-        value=value,
+        name=number.name,
+        value=own if kept and own is not None else value,
         standard_error=whole if np.isfinite(error) else None,
         interval=(value - half, value + half) if known else None,
         interval_as_measured=_interval(value, error, found) if known and number.spec.of_force else None,
-        identifiable=identifiable and not by_stop,
+        identifiable=known,
         why=why,
-        scenario=_own(scenario, number),
-        fitted=described,
+        scenario=own,
+        fitted=known if found.apart else described,
     )
 
 
-def _kept(scenario: JointScenario, number: JointNumber, why: str) -> Estimate:
-    own = number.of(scenario.mechanism)
-    return Estimate(name=str(number), value=own, why=why, scenario=own)
+def _kept(system: System, number: Number, why: str) -> Estimate:
+    own = number.quantity.of(system)
+    return Estimate(name=number.name, value=own, why=why, scenario=own)
 
 
 def _reached(value: float, error: float, found: Found, *, of_force: bool) -> tuple[float, float]:
@@ -182,16 +199,22 @@ def _interval(value: float, error: float, found: Found) -> tuple[float, float]:
     return value - found.reach * error, value + found.reach * error
 
 
-def _derived(found: Found, values: Mapping[JointNumber, float], *, described: bool) -> list[Estimate]:
+def _derived(found: Found, *, described: bool) -> list[Estimate]:
     """Estimates that follow from the numbers, with the errors that they share."""
-    start, law = found.law.logs[0].run.start_rad, found.law
-    middle = derived(law.at(values), start)
-    before = derived(replace(law, fixed={}).at({}), start)
+    values, law = found.solution.values, found.law
+    start = float(law.logs[0].run.start_rad[0])
+
+    def at(law: MechanismLaw, given: Values) -> Array:
+        mechanism = law.at(given)
+        return derived(mechanism, start) if isinstance(mechanism, Mechanism) else np.zeros(len(DERIVED))
+
+    middle = at(law, values)
+    before = at(replace(law, fixed={}), {})
     slopes = np.zeros((len(middle), len(values)))
-    for k, (number, value) in enumerate(values.items()):
-        if number in (*_BY_A_STOP, N.ADHESION, N.SECOND_SIDE, N.COULOMB, N.EFFICIENCY):
-            step = 1e-4 * (abs(value) or number.spec.step)
-            slopes[:, k] = (derived(law.at({**values, number: value + step}), start) - middle) / step
+    for k, (name, value) in enumerate(values.items()):
+        if name in (*_BY_A_STOP, N.ADHESION, N.SECOND_SIDE, N.COULOMB, N.EFFICIENCY):
+            step = 1e-4 * (abs(value) or law.numbers[name].step)
+            slopes[:, k] = (at(law, {**values, name: value + step}) - middle) / step
     known = np.isfinite(np.diag(found.covariance))
     variance = np.diag(slopes[:, known] @ found.covariance[np.ix_(known, known)] @ slopes[:, known].T)
     errors = np.where((slopes[:, ~known] != 0).any(axis=1), np.inf, np.sqrt(variance))
@@ -228,14 +251,14 @@ def _derived(found: Found, values: Mapping[JointNumber, float], *, described: bo
     return rows
 
 
-def _scale(scenario: JointScenario, values: Mapping[JointNumber, float], found: Found) -> Estimate:
+def _scale(system: Mechanism, found: Found) -> Estimate:
     """Measured torque over true torque, if the scenario's gravity is right."""
-    own, name = scenario.mechanism.joint.gravity_N_m, "torque_scale"
+    own, name, values = system.joint.gravity_N_m, "torque_scale", found.solution.values
     if own == 0 or N.GRAVITY not in values:
         why = "nothing of known torque moves; hang a known weight on the joint, and give gravity_N_m"
         return Estimate(name=name, value=1.0, why=why)
     value = values[N.GRAVITY] / own
-    error = float(np.sqrt(found.covariance[(k := found.names.index(N.GRAVITY)), k])) / abs(own)
+    error = found.error(N.GRAVITY) / abs(own)
     identifiable = error < TUNED.identifiable_share
     return Estimate(
         name=name,

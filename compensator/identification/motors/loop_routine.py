@@ -11,7 +11,8 @@ from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.scenario.driven.joint import JointScenario, sample_joint
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.closed_form import GrossSliding, data_sheet
-from tendonff.models.joint.parameters import Mechanism
+from tendonff.models.joint.parameters import DriveKind, Mechanism
+from tendonff.models.joint.parameters.finger import Finger
 from tendonff.models.turns import in_turn
 from tendonff.ocp.fits.mechanism import Loop, MotorResponse, MotorRun, respond
 
@@ -53,6 +54,11 @@ class MotorRoutine:
         reach = f"{self.motor_rad.min():.3g} to {self.motor_rad.max():.3g} rad"
         head = f"{folder / 'suggested_motor.csv'}: {self.time_s[-1]:.4g} s, {reach}"
         return (head, *(f"  {part}" for part in self.parts))
+
+
+def is_loop(mechanism: Mechanism | Finger) -> bool:
+    """Whether one motor drives one joint by a loop."""
+    return isinstance(mechanism, Mechanism) and mechanism.drive.kind is DriveKind.LOOP
 
 
 class _Pen:
@@ -150,7 +156,7 @@ def suggest_routine(scenario: JointScenario) -> MotorRoutine:
     pen.move(0.0, STROKE_S)
     pen.hold(0.3)
     motor = pen.motor_rad
-    run = MotorRun(motor_rad=motor, step_s=ROW_S, start_rad=start)
+    run = MotorRun.of_one(motor, ROW_S, start)
     try:
         expected = respond(Loop(mechanism=mechanism), run, segments=MASSES)
     except ParameterError as error:
@@ -173,8 +179,6 @@ def _push(mechanism: Mechanism, law: GrossSliding, ratio: float, start: float, t
     if most is None:
         return touch + way * wanted
     ramp = np.concatenate([np.zeros(20), np.linspace(0.0, touch, 200), touch + way * np.linspace(0, wanted, 100)])
-    answer = respond(
-        Loop(mechanism=mechanism), MotorRun(motor_rad=ramp, step_s=ROW_S, start_rad=start), segments=MASSES
-    )
-    over = np.flatnonzero(np.abs(answer.torque_N_m) > TORQUE_SHARE * most)
+    answer = respond(Loop(mechanism=mechanism), MotorRun.of_one(ramp, ROW_S, start), segments=MASSES)
+    over = np.flatnonzero(np.abs(answer.torque_N_m[:, 0]) > TORQUE_SHARE * most)
     return float(ramp[over[0]]) if over.size and over[0] > 220 else touch + way * wanted

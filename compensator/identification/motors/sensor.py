@@ -17,22 +17,15 @@ from typing import TypeVar
 import numpy as np
 
 from tendonff.compensator.identification.answer.result import Estimate
-from tendonff.compensator.identification.constants import TUNED
-from tendonff.compensator.identification.joint.log import JointLog
 from tendonff.compensator.identification.measured import Array
+from tendonff.compensator.identification.motors.log import MotorsLog
+from tendonff.compensator.identification.motors.observed import ROW_S, STARTS, estimates_of, solved
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.joint.quasi_static import Followed, LoopSensor
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.fits.least_squares import Residuals, Solution, Unknown, solve
-from tendonff.ocp.fits.mechanism import differences
+from tendonff.ocp.fits.least_squares import Solution
 
-ROW_S = 0.05
-"""Distance of the rows that are fitted: the law is quasi-static."""
-
-BLOCK_S = 2.5
-"""Rows this far apart are taken as independent."""
-
-SIZE_RAD, STEP = 0.01, 1e-4
+SIZE_RAD = 0.01
 
 JUDGED_STARTS, STARTS_WITHIN, SEED = 12, 0.6, 0
 """Random starts in each file that judge a law, within this share of it, beside its first row."""
@@ -40,7 +33,6 @@ JUDGED_STARTS, STARTS_WITHIN, SEED = 12, 0.6, 0
 PARTS = 3
 """A single file is left out in so many parts."""
 
-STARTS = (0.3, 1.0)
 UNITS = {
     "pull_exponent": "-",
     "release_exponent": "-",
@@ -50,9 +42,6 @@ UNITS = {
     "elongation_rad_per_N_m": "rad/(N m)",
     "zero_rad": "rad",
 }
-_LOGARITHMIC = ("pull_exponent", "release_exponent", "preload_N_m")
-
-
 T = TypeVar("T")
 
 
@@ -154,7 +143,7 @@ class SensorFit:
 
 
 def fit_sensor(
-    logs: Sequence[JointLog], judges: Sequence[JointLog], torque: Mapping[str, float] | None = None
+    logs: Sequence[MotorsLog], judges: Sequence[MotorsLog], torque: Mapping[str, float] | None = None
 ) -> SensorFit:
     """Fit a virtual sensor to logs that all have the joint's angle; SolveError where none can be.
 
@@ -169,7 +158,7 @@ def fit_sensor(
     centred = _sensor(_solved(seen, best.solution.values, best.largest, own_zero=True).values)
     return SensorFit(
         sensor=sensor,
-        estimates=_estimates(best.solution),
+        estimates=estimates_of(best.solution, "sensor", UNITS, "fit of the virtual sensor"),
         files=tuple(_file(name, role, sensor, f, best.band_rad) for role, name, f in rows),
         own_zero_files=tuple(_file(name, role, _zeroed(centred, f), f, best.band_rad) for role, name, f in rows),
         band_rad=best.band_rad,
@@ -247,13 +236,13 @@ def _file(name: str, role: str, sensor: LoopSensor, file: "_File", band_rad: flo
 _File = tuple[Array, Array, Array, Array]
 
 
-def _thinned(log: JointLog) -> _File:
+def _thinned(log: MotorsLog) -> _File:
     """Time, motor's angle as read, torque and the joint's angle at rows `ROW_S` apart."""
-    if log.joint_rad is None:
+    if not log.encoders.all():
         raise SolveError(f"{log.name}: no angle of the joint")
     every = max(1, round(ROW_S / log.run.step_s))
-    motor = log.run.motor_rad + log.zero_rad
-    return log.time_s[::every], motor[::every], log.torque_N_m[::every], log.joint_rad[::every]
+    motor = log.run.motor_rad[:, 0] + log.zero_rad
+    return log.time_s[::every], motor[::every], log.torque_N_m[::every, 0], log.joint_rad[::every, 0]
 
 
 def _sensor(values: Mapping[str, float]) -> LoopSensor:
@@ -299,47 +288,10 @@ def _columns(memory: Mapping[str, float], file: _File) -> Array:
 def _solved(
     files: Sequence[_File], start: Mapping[str, float], largest: Mapping[str, float], *, own_zero: bool = False
 ) -> Solution:
-    names = tuple(n for n in start if not (own_zero and n == "zero_rad"))
-    blocks = np.concatenate([1000 * k + (f[0] / BLOCK_S).astype(int) for k, f in enumerate(files)])
+    def errors(values: Mapping[str, float]) -> Array:
+        sensor = _sensor(values)
+        found = [sensor.angle_rad(f[1], f[2]) - f[3] for f in files]
+        return np.concatenate([e - e.mean() if own_zero else e for e in found]) / SIZE_RAD
 
-    def evaluate(values: Mapping[str, float]) -> Residuals:
-        def predict(x: Array) -> Array:
-            sensor = _sensor({"zero_rad": 0.0, **dict(zip(names, x.tolist(), strict=True))})
-            errors = [sensor.angle_rad(f[1], f[2]) - f[3] for f in files]
-            return np.concatenate([e - e.mean() if own_zero else e for e in errors]) / SIZE_RAD
-
-        at = np.array([values[n] for n in names])
-        found, slopes = differences(predict, at, [STEP * max(abs(v), 1e-3) for v in at.tolist()])
-        return Residuals(values=found, slopes=slopes, blocks=blocks)
-
-    unknowns = [
-        Unknown(
-            name=n,
-            start=start[n],
-            low=start[n] / 20 if n in _LOGARITHMIC else -np.inf,
-            high=min(start[n] * 20, largest.get(n, np.inf)) if n in _LOGARITHMIC else np.inf,
-            scale=0.3 if n in _LOGARITHMIC else max(abs(start[n]), 1e-3),
-            logarithmic=n in _LOGARITHMIC,
-        )
-        for n in names
-    ]
-    return solve(evaluate, unknowns, robust=False, most=20, tolerance=1e-4)
-
-
-def _estimates(solution: Solution) -> tuple[Estimate, ...]:
-    rows = []
-    for name, value in solution.values.items():
-        error = solution.standard_error(name)
-        identifiable = error < TUNED.identifiable_share * max(abs(value), 1e-12)
-        rows.append(
-            Estimate(
-                name=f"sensor_{name}",
-                value=value,
-                standard_error=error if np.isfinite(error) else None,
-                interval=solution.interval(name) if np.isfinite(error) else None,
-                identifiable=identifiable,
-                why="fit of the virtual sensor" if identifiable else f"its standard error is {error:.2g} {UNITS[name]}",
-                fitted=True,
-            )
-        )
-    return tuple(rows)
+    free = {n: value for n, value in start.items() if not (own_zero and n == "zero_rad")}
+    return solved(free, errors, [f[0] for f in files], largest=largest)

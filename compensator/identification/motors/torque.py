@@ -12,21 +12,18 @@ import numpy as np
 from scipy.stats import chi2
 
 from tendonff.compensator.identification.answer.result import Estimate
-from tendonff.compensator.identification.constants import TUNED
-from tendonff.compensator.identification.joint.log import JointLog
-from tendonff.compensator.identification.joint.sensor import BLOCK_S, ROW_S, STARTS, STEP
 from tendonff.compensator.identification.measured import Array, Mask
+from tendonff.compensator.identification.motors.log import MotorsLog
+from tendonff.compensator.identification.motors.observed import ROW_S, STARTS, estimates_of, solved
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.joint.quasi_static import LoopTorque
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.fits.least_squares import Residuals, Solution, Unknown, solve
-from tendonff.ocp.fits.mechanism import differences
+from tendonff.ocp.fits.least_squares import Solution
 
 SLID_SHARE = 0.02
 """Share of the motor's range after which a loop is taken to slide."""
 
 _SIZE_SHARE = 0.01  # of the torque's range: size of an error
-_LOGARITHMIC = ("pull_exponent", "release_exponent", "preload_N_m")
 UNITS = {
     "pull_exponent": "-",
     "release_exponent": "-",
@@ -105,7 +102,7 @@ class TorqueFit:
 _File = tuple[Array, Array, Array, Array, Mask]
 
 
-def fit_torque(logs: Sequence[JointLog], judges: Sequence[JointLog]) -> TorqueFit:
+def fit_torque(logs: Sequence[MotorsLog], judges: Sequence[MotorsLog]) -> TorqueFit:
     """Fit the law to logs that all have the torque at the joint; SolveError where it cannot be."""
     seen = [_thinned(log) for log in logs]
     slid_rad = SLID_SHARE * max(float(np.ptp(f[1])) for f in seen)
@@ -123,7 +120,7 @@ def fit_torque(logs: Sequence[JointLog], judges: Sequence[JointLog]) -> TorqueFi
     rows += [("validate", log.name, _thinned(log)) for log in judges]
     return TorqueFit(
         law=law,
-        estimates=_estimates(solution),
+        estimates=estimates_of(solution, "torque", UNITS, "fit of the torque at the joint"),
         files=tuple(
             TorqueFile(name=name, role=role, time_s=t, joint_N_m=joint, model_N_m=law.torque(drum, torque))
             for role, name, (t, drum, torque, joint, _) in rows
@@ -142,16 +139,16 @@ def half_width(left: Sequence[Array]) -> float:
     return float(np.quantile(np.abs(np.concatenate(left)), 0.95) * np.sqrt(scatter))
 
 
-def _thinned(log: JointLog) -> _File:
+def _thinned(log: MotorsLog) -> _File:
     """Time, motor's angle as read, its torque and that at the joint, at rows `ROW_S` apart, and which count."""
     if log.joint_torque_N_m is None:
         raise SolveError(f"{log.name}: no torque at the joint")
     every = max(1, round(ROW_S / log.run.step_s))
-    motor = log.run.motor_rad + log.zero_rad
+    motor = log.run.motor_rad[:, 0] + log.zero_rad
     return (
         log.time_s[::every],
         motor[::every],
-        log.torque_N_m[::every],
+        log.torque_N_m[::every, 0],
         log.joint_torque_N_m[::every],
         log.counted[::every],
     )
@@ -192,49 +189,10 @@ def _fitted(files: Sequence[_File], slid_rad: float) -> Solution:
 
 
 def _solved(files: Sequence[_File], start: Mapping[str, float], slid_rad: float) -> Solution:
-    names = tuple(start)
-    blocks = np.concatenate([1000 * k + (f[0][f[4]] / BLOCK_S).astype(int) for k, f in enumerate(files)])
     size = _SIZE_SHARE * float(np.ptp(np.concatenate([f[3] for f in files])))
 
-    def evaluate(values: Mapping[str, float]) -> Residuals:
-        def predict(x: Array) -> Array:
-            law = _law(dict(zip(names, x.tolist(), strict=True)), slid_rad)
-            return np.concatenate([_errors(law, f) for f in files]) / size
+    def errors(values: Mapping[str, float]) -> Array:
+        law = _law(values, slid_rad)
+        return np.concatenate([_errors(law, f) for f in files]) / size
 
-        at = np.array([values[n] for n in names])
-        found, slopes = differences(predict, at, [STEP * max(abs(v), 1e-3) for v in at.tolist()])
-        return Residuals(values=found, slopes=slopes, blocks=blocks)
-
-    unknowns = [
-        Unknown(
-            name=n,
-            start=start[n],
-            low=start[n] / 20 if n in _LOGARITHMIC else -np.inf,
-            high=start[n] * 20 if n in _LOGARITHMIC else np.inf,
-            scale=0.3 if n in _LOGARITHMIC else max(abs(start[n]), 1e-3),
-            logarithmic=n in _LOGARITHMIC,
-        )
-        for n in names
-    ]
-    return solve(evaluate, unknowns, robust=False, most=30, tolerance=1e-5)
-
-
-def _estimates(solution: Solution) -> tuple[Estimate, ...]:
-    rows = []
-    for name, value in solution.values.items():
-        error = solution.standard_error(name)
-        identifiable = bool(error < TUNED.identifiable_share * max(abs(value), 1e-12))
-        rows.append(
-            Estimate(
-                name=f"torque_{name}",
-                value=value,
-                standard_error=error if np.isfinite(error) else None,
-                interval=solution.interval(name) if np.isfinite(error) else None,
-                identifiable=identifiable,
-                why="fit of the torque at the joint"
-                if identifiable
-                else f"its standard error is {error:.2g} {UNITS[name]}",
-                fitted=True,
-            )
-        )
-    return tuple(rows)
+    return solved(start, errors, [f[0][f[4]] for f in files])

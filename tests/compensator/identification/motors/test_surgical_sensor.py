@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tendonff.compensator.identification.joint.log import read_logs
-from tendonff.compensator.identification.joint.sensor import fit_sensor
-from tendonff.compensator.identification.joint.torque import fit_torque
+from tendonff.compensator.identification.motors.log import read_logs
+from tendonff.compensator.identification.motors.sensor import fit_sensor
+from tendonff.compensator.identification.motors.torque import fit_torque
 from tendonff.compensator.scenario.measurement import Measurement
 from tests.hidden_loop import scenario
 

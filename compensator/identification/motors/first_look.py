@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tendonff.compensator.identification.joint.log import JointLog
-from tendonff.compensator.identification.joint.parameters import JointNumber
 from tendonff.compensator.identification.measured import Array, Mask
+from tendonff.compensator.identification.motors.log import MotorsLog
+from tendonff.compensator.identification.motors.parameters import Quantity
 from tendonff.models.joint.closed_form import GrossSliding
 from tendonff.models.joint.parameters import Mechanism
 
@@ -76,9 +76,9 @@ class FirstLook:
     exponent: float | None
     tension_over_stiffness_m: float | None
 
-    def start(self, mechanism: Mechanism, start_rad: float) -> dict[JointNumber, float]:
+    def start(self, mechanism: Mechanism, start_rad: float) -> dict[Quantity, float]:
         """Values from which a fit may start; what the look does not tell is the mechanism's."""
-        n, drive = JointNumber, mechanism.drive
+        n, drive = Quantity, mechanism.drive
         law = GrossSliding.of(mechanism, start_rad)
         own = law.tendons[0].signed_exponent(1 if law.tendons[0].arm_m > 0 else -1)
         exponent = min(max(self.exponent or own, 0.1), 2.5)
@@ -103,9 +103,9 @@ class FirstLook:
         return found
 
 
-def look(log: JointLog, mechanism: Mechanism) -> FirstLook | None:
+def look(log: MotorsLog, mechanism: Mechanism) -> FirstLook | None:
     """First look at a log; None where it holds no free strokes either way."""
-    motor, torque, step = log.run.motor_rad, log.torque_N_m, log.run.step_s
+    motor, torque, step = log.run.motor_rad[:, 0], log.torque_N_m[:, 0], log.run.step_s
     speed = np.gradient(motor, step)
     fast = np.abs(speed) > 0.1 * float(np.percentile(np.abs(speed), 95))
     sliding = _sliding(motor, speed) & fast

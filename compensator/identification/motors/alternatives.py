@@ -7,13 +7,13 @@ import numpy as np
 from scipy.stats import t as student
 
 from tendonff.compensator.identification.constants import TUNED
-from tendonff.compensator.identification.joint.mechanism_law import MechanismLaw, covariance_of
-from tendonff.compensator.identification.joint.parameters import PARTNERS, JointNumber
 from tendonff.compensator.identification.measured import Array
+from tendonff.compensator.identification.motors.law import MechanismLaw, covariance_of
+from tendonff.compensator.identification.motors.parameters import PARTNERS, Quantity
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fits.least_squares import Solution
 
-N = JointNumber
+N = Quantity
 
 ALTERNATIVES = {N.ADHESION: 0.3, N.RELAXING: 0.3}
 """Effects that a slope at zero does not show, since other numbers have taken their place: where a search of its own
@@ -43,14 +43,14 @@ class Alternative:
 
     Attributes
     ----------
-    effect : JointNumber
+    effect : Quantity
     values : mapping
     covariance : ndarray, shape (k, k)
         Of these values, in their order.
     """
 
     effect: N
-    values: Mapping[N, float]
+    values: Mapping[str, float]
     covariance: Array
 
     @property
@@ -61,7 +61,7 @@ class Alternative:
     def among(self, names: Sequence[str]) -> Array:
         """Covariance of some of the values, shape (n, n)."""
         own = list(self.values)
-        at = [own.index(N(name)) for name in names]
+        at = [own.index(name) for name in names]
         return np.asarray(self.covariance[np.ix_(at, at)])
 
 
@@ -88,7 +88,7 @@ def _without_stand_in(
     for number in stand_ins:
         say(f"without {number.spec.effect}")
         left_out = (number, *PARTNERS.get(number, ()))
-        values = {n: v for n, v in _values(solution).items() if n not in left_out}
+        values = {n: v for n, v in solution.values.items() if n not in left_out}
         try:
             fewer[number] = law.fit(values, most=2 * STEPS)  # the search with both may have gone astray
         except SolveError:
@@ -99,12 +99,13 @@ def _without_stand_in(
     return fewer[best], {**gained, best: (gain, False)}
 
 
-def _started(law: MechanismLaw, values: Mapping[N, float], number: N) -> dict[N, float]:
+def _started(law: MechanismLaw, values: Mapping[str, float], number: N) -> dict[str, float]:
     """Values from which an effect is searched for."""
     share = ALTERNATIVES[number]
     if number is N.ADHESION:
         return {**values, number: share * values[N.TENSION], N.MU: values[N.MU] / (1 + share)}
-    return {**values, number: share, **{n: n.of(law.mechanism) for n in PARTNERS[number]}}
+    partners: dict[str, float] = {n: n.of(law.mechanism) for n in PARTNERS[number]}
+    return {**values, number: share, **partners}
 
 
 def _with_more(
@@ -115,7 +116,7 @@ def _with_more(
     for number in (n for n in ALTERNATIVES if n not in solution.values):
         say(f"with {number.spec.effect}")
         try:
-            found[number] = law.fit(_started(law, _values(solution), number), most=STEPS)
+            found[number] = law.fit(_started(law, solution.values, number), most=STEPS)
         except SolveError:
             continue
         known[number] = (_gain(solution, found[number]), False)
@@ -124,7 +125,7 @@ def _with_more(
         known[best] = (known[best][0], True)
         return _with_more(law, found[best], known, say)
     as_good = {
-        n: Alternative(effect=n, values=_values(each), covariance=covariance_of(law, each))
+        n: Alternative(effect=n, values=each.values, covariance=covariance_of(law, each))
         for n, each in found.items()
         if known[n][0] > -AS_GOOD
     }
@@ -134,10 +135,6 @@ def _with_more(
 def _gain(fewer: Solution, more: Solution) -> float:
     """Log-likelihood that a law is better by than another."""
     return len(np.unique(fewer.residuals.blocks)) / 2 * float(np.log(fewer.cost / more.cost))
-
-
-def _values(solution: Solution) -> dict[N, float]:
-    return {N(name): value for name, value in solution.values.items()}
 
 
 def spanned(solution: Solution, covariance: Array, alternatives: Sequence[Alternative], before: Solution) -> Array:
@@ -150,7 +147,7 @@ def spanned(solution: Solution, covariance: Array, alternatives: Sequence[Altern
     names = list(solution.values)
     least = np.sqrt(np.diag(covariance))
     for alternative in alternatives:
-        apart = np.array([alternative.values[N(name)] - before.values[name] for name in names]) / reach
+        apart = np.array([alternative.values[name] - before.values[name] for name in names]) / reach
         if alternative.acts:
             own = alternative.among(names)
             covariance = _at_least(covariance, own)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.files.writing import write_csv
-from tendonff.compensator.identification.joint.routine import suggest_routine
+from tendonff.compensator.identification.motors.loop_routine import suggest_routine
 from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.ocp.fits.mechanism import Loop, MotorRun, respond
@@ -36,7 +36,7 @@ def write(
     dip = -dip_rad * np.sin(np.pi * np.arange(1, 201) / 200) ** 2 if dip_rad else np.empty(0)
     motor = np.concatenate([routine.motor_rad, routine.motor_rad[-1] + dip])
     counts = np.round(motor / COUNT_RAD) * COUNT_RAD
-    run = MotorRun(motor_rad=motor, step_s=0.01, start_rad=0.0, read_rad=counts)
+    run = MotorRun.of_one(motor, 0.01, 0.0, counts)
     answer = respond(
         Loop(mechanism=true), run, segments=16, refinement=10 if moves_in_counts else 4, as_read=bool(moves_in_counts)
     )
@@ -44,8 +44,8 @@ def write(
     columns = {
         "time_s": 0.01 * np.arange(len(motor)),
         "motor_rad": motor if moves_in_counts is None else counts,
-        "motor_torque_N_m": answer.torque_N_m + noise,
-        "joint_rad": answer.angle_rad,
+        "motor_torque_N_m": answer.torque_N_m[:, 0] + noise,
+        "joint_rad": answer.angle_rad[:, 0],
     }
     write_csv(folder / "log.csv", columns if encoder else {k: v for k, v in columns.items() if k != "joint_rad"})
     return folder / "log.csv"

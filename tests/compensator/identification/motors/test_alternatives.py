@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tendonff.compensator.identification.joint.alternatives import with_alternatives
-from tendonff.compensator.identification.joint.parameters import JointNumber as N
+from tendonff.compensator.identification.motors.alternatives import with_alternatives
+from tendonff.compensator.identification.motors.parameters import Quantity as N
 from tendonff.ocp.fits.least_squares import Residuals, Solution
 
 BLOCKS = 40
@@ -20,7 +20,7 @@ def fitted(values: dict[N, float], gain: float) -> Solution:
     residuals = Residuals(values=ones, slopes=np.zeros((BLOCKS, len(values))), blocks=np.arange(BLOCKS))
     size = len(values)
     return Solution(
-        values={n.value: v for n, v in values.items()},
+        values={str(n): v for n, v in values.items()},
         covariance=1e-6 * np.eye(size),
         degrees=BLOCKS - size,
         residuals=residuals,
@@ -33,7 +33,7 @@ def fitted(values: dict[N, float], gain: float) -> Solution:
 def test_an_effect_is_taken_up_where_the_law_without_it_is_excluded(monkeypatch, gain, taken):
     """At a gain of 2.5 the law without it is excluded at 95 %: chi-squared of one number is 5.0, its quantile 3.84."""
     monkeypatch.setattr(
-        "tendonff.compensator.identification.joint.alternatives.covariance_of", lambda _, found: found.covariance
+        "tendonff.compensator.identification.motors.alternatives.covariance_of", lambda _, found: found.covariance
     )
     mechanism = SimpleNamespace()
     monkeypatch.setattr(N, "of", lambda *_: 1.0)

@@ -2,56 +2,105 @@
 
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 from tendonff.compensator.compensators.motors.joint import assumed
 from tendonff.compensator.compensators.motors.task import ASSUMED_SPREAD
 from tendonff.compensator.identification.answer.result import Estimate
-from tendonff.compensator.identification.joint.parameters import JointNumber, key_in
+from tendonff.compensator.identification.motors.parameters import Quantity, key_in
 from tendonff.compensator.scenario.base import with_base
+from tendonff.compensator.scenario.driven.common import part_keys
+from tendonff.compensator.scenario.driven.finger import FingerScenario
 from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenario.driven.observer_table import ObserverTable
 from tendonff.compensator.scenario.scenario import relative_to_folder
-from tendonff.compensator.scenario.tables import toml_value
-from tendonff.models.joint.parameters import JointTendon, Mechanism
+from tendonff.compensator.scenario.tables import set_keys, to_toml
+from tendonff.models.joint.parameters import Mechanism
+from tendonff.models.joint.parameters.finger import Finger
 from tendonff.models.parameters.numbers import FACTORS, keys_of
 
 _PARTS = ("path", "tendon", "friction")
-WITH_SPREAD = (JointNumber.MU, JointNumber.TENSION, JointNumber.STIFFNESS, JointNumber.GRAVITY)
+WITH_SPREAD = (Quantity.MU, Quantity.TENSION, Quantity.STIFFNESS, Quantity.GRAVITY)
 """Numbers whose intervals a design is judged with."""
-_BOTH = (JointNumber.TENSION, JointNumber.STIFFNESS)
-_FACTORS = {JointNumber.MU: "mu", JointNumber.STIFFNESS: "stiffness"}
+_BOTH = (Quantity.TENSION, Quantity.STIFFNESS)
+_FACTORS = {Quantity.MU: "mu", Quantity.STIFFNESS: "stiffness"}
 """Keys of [robust] that stand for a number where the tendons differ in it."""
 
 
-def fitted_text(scenario: JointScenario, mechanism: Mechanism, estimates: Sequence[Estimate]) -> str:
-    """Text of the scenario with a mechanism's numbers, and its intervals as [robust.spread]."""
+def fitted_text(
+    scenario: JointScenario | FingerScenario, mechanism: Mechanism | Finger, estimates: Sequence[Estimate]
+) -> str:
+    """Text of the scenario with a mechanism's numbers, and its intervals as [robust]."""
     raw: dict[str, Any] = with_base(tomllib.loads(scenario.text), scenario.source, [])
     raw["name"] = f"{scenario.name}, fitted"
-    name, joint = mechanism.joint.name, _keys(mechanism.joint)
+    raw["run"]["level"] = "presliding"
+    if isinstance(mechanism, Mechanism):
+        _put_one(raw, mechanism, estimates)
+    else:
+        _put_several(raw, scenario, mechanism, estimates)
+    return to_toml(raw)
+
+
+def _put_one(raw: dict[str, Any], mechanism: Mechanism, estimates: Sequence[Estimate]) -> None:
+    """Put in a joint whose tendons have their numbers alike."""
+    name, joint = mechanism.joint.name, set_keys(mechanism.joint)
     raw["joints"][name] = {"kind": "driven", **{key: value for key, value in joint.items() if key != "name"}}
-    raw["drive"] = _keys(mechanism.drive)
+    raw["drive"] = set_keys(mechanism.drive)
     first = mechanism.tendons[0]
     for part in _PARTS:
-        raw[part] = _part(first, part)
+        raw[part] = part_keys(first, part)
     for row, tendon in zip(raw["tendons"], mechanism.tendons, strict=True):
         for part in _PARTS:
             row.pop(part, None)
             if getattr(tendon, part) != getattr(first, part):
-                row[part] = _part(tendon, part)
+                row[part] = part_keys(tendon, part)
     if robust := _robust(mechanism, estimates, raw.get("robust", {})):
         raw["robust"] = robust
-    raw["run"]["level"] = "presliding"
-    return to_toml(raw)
+
+
+def _put_several(
+    raw: dict[str, Any], scenario: JointScenario | FingerScenario, finger: Finger, estimates: Sequence[Estimate]
+) -> None:
+    """Put in joints whose tendons and motors have numbers of their own."""
+    for row, tendon in zip(raw["tendons"], finger.tendons, strict=True):
+        row["name"] = tendon.name
+        for part in ("tendon", "friction"):
+            row[part] = set_keys(getattr(tendon, part))
+    for joint in finger.joints:
+        if joint.gravity_N_m:
+            raw["joints"][joint.name]["gravity_N_m"] = joint.gravity_N_m
+    scenario.put_motors(raw, finger.motors)
+    raw["robust"] = _widest(finger, {e.name: e for e in estimates}, raw.get("robust", {}))
+
+
+def _widest(finger: Finger, known: Mapping[str, Estimate], stated: Mapping[str, Any]) -> dict[str, Any]:
+    """[robust] with the widest interval of friction and of stiffness; what is not identified has the assumed width."""
+
+    def width(key: str) -> float:
+        found = _half_width(known[key])
+        return ASSUMED_SPREAD if found is None else found
+
+    def widest(key: str) -> float:
+        return max(width(f"tendons.{tendon.name}.{key}") for tendon in finger.tendons)
+
+    keys = Quantity.MU.spec.key, Quantity.STIFFNESS.spec.key
+    factors = _FACTORS.values()
+    spread = {k: v for k, v in stated.get("spread", {}).items() if k not in factors and not k.endswith(keys)}
+    for motor in finger.motors:
+        if len(motor.winds) > 1:
+            key = f"motors.{motor.name}.drive.pretension_N"
+            spread[key] = width(key)
+    found = {k: v for k, v in stated.items() if k != "spread"}
+    found |= {"mu": widest(Quantity.MU.spec.key), "stiffness": widest(Quantity.STIFFNESS.spec.key)}
+    return {**found, "spread": spread} if spread else found
 
 
 def observer_text(scenario: JointScenario, table: ObserverTable) -> str:
     """Text of the scenario with fitted laws of an observer."""
     raw: dict[str, Any] = with_base(tomllib.loads(scenario.text), scenario.source, [])
     raw["name"] = f"{scenario.name}, observed"
-    raw["observer"] = _keys(table)
+    raw["observer"] = set_keys(table)
     return to_toml(raw)
 
 
@@ -70,7 +119,7 @@ def _robust(mechanism: Mechanism, estimates: Sequence[Estimate], stated: Mapping
     robust = {key: value for key, value in stated.items() if key != "spread"}
     spread = dict(stated.get("spread", {}))
 
-    def place(number: JointNumber, half_width: float) -> None:
+    def place(number: Quantity, half_width: float) -> None:
         key = key_in(mechanism, number)
         if key in known:
             spread[key] = half_width
@@ -83,14 +132,14 @@ def _robust(mechanism: Mechanism, estimates: Sequence[Estimate], stated: Mapping
         robust.pop(_FACTORS.get(number, ""), None)
         place(number, half_width)
     covered = {key.strip() for name in spread for key in name.split(",")} | {k for k in FACTORS if robust.get(k)}
-    widths = {JointNumber.MU: loose.mu, JointNumber.STIFFNESS: loose.stiffness}
+    widths = {Quantity.MU: loose.mu, Quantity.STIFFNESS: loose.stiffness}
     if loose.spread:
-        widths[JointNumber.TENSION] = ASSUMED_SPREAD
+        widths[Quantity.TENSION] = ASSUMED_SPREAD
     kept = [n for n in widths if not {key_in(mechanism, n), _FACTORS.get(n, "")} & covered]
     fitted = [n for n in kept if (one := by_name.get(n)) is not None and one.fitted]
     together = ", ".join(key_in(mechanism, n) for n in _BOTH)
-    if JointNumber.MU not in fitted and set(_BOTH) <= set(fitted) and key_in(mechanism, JointNumber.STIFFNESS) in known:
-        spread[together] = widths[JointNumber.TENSION]
+    if Quantity.MU not in fitted and set(_BOTH) <= set(fitted) and key_in(mechanism, Quantity.STIFFNESS) in known:
+        spread[together] = widths[Quantity.TENSION]
         kept = [n for n in kept if n not in _BOTH]
     for number in kept:
         place(number, widths[number])
@@ -123,50 +172,3 @@ def moved_files(text: str, source: Path, folder: Path) -> str:
 
     moved(raw)
     return to_toml(raw)
-
-
-def _keys(instance: Any) -> dict[str, object]:
-    pairs = ((field.name, getattr(instance, field.name)) for field in fields(instance))
-    return {key: value for key, value in pairs if value not in (None, ())}
-
-
-def _part(tendon: JointTendon, part: str) -> dict[str, object]:
-    found = _keys(getattr(tendon, part))
-    if part == "path" and tendon.path.sections:
-        found["sections"] = [_keys(section) for section in tendon.path.sections]
-        del found["total_angle_rad"]
-    return found
-
-
-def set_keys(record: Any) -> dict[str, object]:
-    """Keys and values of a record of the scenario that say something."""
-    pairs = ((field.name, getattr(record, field.name)) for field in fields(record))
-    return {key: value for key, value in pairs if value not in (None, ())}
-
-
-def to_toml(raw: Mapping[str, object]) -> str:
-    """Plain tables as TOML: scalars and lists first, then tables and rows of tables."""
-    return "".join(_lines(raw, "")).lstrip("\n")
-
-
-def _lines(table: Mapping[str, object], name: str) -> list[str]:
-    lines, later = [], []
-    for key, value in table.items():
-        path = f"{name}.{key}" if name else key
-        if isinstance(value, Mapping):
-            later += [f"\n[{path}]\n", *_lines(value, path)]
-        elif isinstance(value, list) and value and all(isinstance(each, Mapping) for each in value):
-            for each in value:
-                later += [f"\n[[{path}]]\n", *_lines(each, path)]
-        else:
-            lines.append(f"{_bare(key)} = {toml_value(_tuples(value))}\n")
-    return lines + later
-
-
-def _bare(key: str) -> str:
-    """A key as TOML writes it."""
-    return key if key.replace("-", "_").isidentifier() else toml_value(key)
-
-
-def _tuples(value: object) -> object:
-    return tuple(map(_tuples, value)) if isinstance(value, list) else value
