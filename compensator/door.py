@@ -44,7 +44,6 @@ if TYPE_CHECKING:
     from tendonff.compensator.studies.design.result import Design
     from tendonff.compensator.studies.explore.run import Explorer
     from tendonff.compensator.studies.simulate.result import SimulatedFile
-    from tendonff.compensator.studies.tables.joint import JointTable
     from tendonff.compensator.studies.tables.result import Tables
     from tendonff.ocp.opti.joint import JointFormulation
     from tendonff.ocp.opti.tendon import TensionFormulation
@@ -366,7 +365,7 @@ def make_table(
     angles_rad: Sequence[float] = (),
     rates: Sequence[float] = (),
     pose_rad: Mapping[str, float] = MappingProxyType({}),
-) -> "Tables | JointTable":
+) -> "Tables":
     """Tabulate the feedforward: a force over reference, branch and tension since the last reversal; a motor's angle
     over the joint's angle and the way it turns.
 
@@ -396,7 +395,7 @@ def make_table(
     >>> tables = tf.make_table(tf.load_scenario("examples/finger.toml"))  # doctest: +SKIP
     >>> tables.write("table")  # doctest: +SKIP
     """
-    found: Tables | JointTable = function_of("table", scenario)(
+    found: Tables = function_of("table", scenario)(
         scenario, level=level, bound=bound, angles_rad=angles_rad, rates=rates, pose_rad=pose_rad
     )
     return found

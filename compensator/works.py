@@ -65,13 +65,6 @@ WORKS: Mapping[str, Work] = MappingProxyType(
                 Kind.FINGER: "compensators.motors.registry:known",
             }
         ),
-        "expect_live": Work(
-            by={
-                Kind.TENSION: "compensators.live:expect_live",
-                Kind.JOINT: "compensators.motors.task:MotorTask.expect_live",
-                Kind.FINGER: "compensators.motors.task:MotorTask.expect_live",
-            }
-        ),
         "runtime": Work(
             by={
                 Kind.TENSION: "runtime.core:of_tension",
@@ -162,8 +155,8 @@ WORKS: Mapping[str, Work] = MappingProxyType(
         ),
         "table": Work(
             by={
-                Kind.TENSION: "studies.tables.run:make_tables",
-                Kind.JOINT: "studies.tables.joint:tabulate_joint",
+                Kind.TENSION: "studies.tables.force:ForceTables.made",
+                Kind.JOINT: "studies.tables.motor:MotorTables.made",
             },
             refused={
                 Kind.FINGER: "a table of several joints needs an axis for the angle and the way of each, 2 n in all, "

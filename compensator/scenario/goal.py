@@ -58,6 +58,11 @@ class Goal:
         return "the largest joint range" if self.is_named else "range"
 
     @property
+    def each(self) -> tuple[str, ...]:
+        """Names that errors carry, one by one; none where there is one goal."""
+        return self.names if self.is_named else ()
+
+    @property
     def title(self) -> str:
         """Of a figure of what is reached."""
         return self.quantity.capitalize() + "s" * self.is_named

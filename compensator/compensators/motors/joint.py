@@ -51,6 +51,7 @@ class JointTask(MotorTask):
     level: Level
 
     refinement = 10
+    is_stepwise = True
     given_as = Given(
         title="Motor beyond the ratio", label="motor beyond the ratio [deg]", loop="Lost motion", is_ordinate=True
     )
@@ -188,11 +189,6 @@ class JointTask(MotorTask):
     def doubt(self) -> Doubt[Mechanism]:
         """Mechanisms that may be the real one, by [robust] or, where it states nothing, assumed."""
         return Doubt.of(self.mechanism, self.scenario.robust, assumed(self.mechanism))
-
-    @property
-    def live_command_rad(self) -> FloatArray:
-        """Commands of the exact inverse step by step; see `MotorTask.live_command_rad`."""
-        return self.commanded(self.inversion.motor_rad, live=True)
 
     def respond(
         self,

@@ -61,6 +61,8 @@ class MotorTask(ABC):
     level: Level
 
     given_as: ClassVar[Given | None] = None  # of several motors there is no one
+    plain: ClassVar[str] = "linear"  # compensator that others are compared with
+    is_stepwise: ClassVar[bool] = False  # live, the rate of a motor is known from the samples so far alone
     tunes_itself: ClassVar[bool] = False  # `adapt` runs its tuner
 
     refinement: int
@@ -325,10 +327,9 @@ class MotorTask(ABC):
         ]
         return np.column_stack(columns)
 
-    @property
-    def live_command_rad(self) -> FloatArray:
-        """Commands of the exact inverse where the reference arrives live, shape (rows, motors)."""
-        return self.commanded(self.inversion.motor_rad)
+    def answer_live(self, compensator: "MotorCompensator") -> FloatArray:
+        """Commands of a compensator where the reference arrives live, shape (rows, motors) [rad]."""
+        return self.commanded(compensator.profile(self), live=self.is_stepwise)
 
     @property
     def change(self) -> str:
@@ -339,11 +340,6 @@ class MotorTask(ABC):
         """Try commands, by name of the compensator, on all mechanisms that may be the real one."""
         bands = self.bands(commands)
         return expectation_of(self.doubt, self.level, bands, self.share_of, self.unit, recommended)
-
-    def expect_live(self) -> Expectation:
-        """Errors of the exact inverse over all mechanisms that may be the real one, the reference being known live."""
-        plain = self.commanded(self.lengths_rad, by_ratio=True)
-        return self.expect({"inverse": self.live_command_rad, "linear": plain}, "inverse")
 
     def bands(self, commands: Mapping[K, FloatArray]) -> dict[K, ErrorBand]:
         """Errors of commands on all mechanisms that may be the real one."""
@@ -387,6 +383,7 @@ class MotorCompensator:
     is_fast: ClassVar[bool] = True
     is_swept: ClassVar[bool] = True
     is_compared: ClassVar[bool] = True
+    is_refusal_stated: ClassVar[bool] = False
     name: str
     label: str
     style: Style

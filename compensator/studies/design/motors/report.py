@@ -69,7 +69,7 @@ def _curves(names: Sequence[str], columns: FloatArray) -> dict[str, Curve]:
 def design_report(result: MotorDesign, figures: Mapping[str, Figure], view: Interactive | None = None) -> Report:
     """The page of a design."""
     goal, scale = result.goal, result.goal.unit.factor
-    each = goal.names if goal.is_named else ()
+    each = goal.each
     unit = goal.unit.shown
     errors = Table(
         caption=f"RMS error [{unit}] on the verifying mechanism, {result.verifying}",
@@ -94,7 +94,7 @@ def design_report(result: MotorDesign, figures: Mapping[str, Figure], view: Inte
         result,
         pictures,
         view,
-        first=Section(title=goal.quantity.capitalize() + ("s" if each else ""), blocks=(pictures["joint"], errors)),
+        first=Section(title=goal.title, blocks=(pictures["joint"], errors)),
         robustness=(*_robustness(result), pictures["contributions"]),
         own=(
             *([Section(title="Data sheet", blocks=sheet)] if sheet else []),

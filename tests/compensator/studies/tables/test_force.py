@@ -17,8 +17,8 @@ from tendonff.compensator.compensators.score import verify
 from tendonff.compensator.compensators.table import CompensationTable
 from tendonff.compensator.files.writing import csv_text
 from tendonff.compensator.scenarios import load_scenario
-from tendonff.compensator.studies.tables.output import table_columns
-from tendonff.compensator.studies.tables.run import make_tables
+from tendonff.compensator.studies.tables.force import ForceTables
+from tendonff.compensator.studies.tables.force_pages import table_columns
 from tendonff.models.capstan import Branch
 from tendonff.models.fidelity import Level
 from tendonff.ocp.errors import SolveError
@@ -31,7 +31,7 @@ def finger(examples):
 
 @pytest.fixture(scope="module")
 def tables(finger):
-    return make_tables(finger)
+    return ForceTables.made(finger)
 
 
 def test_as_a_compensator_it_leaves_less_than_half_a_percent_where_the_static_law_leaves_ten(tables):
@@ -56,7 +56,9 @@ def test_its_first_sentence_is_the_worst_case_over_the_friction_and_not_the_mode
 @pytest.mark.compiler
 def test_a_table_that_does_harm_is_called_so_and_the_limit_named(finger):
     slow = replace(finger.transmission.actuator, force_rate_max_N_per_s=40.0)
-    made = make_tables(replace(finger, transmission=replace(finger.transmission, actuator=slow)), level=Level.ELASTIC)
+    made = ForceTables.made(
+        replace(finger, transmission=replace(finger.transmission, actuator=slow)), level=Level.ELASTIC
+    )
     said = "\n".join(made.warnings)
     worst = made.expectation.worst_percent
     assert worst["table"] > worst["none"]
@@ -106,7 +108,7 @@ def test_the_csv_has_the_agreed_columns_no_empty_cell_and_reads_back(tables):
 
 @pytest.mark.compiler
 def test_angles_and_rates_become_further_columns(finger):
-    tables = make_tables(finger, level=Level.VISCOELASTIC, bound=0.5, angles_rad=(1.0, 3.0), rates=(5.0, 50.0))
+    tables = ForceTables.made(finger, level=Level.VISCOELASTIC, bound=0.5, angles_rad=(1.0, 3.0), rates=(5.0, 50.0))
     rows = rows_of(tables)
     assert {(row["total_angle_rad"], row["rate_N_per_s"]) for row in rows} == {
         (a, r) for a in ("1.0", "3.0") for r in ("5.0", "50.0")
@@ -123,7 +125,7 @@ def test_every_branch_has_five_references_and_two_tables_have_names_of_their_own
     other = replace(finger, transmission=replace(finger.transmission, load=stiffer))
     guards = []
     for k, scenario in enumerate((finger, other)):
-        tables = make_tables(scenario, level=Level.ELASTIC, bound=2.0)
+        tables = ForceTables.made(scenario, level=Level.ELASTIC, bound=2.0)
         assert tables.tables[0].built.table.reference_N.size >= 5
         tables.write(tmp_path / str(k), prefix=f"rig{k}")
         text = (tmp_path / str(k) / "table.h").read_text()
@@ -139,4 +141,4 @@ def test_every_branch_has_five_references_and_two_tables_have_names_of_their_own
 def test_a_load_without_stiffness_is_refused_in_words(finger):
     slack = replace(finger.transmission.load, stiffness_N_per_m=1e-308)
     with pytest.raises(SolveError, match="forces that are not finite; check the stiffness"):
-        make_tables(replace(finger, transmission=replace(finger.transmission, load=slack)))
+        ForceTables.made(replace(finger, transmission=replace(finger.transmission, load=slack)))
