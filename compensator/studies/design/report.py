@@ -38,7 +38,8 @@ _CAPTIONS = {
     "expectation": "Output of the recommended profile over all sampled parameters (band), and of the reference "
     "applied directly with nominal ones. Below: the error; a curve that leaves the panel is larger.",
     "contributions": "RMS error of the recommended profile at the worse end of each interval alone, all else nominal; "
-    "the line is the worst case with all of them together.",
+    "the line is the worst case with all of them together. "
+    "Grey: the worst case with a drive of each class, where none is stated.",
     "tension": "Reference and output of each profile with the design's own parameters. Below: the "
     "compensated errors, enlarged; a curve that leaves the panel is larger.",
     "force": "Actuator force, its rate of change, and the travel of the actuator's end. Dashed: limits of the "
