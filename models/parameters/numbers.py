@@ -82,6 +82,8 @@ def with_numbers(system: S, values: Mapping[str, float]) -> S:
     ParameterError
         If a number is out of its bounds.
     """
+    if not values:
+        return system
     changes: dict[str, dict[str, Any]] = {}
     changed, places = system, _places(system)
     known = frozenset(_keys(places))

@@ -370,9 +370,18 @@ def respond_with_slopes(
     """
     drum = rig.drums_rad(run, as_read=as_read)
     touching = [k for k, change in enumerate(changes) if change.touches(run, as_read=as_read)]
-    directions = [_direction(changes[k], run, drum, segments, refinement, as_read=as_read) for k in touching]
+    begun = rig.start(run, drum, segments)
+
+    def direction(change: Change) -> Direction:
+        sides = change.above, change.below
+        above, below = (begun if each is rig else each.start(run, drum, segments) for each in sides)
+        drums = [_refined(each.drums_rad(run, as_read=as_read), refinement) for each in sides]
+        command = None if np.array_equal(drums[0], drums[1]) else (drums[0] - drums[1]) / change.apart
+        return Direction(above=above, below=below, apart=change.apart, command=command)
+
+    directions = [direction(changes[k]) for k in touching]
     led, joints = _refined(drum, refinement), len(run.start_rad)
-    answer, slopes = simulate_slopes(rig.start(run, drum, segments), led, run.step_s / refinement, directions)
+    answer, slopes = simulate_slopes(begun, led, run.step_s / refinement, directions)
     good = len(answer.position)
     held, angle = (_whole(each, len(led))[::refinement] for each in (answer.effort, answer.position[:, :joints]))
     by_held, by_angle = (np.zeros((*each.shape, len(changes))) for each in (held, angle))
@@ -392,16 +401,6 @@ def respond_with_slopes(
     )
     torque = np.stack(columns, axis=-1) if columns else np.empty((*held.shape, 0))
     return response, MotorSlopes(torque_N_m=torque, angle_rad=by_angle)
-
-
-def _direction(
-    change: Change, run: MotorRun, drum_rad: Array, segments: int, refinement: int, *, as_read: bool
-) -> Direction:
-    sides = change.above, change.below
-    above, below = (each.start(run, drum_rad, segments) for each in sides)
-    drums = [_refined(each.drums_rad(run, as_read=as_read), refinement) for each in sides]
-    command = None if np.array_equal(drums[0], drums[1]) else (drums[0] - drums[1]) / change.apart
-    return Direction(above=above, below=below, apart=change.apart, command=command)
 
 
 def _refined(drum_rad: Array, refinement: int) -> Array:

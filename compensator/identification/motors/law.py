@@ -42,8 +42,8 @@ COARSE_MASSES, FINE_MASSES = 6, 12
 TORQUE_SHARE, JOINT_RAD = 0.008, 2e-3
 """Residuals count linearly beyond this share of a torque's range, and beyond this angle of a joint."""
 
-STEP = 5e-3
-"""Difference that slopes are taken over, in usual steps of a search."""
+STEP, SLOPE_STEP = 5e-3, 1e-4
+"""Differences in usual steps of a search: of simulations, and of what the mechanism of an exact slope is made of."""
 
 READ_STEPS = 5
 """Steps for each one else that resolve how a joint rings while its motor goes from count to count."""
@@ -103,7 +103,10 @@ class MechanismLaw:
 
     def rig(self, log: MotorsLog, values: Values) -> Rig:
         """The mechanism at given values, as a log's motors feel it."""
-        found, mechanism = {**self.fixed, **values}, self.at(values)
+        return self._rig(log, values, self.at(values))
+
+    def _rig(self, log: MotorsLog, values: Values, mechanism: System) -> Rig:
+        found = {**self.fixed, **values}
         if not isinstance(mechanism, Mechanism):
             starts = {t.name: start_key(log.name, t.name) for t in mechanism.tendons}
             return Several(mechanism=mechanism, tension_N={t: found[k] for t, k in starts.items() if k in found})
@@ -124,15 +127,29 @@ class MechanismLaw:
 
     def _slopes(self, log: MotorsLog, values: Values, over: Sequence[str]) -> tuple[MotorResponse, MotorSlopes]:
         """The same with exact slopes over some of the values."""
-        changes = [self._change(log, values, name) for name in over]
+        mechanism = self.at(values)
+        rig = self._rig(log, values, mechanism)
+        changes = [self._change(log, values, name, rig, mechanism) for name in over]
         how = {"segments": self.segments, "refinement": self._steps}
-        return respond_with_slopes(self.rig(log, values), log.run, changes, **how, as_read=self.as_read)
+        return respond_with_slopes(rig, log.run, changes, **how, as_read=self.as_read)
 
-    def _change(self, log: MotorsLog, values: Values, name: str) -> Change:
-        """Rigs on either side of a value, within its bounds: what they are made of depends on it smoothly."""
-        low, high = self.numbers[name].around(values[name], STEP)
-        above, below = (self.rig(log, {**values, name: value}) for value in (high, low))
-        return Change(above=above, below=below, apart=high - low)
+    def _change(self, log: MotorsLog, values: Values, name: str, rig: Rig, mechanism: System) -> Change:
+        """A rig and one beside it, within the bounds of a value: what they are made of depends on it smoothly."""
+        at = values[name]
+        low, high = self.numbers[name].around(at, SLOPE_STEP)
+        other = high if high > at else low
+        beside = self._rig(log, {**values, name: other}, self._moved(mechanism, values, name, other))
+        return Change(above=beside, below=rig, apart=other - at)
+
+    def _moved(self, mechanism: System, values: Values, name: str, value: float) -> System:
+        """The mechanism of values with one of them changed."""
+        quantity, found = self.numbers[name].quantity, {**self.fixed, **values}
+        if quantity is Q.SECOND_SIDE or name == quantity.spec.shared:  # which are relative to the first mechanism
+            return self.at({**values, name: value})
+        together = (Q.RELAXING, Q.RELAXATION_TIME)
+        beside: dict[str, float] = {n: found[n] for n in together if n in found} if quantity in together else {}
+        moved: System = put_into(mechanism, {**beside, name: value})  # type: ignore[type-var]
+        return moved
 
     def errors(self, log: MotorsLog, answer: MotorResponse) -> tuple[Array, Array]:
         """Predicted less measured torques, and angles with no zero of the encoders; NaN where there is none."""
