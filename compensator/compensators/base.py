@@ -13,10 +13,13 @@ import numpy as np
 
 from tendonff.compensator.compensators.expectation import (
     FRICTIONLESS,
+    Behind,
     ErrorBand,
     Expectation,
+    behind_drives,
     error_bands,
     expectation_of,
+    judged_response,
 )
 from tendonff.compensator.compensators.next_step import within_reach
 from tendonff.compensator.compensators.plant import FINE_SEGMENTS, Plant, Slack, delivered_of, followed
@@ -251,8 +254,21 @@ class Problem:
 
     def expect(self, profiles: Mapping[str, Profile], recommended: str | None = None) -> Expectation:
         """Try profiles, by name of the compensator, on all transmissions that may be the real one."""
-        bands = self.bands(profiles)
-        return expectation_of(self.doubt, self.level, bands, self.share_of, self.unit, recommended, change=self.change)
+        bands, unit = self.bands(profiles), self.unit
+        found = expectation_of(self.doubt, self.level, bands, self.share_of, unit, recommended, change=self.change)
+        return replace(found, behind=self.behind(profiles[found.recommended], found.best))
+
+    def behind(self, profile: Profile, band: ErrorBand) -> tuple[Behind, ...]:
+        """Errors of a profile behind drives of each class, where lag and delay are not stated."""
+        reference, given = self.reference, self.given(profile)
+
+        def respond(transmission: Transmission) -> tuple[FloatArray, bool]:
+            return judged_response(transmission, self.level, profile, reference)
+
+        if given not in self._known_behind:
+            found = behind_drives(self.doubt, reference.wanted, band, reference.step_s, respond)
+            self._known_behind[given] = found
+        return self._known_behind[given]
 
     @property
     def change(self) -> str:
@@ -271,6 +287,10 @@ class Problem:
 
     @cached_property
     def _known_bands(self) -> dict[bytes, ErrorBand]:
+        return {}
+
+    @cached_property
+    def _known_behind(self) -> dict[bytes, tuple[Behind, ...]]:
         return {}
 
     @property

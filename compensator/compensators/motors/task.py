@@ -7,7 +7,14 @@ from typing import Any, ClassVar, Self, TypeVar, cast
 
 import numpy as np
 
-from tendonff.compensator.compensators.expectation import ErrorBand, Expectation, bands_of, expectation_of
+from tendonff.compensator.compensators.expectation import (
+    Behind,
+    ErrorBand,
+    Expectation,
+    bands_of,
+    behind_drives,
+    expectation_of,
+)
 from tendonff.compensator.compensators.motors.drive import commanded, known_by_ratio
 from tendonff.compensator.compensators.motors.response import MotorResponse, Turned
 from tendonff.compensator.compensators.score import Score, score
@@ -339,19 +346,35 @@ class MotorTask(ABC):
     def expect(self, commands: Mapping[str, FloatArray], recommended: str | None = None) -> Expectation:
         """Try commands, by name of the compensator, on all mechanisms that may be the real one."""
         bands = self.bands(commands)
-        return expectation_of(self.doubt, self.level, bands, self.share_of, self.unit, recommended)
+        found = expectation_of(self.doubt, self.level, bands, self.share_of, self.unit, recommended)
+        return replace(found, behind=self.behind(commands[found.recommended], found.best))
+
+    def behind(self, command_rad: FloatArray, band: ErrorBand) -> tuple[Behind, ...]:
+        """Errors of commands behind drives of each class, where lag and delay are not stated."""
+        given = self.given(command_rad)
+        if given not in self._known_behind:
+            found = behind_drives(
+                self.doubt, self.wanted, band, self.step_s, lambda system: self._judged(system, command_rad)
+            )
+            self._known_behind[given] = found
+        return self._known_behind[given]
+
+    @cached_property
+    def _known_behind(self) -> dict[bytes, tuple[Behind, ...]]:
+        return {}
 
     def bands(self, commands: Mapping[K, FloatArray]) -> dict[K, ErrorBand]:
         """Errors of commands on all mechanisms that may be the real one."""
+        given = np.ndarray.tobytes
+        return bands_of(self.doubt, self.wanted, commands, self._judged, given, self._known_bands)
 
-        def respond(system: Any, command: FloatArray) -> tuple[FloatArray, bool]:
-            try:
-                found = self.respond(system, command, masses=self.doubt_masses(system))
-            except (SolveError, ParameterError, InputError):
-                return np.full_like(self.wanted, np.nan), False
-            return self.values_of(found), not found.is_taut
-
-        return bands_of(self.doubt, self.wanted, commands, respond, np.ndarray.tobytes, self._known_bands)
+    def _judged(self, system: Any, command_rad: FloatArray) -> tuple[FloatArray, bool]:
+        """Output of commands on a mechanism that may be the real one, and whether a tendon went slack."""
+        try:
+            found = self.respond(system, command_rad, masses=self.doubt_masses(system))
+        except (SolveError, ParameterError, InputError):
+            return np.full_like(self.wanted, np.nan), False
+        return self.values_of(found), not found.is_taut
 
     @cached_property
     def _known_bands(self) -> dict[bytes, ErrorBand]:

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.compensators.expectation import two_digits, worst_corner
+from tendonff.compensator.compensators.expectation import two_digits
 from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.compensators.profile import Profile
+from tendonff.compensator.compensators.superposition import Superposition
 from tendonff.compensator.compensators.uncertain import Doubt, sample_systems
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.models.errors import ParameterError
@@ -176,7 +177,7 @@ def test_the_worst_case_of_numbers_measured_together_is_that_of_95_percent_of_al
     doubt, slopes = Doubt.of(generic, measured), rng.standard_normal((3, 5)) * rng.uniform(0.1, 2, (3, 1))
     together = np.array(measured.correlation.rows)
     ends = [side * together[k] @ slopes for k in range(3) for side in (-1, 1)]
-    corner = np.array(worst_corner(doubt, np.array([np.zeros(5), *ends])))
+    corner = np.array(Superposition.of(doubt, np.array([np.zeros(5), *ends])).worst_corner())
     draws = rng.multivariate_normal(np.zeros(3), together / 1.96**2, size=20_000)
     said = np.linalg.norm(corner @ slopes)
     assert 0.87 < np.mean(np.linalg.norm(draws @ slopes, axis=1) < said) < 0.97
