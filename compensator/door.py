@@ -37,8 +37,7 @@ if TYPE_CHECKING:
     from tendonff.compensator.scenario.driven.joint import JointScenario
     from tendonff.compensator.scenario.measurement import Measurement
     from tendonff.compensator.scenario.scenario import Scenario
-    from tendonff.compensator.studies.adapt.joint import JointAdaptationStudy
-    from tendonff.compensator.studies.adapt.result import AdaptationStudy
+    from tendonff.compensator.studies.adapt.study import AdaptationStudy
     from tendonff.compensator.studies.compare.result import Comparison
     from tendonff.compensator.studies.design.motors.result import MotorDesign
     from tendonff.compensator.studies.design.result import Design
@@ -159,14 +158,8 @@ def compare(
     return found
 
 
-@overload
-def adapt(scenario: "Scenario", *, progress: Progress = silent) -> "AdaptationStudy": ...
-@overload
-def adapt(scenario: "JointScenario", *, progress: Progress = silent) -> "JointAdaptationStudy": ...
-@overload
-def adapt(scenario: "AnyScenario", *, progress: Progress = silent) -> "AdaptationStudy | JointAdaptationStudy": ...
 @in_turn
-def adapt(scenario: "AnyScenario", *, progress: Progress = silent) -> "AdaptationStudy | JointAdaptationStudy":
+def adapt(scenario: "AnyScenario", *, progress: Progress = silent) -> "AdaptationStudy":
     """Try self-tuning on rigs that differ from a scenario, beside feedforward and feedback alone.
 
     Parameters
@@ -189,7 +182,7 @@ def adapt(scenario: "AnyScenario", *, progress: Progress = silent) -> "Adaptatio
     >>> study = tf.adapt(tf.load_scenario("examples/hand_joint_adaptive.toml"))  # doctest: +SKIP
     >>> print(study.headline)  # doctest: +SKIP
     """
-    found: AdaptationStudy | JointAdaptationStudy = function_of("adapt", scenario)(scenario, progress=progress)
+    found: AdaptationStudy = function_of("adapt", scenario)(scenario, progress=progress)
     return found
 
 

@@ -1,6 +1,11 @@
 """The one table of works: which function does a work on a kind of scenario, or why there is none.
 
 Nothing else looks up what a scenario describes. A function named here stands in the room that asks for it, or below.
+
+Where a row names several, they differ by physics or by what a file holds, and each module says how: a table's axes and
+what is tuned (below one body, `Tables.made` and `Trials.run`), a force file against motor angles, the data sheet of a
+tension against that of motors in a design, and what a tension cell tells against what a motor feels in a fit. Rows that
+make a problem, a runtime, an observer or a first look make the object that hides the difference from all else.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -145,8 +150,8 @@ WORKS: Mapping[str, Work] = MappingProxyType(
         ),
         "adapt": Work(
             by={
-                Kind.TENSION: "studies.adapt.run:adapt",
-                Kind.JOINT: "studies.adapt.joint:adapt_joint",
+                Kind.TENSION: "studies.adapt.tension:TensionTrials.run",
+                Kind.JOINT: "studies.adapt.loop:LoopTrials.run",
             },
             refused={
                 Kind.FINGER: "adapt tunes one number from one motor; the joints of a finger share tendons, so that one "

@@ -26,7 +26,7 @@ from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenario.settings import Adaptation, Run
 from tendonff.compensator.studies.adapt.result import Scheme, Variation
-from tendonff.compensator.studies.adapt.run import _case, _extended, adapt
+from tendonff.compensator.studies.adapt.tension import TensionTrials, _case, _extended
 from tendonff.compensator.studies.compare.run import compare
 from tendonff.compensator.studies.design.run import design
 from tendonff.compensator.studies.design.sweep.run import sweep
@@ -243,7 +243,7 @@ def test_adapt_judges_the_plain_inverse_as_its_plant_does_or_refuses(scenario: S
     asked = replace(scenario, adaptation=settings)
     if scenario.transmission.actuator.drive is Drive.POSITION:
         with pytest.raises(InputError, match="self-tuning needs a force drive"):
-            adapt(asked)
+            TensionTrials.run(asked)
         return
     problem = Problem.of(asked)
     if problem.reference.periodic:  # a longer run repeats the cycle

@@ -16,8 +16,8 @@ from tendonff.compensator.compensators.motors.joint import JointTask
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.driven.joint import JointScenario, parse_joint_scenario
 from tendonff.compensator.scenarios import load_scenario
-from tendonff.compensator.studies.adapt import joint as study
-from tendonff.compensator.studies.adapt.joint import adapt_joint
+from tendonff.compensator.studies.adapt import loop as study
+from tendonff.compensator.studies.adapt.loop import LoopTrials
 from tendonff.compensator.studies.compare.run import compare
 from tendonff.compensator.studies.design.motors.run import design_motors
 from tendonff.compensator.studies.design.sweep.run import sweep
@@ -225,13 +225,13 @@ def test_adapt_judges_the_plain_inverse_as_its_plant_does_or_refuses(
     asked = parse_joint_scenario(f'{scenario.text}\n[adaptation]\nsensor = "joint_angle"\n', scenario.source)
     if scenario.mechanism.drive.kind is DriveKind.PAIR:
         with pytest.raises(InputError, match="a pair has none"):
-            adapt_joint(asked)
+            LoopTrials.run(asked)
         return
-    off = study.JointVariation(name="friction +30 %", mu=1.3)
+    off = study.LoopVariation(name="friction +30 %", mu=1.3)
     monkeypatch.setattr(study, "VARIATIONS", (off,))
     monkeypatch.setattr(study, "SHORTEST_S", 3.0)
     monkeypatch.setattr(study, "SETTLED_S", 2.0)
-    found = adapt_joint(asked)
+    found = LoopTrials.run(asked)
     rig = with_numbers(scenario.mechanism, {"mu": 1.3})
     motion = JointMotion(
         names=("q",), time_s=np.append(0.0, found.time_s), angle_rad=np.append([0.0], found.reference_rad)[:, None]

@@ -1,8 +1,8 @@
-"""Compute the study of the self-tuning compensator."""
+"""Study of a tension whose compensator tunes itself: its plants and schemes."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -11,13 +11,13 @@ from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.certificate import FeedbackCertificate, feedback_certificate
 from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.compensators.tuning import (
+    Certified,
     certified,
     check_tuning,
     integral_gain_per_s,
     learnt,
     tuning_of,
 )
-from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.scenario import Scenario
@@ -26,10 +26,10 @@ from tendonff.compensator.studies.adapt.result import (
     SETTLED_S,
     WINDOW_S,
     WORSE_SECOND,
-    AdaptationStudy,
     Case,
     Change,
     Scheme,
+    TensionStudy,
     Trace,
     Variation,
     friction_off,
@@ -37,7 +37,7 @@ from tendonff.compensator.studies.adapt.result import (
     variations,
     worst_second,
 )
-from tendonff.models.turns import in_turn
+from tendonff.compensator.studies.adapt.study import Trials, there_and_back
 from tendonff.ocp.adaptation.code import TunedChain
 from tendonff.ocp.adaptation.information import Information
 from tendonff.ocp.adaptation.tuner import SelfTuner, SimulatedRig, TunedRun, TunerStatus
@@ -51,48 +51,65 @@ _STRETCHES_S = 0.5  # time in which a tendon gets longer
 _POSTURE_S = 4.0  # period of a load that changes with posture
 
 
-@in_turn
-def adapt(scenario: Scenario, *, progress: Progress = silent) -> AdaptationStudy:
-    """Try the self-tuning compensator on plants that differ from the scenario.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TensionTrials(Trials):
+    """Plants that differ from the scenario of a tension, with feedforward, feedback and self-tuning."""
 
-    Arguments and errors as of `tendonff.adapt`.
-    """
-    settings = scenario.adaptation
-    if settings is None:
-        raise InputError(
-            f'{scenario.source.name}: table [adaptation] is missing; it holds sensor ("output_tension" or '
-            '"actuator_position"), noise, delay_samples, parameters, range and integral_gain_per_s'
+    problem: Problem
+    settings: Adaptation
+    scenario: Scenario
+    tuning: Tuning
+    known: Information
+    certificate: FeedbackCertificate | None
+    bounds: Certified | None
+    variations: tuple[Variation, ...]
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> "TensionTrials":
+        """See `Trials.of`."""
+        settings = scenario.adaptation
+        if settings is None:
+            raise InputError(
+                f'{scenario.source.name}: table [adaptation] is missing; it holds sensor ("output_tension" or '
+                '"actuator_position"), noise, delay_samples, parameters, range and integral_gain_per_s'
+            )
+        check_tuning(scenario)
+        problem = Problem.of(scenario)
+        moving, law = problem.chain.moving, problem.transmission.friction.load_dependence
+        tuning = tuning_of(problem, settings)
+        return cls(
+            problem=problem,
+            settings=settings,
+            scenario=scenario,
+            tuning=tuning,
+            known=learnt(problem, tuning),
+            bounds=None if moving else certified(problem),
+            certificate=_certificate(problem, settings),
+            variations=variations(settings.sensor, moving=moving, load_exponent=law[0]),
         )
-    check_tuning(scenario)
-    problem = Problem.of(scenario)
-    reference, tuning = problem.reference, tuning_of(problem, settings)
-    known = learnt(problem, tuning)
-    certificate = _certificate(problem, settings)
-    bounds = None if problem.chain.moving else certified(problem)
-    every = variations(
-        settings.sensor,
-        moving=problem.chain.moving,
-        load_exponent=problem.transmission.friction.load_dependence[0],
-    )
-    cases: list[Case] = []
-    for one in every:  # one after the other: CasADi's symbols are not safe in threads
-        cases.append(_case(problem, tuning, certificate, one))
-        progress(len(cases), len(every))
-    advice = _advice(problem, settings, _widest(cases))
-    return AdaptationStudy(
-        scenario=scenario,
-        reference=reference,
-        tuning=tuning,
-        information=known,
-        certificate=certificate,
-        interval=None if bounds is None else bounds.interval,
-        bounds_N=None if bounds is None else (bounds.low_N, bounds.high_N),
-        cases=tuple(cases),
-        headline=_headline(
-            cases, known, advice, reference.share_of if reference.position_m is None else "range of the tension"
-        ),
-        warnings=_warnings(cases, known, certificate),
-    )
+
+    def case(self, one: Variation) -> Case:
+        """See `Trials.case`."""
+        return _case(self.problem, self.tuning, self.certificate, one)
+
+    def study(self, cases: Sequence[Case]) -> TensionStudy:
+        """See `Trials.study`."""
+        problem, reference, cases = self.problem, self.problem.reference, list(cases)
+        known, bounds = self.known, self.bounds
+        advice = _advice(problem, self.settings, _widest(cases))
+        share = reference.share_of if reference.position_m is None else "range of the tension"
+        return TensionStudy(
+            scenario=self.scenario,
+            reference=reference,
+            tuning=self.tuning,
+            information=known,
+            certificate=self.certificate,
+            interval=None if bounds is None else bounds.interval,
+            bounds_N=None if bounds is None else (bounds.low_N, bounds.high_N),
+            cases=tuple(cases),
+            headline=_headline(cases, known, advice, share),
+            warnings=_warnings(cases, known, self.certificate),
+        )
 
 
 def _certificate(problem: Problem, settings: Adaptation) -> FeedbackCertificate | None:
@@ -250,16 +267,15 @@ def _extended(problem: Problem, duration_s: float) -> tuple[Problem, FloatArray]
     reference, step = problem.reference, problem.reference.step_s
     once = len(reference.tension_N)
     rows = max(once, math.ceil(duration_s / step) + 1)
-    if once == 1:
-        places = np.zeros(rows, dtype=int)
-    elif reference.periodic:
-        places = np.arange(rows) % (once - 1)
-    else:
-        there = np.arange(rows) % (2 * once - 2)
-        places = np.minimum(there, 2 * once - 2 - there)
+    cycle = reference.periodic and once > 1
+    places = np.arange(rows) % (once - 1) if cycle else there_and_back(once, rows)
     motion = problem.transmission.motion
     if motion is not None:
-        motion = replace(motion, time_s=step * np.arange(rows, dtype=np.float64), angle_rad=motion.at(step * places))
+        motion = replace(
+            motion,
+            time_s=step * np.arange(rows, dtype=np.float64),
+            angle_rad=motion.at((step * places).astype(np.float64)),
+        )
         problem = replace(problem, transmission=replace(problem.transmission, motion=motion))
     return problem, reference.tension_N[places]
 
