@@ -19,7 +19,6 @@ from tendonff.compensator.compensators.expectation import (
     behind_drives,
     error_bands,
     expectation_of,
-    judged_response,
 )
 from tendonff.compensator.compensators.next_step import within_reach
 from tendonff.compensator.compensators.plant import FINE_SEGMENTS, Plant, Slack, delivered_of, followed
@@ -256,19 +255,11 @@ class Problem:
         """Try profiles, by name of the compensator, on all transmissions that may be the real one."""
         bands, unit = self.bands(profiles), self.unit
         found = expectation_of(self.doubt, self.level, bands, self.share_of, unit, recommended, change=self.change)
-        return replace(found, behind=self.behind(profiles[found.recommended], found.best))
+        return replace(found, behind=self.behind(found.best))
 
-    def behind(self, profile: Profile, band: ErrorBand) -> tuple[Behind, ...]:
+    def behind(self, band: ErrorBand) -> tuple[Behind, ...]:
         """Errors of a profile behind drives of each class, where lag and delay are not stated."""
-        reference, given = self.reference, self.given(profile)
-
-        def respond(transmission: Transmission) -> tuple[FloatArray, bool]:
-            return judged_response(transmission, self.level, profile, reference)
-
-        if given not in self._known_behind:
-            found = behind_drives(self.doubt, reference.wanted, band, reference.step_s, respond)
-            self._known_behind[given] = found
-        return self._known_behind[given]
+        return behind_drives(self.doubt, self.reference.wanted, band, self.reference.step_s)
 
     @property
     def change(self) -> str:
@@ -287,10 +278,6 @@ class Problem:
 
     @cached_property
     def _known_bands(self) -> dict[bytes, ErrorBand]:
-        return {}
-
-    @cached_property
-    def _known_behind(self) -> dict[bytes, tuple[Behind, ...]]:
         return {}
 
     @property

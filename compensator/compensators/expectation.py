@@ -113,19 +113,16 @@ class Contribution:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Behind:
-    """Worst error where a drive of which neither lag nor delay is stated is one of a class.
+    """Worst error where a drive of which neither lag nor delay is stated has the longest ones of a class.
 
     Attributes
     ----------
     kind : DriveClass
     worst : Score
-    sample : Sample
-        Where that is: the longest lag and delay of the class, at a corner of all intervals.
     """
 
     kind: DriveClass
     worst: Score
-    sample: Sample[Any]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -283,22 +280,20 @@ def expectation_of(
 
 
 def behind_drives(
-    doubt: Doubt[S],
-    wanted: FloatArray,
-    band: ErrorBand,
-    step_s: float,
-    respond: Callable[[S], tuple[FloatArray, bool]],
+    doubt: Doubt[Any], wanted: FloatArray, band: ErrorBand, step_s: float, goals: int = 1
 ) -> tuple[Behind, ...]:
     """Worst errors of a profile, whose band is known, behind drives of each class where lag and delay are not stated.
 
-    One simulation for each class, at the corner of the other intervals that is worst where the output is so late.
+    The output comes later by both, at the corner of the other intervals that is worst then; nothing is simulated. Of
+    several goals `wanted` has one after the other.
     """
-    found, rows = [], np.arange(len(wanted))
+    found, nominal = [], (wanted + band.errors.nominal).reshape(goals, -1)
+    rows = np.arange(nominal.shape[1])
     for kind in UNSTATED if doubt.drives_not_stated else ():
-        nominal = wanted + np.nan_to_num(band.errors.nominal)
-        late = np.interp(rows - doubt.latest_s(kind) / step_s, rows, nominal) - nominal
-        sample = doubt.behind(kind, band.errors.worst_corner(late))
-        found.append(Behind(kind=kind, worst=score(wanted, respond(sample.system)[0]), sample=sample))
+        instants = rows - doubt.latest_s(kind) / step_s
+        late = (np.array([np.interp(instants, rows, output) for output in nominal]) - nominal).ravel()
+        error = band.errors.at(band.errors.worst_corner(late)) + late
+        found.append(Behind(kind=kind, worst=score(wanted, wanted + error)))
     return tuple(found)
 
 
@@ -312,20 +307,13 @@ def error_bands(
     """Errors of each profile over the samples; `known` as of `bands_of`."""
 
     def respond(transmission: Transmission, profile: Profile) -> tuple[FloatArray, bool]:
-        return judged_response(transmission, level, profile, reference)
+        response = Plant(transmission, level, FINE_SEGMENTS).respond(profile, reference)
+        return response.delivered(reference), response.slack is not None
 
     def given(profile: Profile) -> bytes:
         return profile.given.tobytes()
 
     return bands_of(doubt, reference.wanted, profiles, respond, given, known)
-
-
-def judged_response(
-    transmission: Transmission, level: Level, profile: Profile, reference: Reference
-) -> tuple[FloatArray, bool]:
-    """Output of a profile on the plant that profiles are judged on, and whether the tendon went slack."""
-    response = Plant(transmission, level, FINE_SEGMENTS).respond(profile, reference)
-    return response.delivered(reference), response.slack is not None
 
 
 def bands_of(

@@ -50,7 +50,6 @@ def expectation_summary(found: Expectation, segments: int) -> dict[str, object]:
                 "class": each.kind.value,
                 f"rmse_{unit}": finite(each.worst.rmse),
                 "percent_of_range": finite(each.worst.rmse_percent_of_range),
-                "values": dict(each.sample.numbers),
             }
             for each in found.behind
         ],

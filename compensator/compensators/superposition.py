@@ -1,6 +1,7 @@
 """Errors over uncertain numbers from those at the ends of their intervals: linear between, additive over several."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -97,18 +98,28 @@ class Superposition:
 
         The error goes straight from the nominal one to those at both ends; of correlated numbers it is linear.
         """
-        known, together = self.uncertainty, list(self.uncertainty.correlated)
-        points = np.random.default_rng(known.seed).random((_DRAWS, len(self.low)))
-        places = drawn_places(known, points)
-        up, down = np.clip(places, 0, None), np.clip(-places, 0, None)
-        if together:
-            matrix = known.correlations[np.ix_(together, together)]
-            along = places[:, together] @ np.linalg.pinv(matrix, rcond=_LEAST_SHARE**2, hermitian=True)
-            up[:, together], down[:, together] = 0.5 * along, -0.5 * along
-        weights = np.column_stack([np.ones(_DRAWS), up, down])
-        parts = np.vstack([self.nominal[None], self.high - self.nominal, self.low - self.nominal])
+        points = np.random.default_rng(self.uncertainty.seed).random((_DRAWS, len(self.low)))
+        weights, parts = self._weights(drawn_places(self.uncertainty, points)), self._parts
         squares = np.einsum("di,ij,dj->d", weights, parts @ parts.T / parts.shape[1], weights)
         return math.sqrt(max(float(np.median(squares)), 0.0))
+
+    def at(self, places: Sequence[float]) -> FloatArray:
+        """Error at a place in each interval, from −1 (low) to 1 (high), shape (n,)."""
+        found: FloatArray = self._weights(np.array([places], dtype=float))[0] @ self._parts
+        return found
+
+    @property
+    def _parts(self) -> FloatArray:
+        return np.vstack([self.nominal[None], self.high - self.nominal, self.low - self.nominal])
+
+    def _weights(self, places: FloatArray) -> FloatArray:
+        """Shares of the parts at places, shape (draws, intervals): straight to both ends; linear where correlated."""
+        up, down = np.clip(places, 0, None), np.clip(-places, 0, None)
+        if together := list(self.uncertainty.correlated):
+            matrix = self.uncertainty.correlations[np.ix_(together, together)]
+            along = places[:, together] @ np.linalg.pinv(matrix, rcond=_LEAST_SHARE**2, hermitian=True)
+            up[:, together], down[:, together] = 0.5 * along, -0.5 * along
+        return np.column_stack([np.ones(len(places)), up, down])
 
 
 def _reach(gram: FloatArray) -> float:

@@ -104,12 +104,6 @@ class Doubt(Generic[S]):
             and not any(getattr(each, t) is not None or f"{place}.{t}" in known for t in _TIMES)
         )
 
-    def behind(self, kind: DriveClass, places: Sequence[float]) -> Sample[S]:
-        """The sample at a place in each interval, drives that are not stated having the longest times of a class."""
-        sample, most = self.at(places), ASSUMED_S[kind]
-        late = {f"{place}.{key}": high for place in self.drives_not_stated for key, (_, high) in most.items()}
-        return Sample(system=with_numbers(sample.system, late), numbers={**sample.numbers, **late})
-
     @staticmethod
     def latest_s(kind: DriveClass) -> float:
         """Longest lag and delay of a class together [s]."""

@@ -347,21 +347,11 @@ class MotorTask(ABC):
         """Try commands, by name of the compensator, on all mechanisms that may be the real one."""
         bands = self.bands(commands)
         found = expectation_of(self.doubt, self.level, bands, self.share_of, self.unit, recommended)
-        return replace(found, behind=self.behind(commands[found.recommended], found.best))
+        return replace(found, behind=self.behind(found.best))
 
-    def behind(self, command_rad: FloatArray, band: ErrorBand) -> tuple[Behind, ...]:
+    def behind(self, band: ErrorBand) -> tuple[Behind, ...]:
         """Errors of commands behind drives of each class, where lag and delay are not stated."""
-        given = self.given(command_rad)
-        if given not in self._known_behind:
-            found = behind_drives(
-                self.doubt, self.wanted, band, self.step_s, lambda system: self._judged(system, command_rad)
-            )
-            self._known_behind[given] = found
-        return self._known_behind[given]
-
-    @cached_property
-    def _known_behind(self) -> dict[bytes, tuple[Behind, ...]]:
-        return {}
+        return behind_drives(self.doubt, self.wanted, band, self.step_s, self.target.shape[1])
 
     def bands(self, commands: Mapping[K, FloatArray]) -> dict[K, ErrorBand]:
         """Errors of commands on all mechanisms that may be the real one."""

@@ -95,7 +95,7 @@ def compare(
     text, best = recommend(entries, shown, bands, str(own.doubt), SIMPLE, own.unit)
     on_level = {name: band for (name, level), band in bands.items() if level is best}
     expectation = expectation_of(own.doubt, Level.PRESLIDING, on_level, own.share_of, own.unit, change=own.change)
-    expectation = replace(expectation, behind=own.behind(usable[expectation.recommended, best], expectation.best))
+    expectation = replace(expectation, behind=own.behind(expectation.best))
     order = {c.name: k for k, c in enumerate(shown)}
     entries.sort(key=lambda e: order[e.compensator])  # stable: levels and plants keep their order
     return Comparison(
