@@ -119,6 +119,7 @@ class Behind:
     ----------
     kind : DriveClass
     worst : Score
+        At the worst corner of all other intervals.
     """
 
     kind: DriveClass
