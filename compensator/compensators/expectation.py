@@ -290,7 +290,7 @@ def behind_drives(
     """
     found, nominal = [], (wanted + band.errors.nominal).reshape(goals, -1)
     rows = np.arange(nominal.shape[1])
-    for kind in UNSTATED if doubt.drives_not_stated else ():
+    for kind in UNSTATED if doubt.drives_not_stated and math.isfinite(band.expected_rmse) else ():
         instants = rows - doubt.latest_s(kind) / step_s
         late = (np.array([np.interp(instants, rows, output) for output in nominal]) - nominal).ravel()
         error = band.errors.at(band.errors.worst_corner(late)) + late

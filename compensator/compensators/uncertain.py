@@ -89,11 +89,6 @@ class Doubt(Generic[S]):
         return _sample(self.system, self.spreads, places)
 
     @property
-    def together(self) -> tuple[int, ...]:
-        """Numbers of the intervals that are correlated."""
-        return self.uncertainty.correlated
-
-    @property
     def drives_not_stated(self) -> tuple[str, ...]:
         """Places of drives of which no lag, no delay and no class is stated."""
         known = {key for spread in self.spreads for key in spread.keys}
