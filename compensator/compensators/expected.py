@@ -13,6 +13,12 @@ from tendonff.compensator.reporting.page import Cell, Table
 from tendonff.compensator.reporting.plots import legend_below, new_figure
 
 BOUND: dict[str, Any] = {"color": INK, "linewidth": 0.8, "linestyle": (0, (6, 3))}
+CONTRIBUTIONS = (
+    "RMS error of the recommended profile at the worse end of each interval alone, all else nominal; the line is the "
+    "worst case with all of them together. Grey: the worst case with a drive of each class, where none is stated."
+)
+"""Caption of `contributions_figure`."""
+
 _MOST_BARS = 12
 
 

@@ -6,7 +6,7 @@ from typing import TypeAlias
 
 from matplotlib.figure import Figure
 
-from tendonff.compensator.compensators.expected import robustness_table
+from tendonff.compensator.compensators.expected import CONTRIBUTIONS, robustness_table
 from tendonff.compensator.feedback.report import CAPTIONS as FEEDBACK_CAPTIONS
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.reporting.colours import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, Style
@@ -29,7 +29,7 @@ _CAPTIONS = {
     "joint": "What was wanted, and the errors of all compensators, on the verifying mechanism.",
     "tension": "Tensions at the far ends under the exact inverse.",
     "motor": "What the motors turn beyond the ratio alone, and the torque that they give.",
-    "contributions": "RMS error of the recommended profile with one parameter at the worse end of its interval.",
+    "contributions": CONTRIBUTIONS,
     "pretension": "Left: lost motion over friction of the drive as the pre-tension rises. Right: the torque from which "
     "a tendon goes slack; the dotted line is the largest of the reference. The dot is this scenario.",
 }
