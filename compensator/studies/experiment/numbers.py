@@ -26,11 +26,8 @@ MEANINGS = {
     "width_s": "after a reversal: time from 5 to 50 % of the output's change; long means a smooth transient",
     "max_slope_N_per_s": "largest rate of the output tension after a reversal; high means a sudden breakaway",
     "two_ended_law": "difference of all tensions from the capstan law that is given both end tensions, RMS and largest",
-    "exponent_over_law": "ln(T_in/T_out) when a ramp ends, over mu theta; 1 is the capstan law",
-    "profile_deviation_percent": "largest departure of ln T along the path from a straight line then, of mu theta",
-    "tension_step_percent_of_range": "departure of any tension from its course as a motor changes its mode; 0 is ideal",
-    "force_step_percent_of_range": "jump of a motor's pull as it changes its mode; 0 is ideal",
     "measured": "difference of a measured tension, by sensor, from the simulated one, RMS and largest",
+    "largest_switch_percent_of_range": "departure of any tension from its course as a motor changes its mode",
     "bristle_stiffness_factor": "factor on the bristles of the quasi-static run, which stands for the capstan law",
     "refinement": "difference of seven tensions to the run with more masses, the discretisation error, RMS and largest",
 }
@@ -54,24 +51,6 @@ class Transient:
     change_N: float  # change of the output tension over the state: of the end whose motor loads
     width_s: float  # the rest of the change is slip on all levels
     max_slope_N_per_s: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Switch:
-    """Smoothness of a mode change of a motor."""
-
-    into: str  # the state that began
-    # departure of any tension, one step after the switch, from the straight line through the two rows before
-    tension_step_percent_of_range: float
-    force_step_percent_of_range: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SlipProfile:
-    """The profile along the path in one-way slip, when a ramp ends, against e^{mu theta}."""
-
-    exponent_over_law: float
-    profile_deviation_percent: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,51 +138,15 @@ def transient(run: ExperimentRun, done: StatePass) -> Transient | None:
     )
 
 
-def switches(run: ExperimentRun) -> list[Switch]:
-    """Every change of a motor's mode."""
-    found = []
-    for index, (before, after) in enumerate(pairwise(run.passes), start=1):
-        if before.state.modes != after.state.modes:
-            k, f = after.first_row, run.link_tension_N
-            step = float(np.abs(f[k + 1] - 2 * f[k] + f[k - 1]).max())
-            jump = float(np.abs(run.force_jump_N[index]).max())
-            found.append(
-                Switch(
-                    into=after.state.name,
-                    tension_step_percent_of_range=percent_of(step, run.range_N),
-                    force_step_percent_of_range=percent_of(jump, run.range_N),
-                )
-            )
-    return found
+def largest_switch(run: ExperimentRun) -> float:
+    """How far any tension leaves its course as a motor changes its mode, in % of the range.
 
-
-def slip_profiles(run: ExperimentRun) -> dict[str, SlipProfile]:
-    """Profiles at the ends of ramps, in states in which every mass then slides one way.
-
-    With Stribeck friction the law is a band between the dynamic and the static coefficient.
+    One step after the change, from the straight line through the two rows before.
     """
-    friction, total_angle_rad = run.transmission.friction, run.transmission.path.total_angle_rad
-    found = {}
-    for done in run.passes:
-        direction, k = sliding_direction(done), done.stop_row
-        v = run.velocity_m_per_s[k] * direction
-        if direction == 0 or not v.min() > 0.1 * v.max() or total_angle_rad == 0:
-            continue
-        lifted = np.log(run.link_tension_N[k] + friction.adhesion_N)
-        drop = (lifted[0] - lifted) * direction
-        if direction > 0:
-            low, high = friction.mu_dynamic, friction.mu_static
-        else:
-            low, high = friction.release_dynamic, friction.release_static
-        if low == 0:
-            continue
-        angle = np.linspace(0, total_angle_rad, len(drop))
-        off = np.maximum(np.maximum(low * angle - drop, drop - high * angle), 0)
-        found[done.state.name] = SlipProfile(
-            exponent_over_law=float(drop[-1] / (low * total_angle_rad)),
-            profile_deviation_percent=100 * float(off.max()) / (low * total_angle_rad),
-        )
-    return found
+    starts = [now.first_row for before, now in pairwise(run.passes) if before.state.modes != now.state.modes]
+    f = run.link_tension_N
+    steps = [float(np.abs(f[k + 1] - 2 * f[k] + f[k - 1]).max()) for k in starts]
+    return percent_of(max(steps, default=0.0), run.range_N)
 
 
 def law_deviation(run: ExperimentRun) -> LawDeviation:

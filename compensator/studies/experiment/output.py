@@ -59,14 +59,11 @@ def summary(result: ExperimentResult) -> dict[str, object]:
                 for done in numbers.reversals(run)
                 if (value := numbers.transient(run, done)) is not None
             },
-            "switches": [asdict(value) for value in numbers.switches(run)],
-            "slip_profile": {state: asdict(value) for state, value in numbers.slip_profiles(run).items()},
             "two_ended_law": asdict(numbers.law_deviation(run)),
         }
         | ({} if measured is None else {"measured": [asdict(d) for d in numbers.deviations(run, measured)]})
         for level, run in result.runs.items()
     }
-    steps = [value for run in result.runs.values() for value in numbers.switches(run)]
     return {
         "schema": 1,
         "scenario": result.scenario.name,
@@ -89,14 +86,7 @@ def summary(result: ExperimentResult) -> dict[str, object]:
             for done in lead.passes
         ],
         "levels": per_level,
-        "bumpless": {
-            "largest_tension_step_percent_of_range": max(
-                (value.tension_step_percent_of_range for value in steps), default=0.0
-            ),
-            "largest_force_step_percent_of_range": max(
-                (value.force_step_percent_of_range for value in steps), default=0.0
-            ),
-        },
+        "largest_switch_percent_of_range": max(map(numbers.largest_switch, result.runs.values())),
         "quasi_static_elastic": {
             "bristle_stiffness_factor": result.quasi_static_factor,
             "two_ended_law": asdict(numbers.law_deviation(result.quasi_static)),

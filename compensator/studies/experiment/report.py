@@ -68,11 +68,7 @@ def experiment_report(result: ExperimentResult, figures: dict[str, Figure]) -> R
         ),
     )
     finer = numbers.refinement(result.runs[result.lead], result.fine)
-    step = max(
-        (value.tension_step_percent_of_range for run in result.runs.values() for value in numbers.switches(run)),
-        default=0.0,
-    )
-    slips = sum(len(numbers.slip_profiles(run)) for run in result.runs.values())
+    step = max(map(numbers.largest_switch, result.runs.values()))
     return Report(
         title=f"Two-motor test: {result.scenario.name}",
         summary=_summary(result),
@@ -98,8 +94,7 @@ def experiment_report(result: ExperimentResult, figures: dict[str, Figure]) -> R
                     Text(
                         f"Switching a motor changes a tension by at most {step:.2g} % of the range. "
                         f"{finer.segments} and {finer.fine_segments} masses differ by "
-                        f"{finer.rms_percent_of_range:.2g} % of the range RMS. "
-                        f"{slips} one-way ramps were compared with the capstan law; see summary.json."
+                        f"{finer.rms_percent_of_range:.2g} % of the range RMS."
                     ),
                     Table(
                         caption="What each number of this page and of summary.json means",

@@ -38,8 +38,6 @@ class ExperimentRun:
         Shape (n, 2); of motors 1 and 2; forces are each motor's pull on its end of the tendon.
     velocity_m_per_s : numpy.ndarray
         Shape (n, N + 2); v_a, v_1 .. v_N, v_l.
-    force_jump_N : numpy.ndarray
-        Shape (number of states, 2); jump of each motor's pull as a state begins.
     """
 
     level: Level
@@ -50,7 +48,6 @@ class ExperimentRun:
     position_m: FloatArray
     force_N: FloatArray
     velocity_m_per_s: FloatArray
-    force_jump_N: FloatArray
 
     @property
     def tension_N(self) -> FloatArray:

@@ -116,19 +116,14 @@ class Rig:
             velocity_m_per_s=state.velocity_m_per_s[None, :],
         )
 
-    def switch(self, modes: Modes) -> FloatArray:
-        """Change what the motors do, without a jump; a motor that keeps its mode keeps its command.
-
-        Returns what jump each motor's pull makes all the same, shape (2,) [N].
-        """
-        before = self._motor_force(self._command[None, :], self._position[None, :])
+    def switch(self, modes: Modes) -> None:
+        """Change what the motors do, without a jump; a motor that keeps its mode keeps its command."""
         if modes != self._modes:
             for k in (0, 1):
                 if modes[k] is not self._modes[k]:
                     self._command[k] = self._bumpless(modes[k], k)
             self._modes = modes
             self._simulator = self._new_simulator(self._simulator.state)
-        return np.asarray((self._motor_force(self._command[None, :], self._position[None, :]) - before)[0])
 
     def advance(self, rates: FloatArray) -> RigRows:
         """Move the commands at given rates; the rows at the ends of the steps. SolveError when a step cannot be solved.

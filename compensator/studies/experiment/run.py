@@ -32,11 +32,11 @@ _QUASI_STATIC_FACTOR = 1000.0
 def run_machine(plan: Plan, level: Level) -> tuple[Schedule, ExperimentRun]:
     """Run the state machine on one model; its record, to be repeated on other models, and the run."""
     rig = Rig(plan, level, plan.states[0].modes)
-    pieces, jumps = [rig.now()], []
+    pieces = [rig.now()]
     passes: list[StatePass] = []
     rates: list[tuple[float, float]] = []
     for state in plan.states:
-        jumps.append(rig.switch(state.modes))
+        rig.switch(state.modes)
         machine = Machine(state, plan)
         first = len(rates)
         while (now := machine.next_rates(rig.end_tensions_N)) is not None:
@@ -54,18 +54,18 @@ def run_machine(plan: Plan, level: Level) -> tuple[Schedule, ExperimentRun]:
             )
         )
     schedule = Schedule(passes=tuple(passes), rates=np.array(rates))
-    return schedule, _run(level, plan, schedule, pieces, jumps)
+    return schedule, _run(level, plan, schedule, pieces)
 
 
 def follow_schedule(plan: Plan, schedule: Schedule, level: Level, segments: int | None = None) -> ExperimentRun:
     """Give a model, of the path's own number of masses or another, the commands of a schedule."""
     rig = Rig(plan, level, plan.states[0].modes, segments)
-    pieces, jumps = [rig.now()], []
+    pieces = [rig.now()]
     for done in schedule.passes:
-        jumps.append(rig.switch(done.state.modes))
+        rig.switch(done.state.modes)
         rates = schedule.rates[done.first_row : done.last_row]
         pieces.append(rig.advance(rates * _scales(rates, rig.forces_N, done.end_forces_N, plan.step_s)))
-    return _run(level, plan, schedule, pieces, jumps)
+    return _run(level, plan, schedule, pieces)
 
 
 def _scales(rates: FloatArray, starts_N: Ends, ends_N: Ends, step_s: float) -> FloatArray:
@@ -139,7 +139,7 @@ def experiment(
     )
 
 
-def _run(level: Level, plan: Plan, schedule: Schedule, pieces: list[RigRows], jumps: list[FloatArray]) -> ExperimentRun:
+def _run(level: Level, plan: Plan, schedule: Schedule, pieces: list[RigRows]) -> ExperimentRun:
     tension = np.concatenate([piece.tension_N for piece in pieces])
     time: FloatArray = np.arange(len(tension), dtype=np.float64) * plan.step_s
     return ExperimentRun(
@@ -151,5 +151,4 @@ def _run(level: Level, plan: Plan, schedule: Schedule, pieces: list[RigRows], ju
         position_m=np.concatenate([piece.position_m for piece in pieces]),
         force_N=np.concatenate([piece.force_N for piece in pieces]),
         velocity_m_per_s=np.concatenate([piece.velocity_m_per_s for piece in pieces]),
-        force_jump_N=np.array(jumps),
     )

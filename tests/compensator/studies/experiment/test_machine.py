@@ -117,10 +117,10 @@ def test_changing_modes_at_rest_leaves_the_rig_at_rest(finger: Scenario, modes: 
     rig.advance(np.column_stack([ramp, np.zeros_like(ramp)]))
     near, far = rig.end_tensions_N
     assert near > 1.5 * far
-    assert np.abs(rig.switch(modes)).max() < 1e-4
+    rig.switch(modes)
     rows = rig.advance(np.zeros((100, 2)))
     np.testing.assert_allclose(rows.tension_N[:, [0, -1]], np.tile([near, far], (100, 1)), atol=2e-3)
-    np.testing.assert_allclose(rows.force_N[-1], [near, far], atol=2e-3)
+    np.testing.assert_allclose(rows.force_N, np.tile([near, far], (100, 1)), atol=2e-3)
 
 
 @pytest.mark.parametrize("level", Level)
