@@ -32,7 +32,7 @@ ROW_S, COUNT_RAD, NOISE = 1e-3, 2 * np.pi / 4096, 0.01
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rig:
-    """What is hidden.
+    """Hidden mechanism, and the plant that simulates it.
 
     Attributes
     ----------
