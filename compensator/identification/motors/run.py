@@ -177,10 +177,11 @@ def _several(
 ) -> MotorsIdentification:
     """Several motors, each of which feels its own tendons."""
     given = how or scenario.measurement
-    if replace(given, skip_s=None, tare_s=None) != replace(scenario.measurement, skip_s=None, tare_s=None):
+    taken = {"skip_s": None, "tare_s": None, "channels": None}
+    if replace(given, **taken) != replace(scenario.measurement, **taken):  # type: ignore[arg-type]
         raise InputError(
             f"{scenario.source.name}: of several motors every column has its name (motor_NAME_rad, "
-            "motor_torque_NAME_N_m, joint_NAME_rad) and SI units; of options on the files --skip and --tare are taken"
+            "motor_torque_NAME_N_m, joint_NAME_rad); of options on the files --channel, --skip and --tare go"
         )
     finger, sampled = mechanism_of(scenario)
     for tendon in finger.tendons:
@@ -189,9 +190,7 @@ def _several(
                 f'{scenario.source.name}: mu_dynamic of tendon "{tendon.name}" must be > 0 to begin with, got '
                 f"{tendon.friction.mu_dynamic:g}; 0.15 is a usual value"
             )
-    logs, judges = (
-        read_several(finger, some, sampled.angle_rad[0], given.skip_s, given.tare_s) for some in (files, judging)
-    )
+    logs, judges = (read_several(finger, some, sampled.angle_rad[0], given) for some in (files, judging))
     doubts = answered_several(finger, (*logs, *judges), scenario.run, scenario.source.name, confirm)
     found = fit_several(finger, logs, say)
     say("intervals")
