@@ -9,9 +9,17 @@ from tendonff.models.joint.parameters import JointDrive
 from tendonff.models.servo import CommandHold
 
 
-def driven(drive: JointDrive, command_rad: FloatArray, step_s: float) -> FloatArray:
-    """Angles of the drums at the commanded shaft, shape (rows, motors), for commands; see `Servo.follow`."""
-    return drive.servo.follow(command_rad, step_s)
+def driven(
+    drive: JointDrive, command_rad: FloatArray, step_s: float, refinement: int = 1, *, periodic: bool = False
+) -> FloatArray:
+    """Angles of the drums at the commanded shaft, shape (rows, motors), for commands; see `Servo.follow`.
+
+    Of a cycle, in the steady one.
+    """
+    if not periodic:
+        return drive.servo.follow(command_rad, step_s, refinement)
+    cycles = np.vstack([command_rad[:-1], command_rad])
+    return drive.servo.follow(cycles, step_s, refinement)[-((len(command_rad) - 1) * refinement + 1) :]
 
 
 def known_by_ratio(drive: JointDrive) -> JointDrive:

@@ -81,6 +81,11 @@ class JointTask(MotorTask):
         return found
 
     @property
+    def is_periodic(self) -> bool:
+        """The reference is one period of a cycle."""
+        return self.scenario.reference.periodic
+
+    @property
     def lead(self) -> int:
         """Rows of the homing stroke."""
         return self.sampled.lead
@@ -205,11 +210,12 @@ class JointTask(MotorTask):
         repeats = 1 + _SETTLING_CYCLES if spec.periodic else 1
         time = sampled.time_s
         span = float(time[-1])
-        motor = driven(system.drive, command_rad, step)
+        motor = driven(system.drive, command_rad, step, refinement, periodic=repeats > 1)
         rows = (len(time) - 1) * refinement
         inner = np.arange(rows * repeats + 1) * (step / refinement)
         within = np.mod(inner, span) if repeats > 1 else inner
-        columns = [np.interp(within, time, column) for column in motor.T]
+        motor[-1] = motor[0] if repeats > 1 else motor[-1]
+        columns = [np.append(np.tile(column[:-1], repeats), column[-1]) for column in motor.T]
         if repeats > 1:  # from rest: the motor starts where it stands
             columns = [column * np.minimum(inner / (0.1 * span), 1.0) for column in columns]
         contact = np.interp(within, time, sampled.contact_N_m)
