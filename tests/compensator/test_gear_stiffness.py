@@ -92,6 +92,13 @@ def test_the_motors_of_a_finger_are_ahead_by_what_their_gears_give() -> None:
     assert rms_deg(said - seen.angle_rad) < 0.05
 
 
+@pytest.mark.parametrize("stiffness", [50.0, 5e4])
+def test_simulations_through_a_gear_undo_its_inverse_however_stiff_it_is(stiffness: float) -> None:
+    task = joint_of(DriveKind.PAIR, stiffness)
+    command = task.answer(compensator_of(task, "inverse"))
+    assert rms_deg(task.respond(task.mechanism, command).output - task.target) < 1e-3
+
+
 @pytest.mark.parametrize("kind", list(DriveKind))
 def test_a_runtime_commands_what_the_inverse_does(kind: DriveKind) -> None:
     task = joint_of(kind)
