@@ -47,8 +47,8 @@ FIRST_STEPS, FINE_STEPS = 5, 4
 FINE_PARTS = 2
 """Steps of the last simulations in one row."""
 
-FIRST_OF_SEVERAL, STEPS_OF_SEVERAL = 8, 12
-"""The same of several motors."""
+FIRST_OF_SEVERAL, STEPS_OF_SEVERAL = 8, 40
+"""The same of several motors: dry friction of the motors and mu part slowly, in up to 30 steps."""
 
 
 def fit_several(finger: Finger, logs: Sequence[MotorsLog], say: Callable[[str], None]) -> Found:
