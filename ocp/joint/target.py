@@ -227,6 +227,8 @@ def _tendons(
         stretch, own = chain.link.rest(1.0)
         if any(state != stretch for state in own):
             raise CodeError("a link whose own states rest elsewhere than its elongation cannot be exported yet")
+        if chain.link.rest(2.0)[0] != 2 * stretch:
+            raise CodeError("a tendon with `stiffening` cannot be exported yet; leave it out")
         common = [data.number(float(stretch)), of_masses, data.array(ends, integers=True)]
         rows = [
             [

@@ -175,6 +175,8 @@ def _tendon(
     stretch, own = chain.link.rest(1.0)
     if any(state != stretch for state in own):
         raise CodeError("a link whose own states rest elsewhere than its elongation cannot be exported yet")
+    if chain.link.rest(2.0)[0] != 2 * stretch:
+        raise CodeError("a tendon with `stiffening` cannot be exported yet; leave it out")
     common = [data.number(float(stretch)), data.array(np.concatenate(list(chain.of_masses().values())))]
     common += [data.array(ends, integers=True), data.number(path.total_angle_rad)]
     common += [data.number(float(numbers[name])) for name in record]

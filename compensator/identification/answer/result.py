@@ -31,6 +31,11 @@ class FitStatus(StrEnum):
     SENSOR = "virtual sensor"  # no law of the mechanism explains the files, a virtual sensor does
     UNEXPLAINED = "no law explains the files"
 
+    @property
+    def is_unexplained(self) -> bool:
+        """Nothing in `fitted.toml` comes from the files."""
+        return self is FitStatus.UNEXPLAINED
+
 
 RULE = (
     "the simplest law whose error on held-out data is within 2 % of the least; a further value is kept where it "

@@ -101,7 +101,6 @@ def identify(
     loaded = looked_at(scenario, follows_reference=False, yes=yes)
     from tendonff.compensator import door, works
     from tendonff.compensator.files.writing import atomic_directory
-    from tendonff.compensator.identification.answer.result import FitStatus
 
     if suggest:
         with atomic_directory(out) as folder:
@@ -160,7 +159,7 @@ def identify(
             found.write(folder, pdf=pdf)
     warn(*found.warnings)
     say(*found.lines(str(out)))
-    return int(strict and found.status is FitStatus.UNEXPLAINED)
+    return int(strict and found.status.is_unexplained)
 
 
 def _identify_servo(loaded: "AnyScenario", out: Path, folder: Path, data: list[Path], *, header: Sequence[str]) -> bool:
