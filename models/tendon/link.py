@@ -40,7 +40,7 @@ class LinkLaw(Protocol):
         """Tension of a link that also carries compression [N]."""
 
     def explicit_force(self, e: ca.SX) -> ca.SX | float:
-        """What is not affine in the elongation [N]; an implicit step takes it where it goes on from."""
+        """Part that is not affine in the elongation [N]; an implicit step takes it where it goes on from."""
 
     def implicit(self, e: ca.SX, base: States, step_s: ca.SX) -> States:
         """States at the end of a step of weight H that ends at elongation e."""

@@ -9,6 +9,8 @@ from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.codegen.engine import Engine
+from tendonff.ocp.errors import CodeError
+from tendonff.ocp.step.target import require_linear
 from tendonff.ocp.tendon.inverse import InverseStatus, invert
 from tendonff.ocp.tendon.simulate import at_rest, simulate
 
@@ -45,3 +47,9 @@ def test_the_actuator_travels_less_by_the_closed_form(generic: Transmission) -> 
         30 / bare.tendon.stiffness_N_per_m - float(link.rest(50.0)[0] - link.rest(20.0)[0]), rel=1e-3
     )
     assert at_rest(chains[1], 35.0).elongation_m.sum() == pytest.approx(float(link.rest(35.0)[0]), rel=1e-12)
+
+
+def test_an_export_is_refused_with_the_way_out(generic: Transmission) -> None:
+    require_linear(Chain.of(generic, Level.ELASTIC, 3))
+    with pytest.raises(CodeError, match="`stiffening` cannot be exported yet; leave it out"):
+        require_linear(Chain.of(stiffening(generic, 0.3), Level.ELASTIC, 3))
