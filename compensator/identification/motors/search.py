@@ -63,7 +63,7 @@ FIRST_OF_SEVERAL, STEPS_OF_SEVERAL = 8, 40
 
 def fit_several(finger: Finger, logs: Sequence[MotorsLog], say: Callable[[str], None]) -> Found:
     """All numbers of a mechanism whose motors each feel their own."""
-    coarse = MechanismLaw(mechanism=_that_may_stiffen(finger, logs), logs=logs)
+    coarse = MechanismLaw(mechanism=that_may_stiffen(finger, logs), logs=logs)
     say("whole mechanism")
     start = {n.name: n.start for n in coarse.numbers.values() if n.spec.role in (Role.CORE, Role.START)}
     solution = coarse.fit(start, most=FIRST_OF_SEVERAL)
@@ -93,7 +93,7 @@ def fit_several(finger: Finger, logs: Sequence[MotorsLog], say: Callable[[str], 
     return replace(found, covariance=wider)
 
 
-def _that_may_stiffen(finger: Finger, logs: Sequence[MotorsLog]) -> Finger:
+def that_may_stiffen(finger: Finger, logs: Sequence[MotorsLog]) -> Finger:
     """The mechanism with a tension from which stiffness may grow, which the scenario states or the logs show."""
     tensions = [tension for _, _, tension in told_N(finger.motors, logs)]
     usual = max(float(np.mean(tensions)) if tensions else 0.0, LEAST_TENSION_N)

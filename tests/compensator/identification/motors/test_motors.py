@@ -23,6 +23,7 @@ from tendonff.compensator.identification.motors.run import (
     mechanism_of,
     suggest_motor_routine,
 )
+from tendonff.compensator.identification.motors.search import that_may_stiffen
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenarios import load_scenario, parse_any
 from tendonff.compensator.studies.design.motors.run import design_motors
@@ -226,7 +227,7 @@ def test_an_effect_of_the_tendons_that_the_law_lacks_is_named_and_widens_the_int
     finger, sampled = mechanism_of(scenario)
     [log] = read_several(finger, [file], sampled.angle_rad[0], Measurement())
     log = log.part(slice(0, len(log.torque_N_m) // 3), 0.0)
-    law = MechanismLaw(mechanism=finger, logs=[log], segments=4)
+    law = MechanismLaw(mechanism=that_may_stiffen(finger, [log]), logs=[log], segments=4)
     own = {
         n.name: 5.0 if n.of_start else n.start for n in law.numbers.values() if n.spec.role in (Role.CORE, Role.START)
     }
