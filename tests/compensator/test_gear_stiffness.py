@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import tendonff as tf
+from benchmarks.crossings import PARTS, behind
 from tendonff.compensator.compensators.every import compensator_of
 from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.compensators.motors.joint import JointTask
@@ -59,6 +60,17 @@ def test_the_motor_of_a_joint_is_ahead_by_what_its_gear_gives(kind: DriveKind, g
     said = task.respond(task.mechanism, unknown, masses=task.masses)
     assert rms_deg(said.output[:, 0] - lost.angle_rad) < 0.02
     assert said.motor_rad == pytest.approx(unknown)
+
+
+def test_a_joint_behind_a_lag_of_20_ms_is_within_0_05_deg_on_a_plant_of_its_own() -> None:
+    """The drive, too, is written without the package: a trapezoidal rule."""
+    task = joint_of(DriveKind.LOOP, servo_time_s=0.02)
+    command = task.answer(compensator_of(task, "inverse"))
+    drums = behind(task.mechanism.drive.servo, command, task.step_s)
+    row_s, start, pulls = task.step_s / PARTS, float(task.target[0, 0]), task.inversion.tension_N[0]
+    stiff = replace(task.mechanism, drive=replace(task.mechanism.drive, gear_stiffness_N_m_per_rad=GEAR))
+    seen = joint_plant.respond(stiff, drums, row_s, start, tensions_N=pulls, step_s=row_s / 100)
+    assert rms_deg(seen.angle_rad[::PARTS] - task.target[:, 0]) < 0.05
 
 
 def test_the_motors_of_a_finger_are_ahead_by_what_their_gears_give() -> None:
