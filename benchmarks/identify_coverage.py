@@ -3,10 +3,12 @@
 Every rig is an independent plant (`plant.c`) drawn as in `identify.py`; its log has 24 s of random strokes at 200 to
 1000 Hz, six in ten with both positions. Each seed is one rig without a model error, and one with: a gain of the output
 cell 2 % off (stated in [measurement]), a kept stiffness of the tendon 50 % off, an output 2 ms late, a second
-relaxation, an uneven path, a pulley. With --static the quasi-static laws alone are judged, on the rig without a model
-error and on one whose contact is 30 times as stiff. Logs are kept in the folder of temporary files.
+relaxation, an uneven path, a pulley. With --unlisted the error is one that no option, law or constant of identification
+was chosen for: friction that falls with tension, that grows along the path, a far cell that shows 1 % of the near one,
+cells whose gain or zero drifts over the log. With --static the quasi-static laws alone are judged, on the rig without
+a model error and on one whose contact is 30 times as stiff. Logs are kept in the folder of temporary files.
 
-    python benchmarks/identify_coverage.py [SEEDS [FIRST [RESULTS [--static]]]]
+    python benchmarks/identify_coverage.py [SEEDS [FIRST [RESULTS]]] [--static] [--unlisted]
 
 Started again, rigs that are in RESULTS (coverage.jsonl) are not identified again.
 """
@@ -24,14 +26,18 @@ import numpy as np
 from identify import EXAMPLES, SAMPLE_S, drawn, strokes, truth_of
 from independent_plant import Plant
 
+from tendonff.compensator.files.reading import FloatArray
+from tendonff.compensator.identification.answer.result import Identification
 from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.errors import TendonffError
 
 FOLDER = Path(tempfile.gettempdir()) / "tendonff-coverage-logs"
-GROUPS = ("nominal", "model error", "stiff contact")
+GROUPS = ("nominal", "model error", "stiff contact", "unlisted error")
 ERRORS = ("gain", "kept stiffness", "delay", "second relaxation", "uneven path", "pulley")
+UNLISTED = ("falls with tension", "grows along path", "crosstalk", "drifting gain", "drifting zero")
+FALLING, MEAN_N, GROWING, CROSSTALK, DRIFT, ZERO_N = 0.1, 50.0, 0.3, 0.01, 0.01, 0.3
 RATES_HZ = (200, 500, 1000)
 SECONDS = 24.0
 STIFFER = 30.0
@@ -49,7 +55,7 @@ class Case:
     ----------
     plant : Plant
     error : str
-        One of `ERRORS`, or "none".
+        One of `ERRORS` or `UNLISTED`, or "none".
     gain : float
         Of the output cell.
     delay_s : float
@@ -75,7 +81,8 @@ class Case:
 
 def case_of(nominal: Scenario, seed: int, group: str) -> Case:
     """The rig of a seed."""
-    error = ERRORS[seed % len(ERRORS)] if group == "model error" else "none"
+    known = {"model error": ERRORS, "unlisted error": UNLISTED}.get(group, ("none",))
+    error = known[seed % len(known)]
     rig = drawn(nominal.transmission, seed, mismatch=False)
     rng = np.random.default_rng([seed, 27, GROUPS.index(group)])
     hidden, plant, scenario = rig.plant.transmission, rig.plant, nominal
@@ -96,6 +103,10 @@ def case_of(nominal: Scenario, seed: int, group: str) -> Case:
         plant = replace(plant, second_relaxation=second)
     if error == "uneven path":
         plant = replace(plant, concentration=float(rng.uniform(1.5, 2.3)))
+    if error == "falls with tension":
+        plant = replace(plant, falling=(FALLING, MEAN_N))
+    if error == "grows along path":
+        plant = replace(plant, growing=GROWING * sign)
     if error == "pulley":
         plant = replace(plant, pulley=float(rng.uniform(0.15, 0.35)))
     return Case(
@@ -119,6 +130,7 @@ def log_of(case: Case, seed: int, group: str) -> Path:
         late = round(case.delay_s / SAMPLE_S)
         channels[late:, [1, 3]] = channels[: len(channels) - late, [1, 3]]
         channels[:, 1] *= case.gain
+        _misread(channels, case.error)
         rng = np.random.default_rng([seed, 29])
         channels += case.noise * np.ptp(channels, axis=0) * rng.standard_normal(channels.shape)
         table = np.column_stack([np.arange(len(channels)) * SAMPLE_S, channels])[:: case.every]
@@ -126,6 +138,26 @@ def log_of(case: Case, seed: int, group: str) -> Path:
         FOLDER.mkdir(exist_ok=True)
         np.savetxt(path, table, fmt="%.9g", delimiter=",", header=",".join(HEADER[: table.shape[1]]), comments="")
     return path
+
+
+def _misread(channels: FloatArray, error: str) -> None:
+    """Put errors of cells into the tensions, in place."""
+    along = np.linspace(0, 1, len(channels))
+    if error == "crosstalk":
+        channels[:, 1] += CROSSTALK * channels[:, 0]
+    if error == "drifting gain":
+        channels[:, 1] *= 1 + DRIFT * along
+    if error == "drifting zero":
+        channels[:, 1] += ZERO_N * along
+
+
+def _truth(case: Case, name: str, found: Identification) -> float:
+    """True value; of friction that falls with tension at the one at which the fitted law holds."""
+    value = truth_of(case.plant.transmission, name)
+    exponent, at_N = case.plant.falling
+    if exponent and name.startswith("mu_"):
+        value *= ((found.scenario.transmission.friction.reference_tension_N or at_N) / at_N) ** -exponent
+    return value
 
 
 def result(nominal: Scenario, seed: int, group: str, *, static: bool) -> dict[str, Any]:
@@ -145,7 +177,7 @@ def result(nominal: Scenario, seed: int, group: str, *, static: bool) -> dict[st
     for name in names:
         if (e := estimates.get(name)) is not None and e.interval is not None:
             row["values"][name] = {
-                "truth": truth_of(case.plant.transmission, name),
+                "truth": _truth(case, name, found),
                 "estimate": e.value,
                 "interval": list(e.interval),
                 "identifiable": e.identifiable,
@@ -205,11 +237,11 @@ def summary(rows: Sequence[dict[str, Any]]) -> Iterable[str]:
             )
 
 
-def main(count: int, first: int, results: Path, *, static: bool) -> None:
+def main(count: int, first: int, results: Path, *, static: bool, unlisted: bool) -> None:
     rows = [json.loads(text) for text in results.read_text().splitlines()] if results.exists() else []
     done = {(row["seed"], row["group"]) for row in rows}
     nominal = load_scenario(EXAMPLES / "finger.toml")
-    groups = GROUPS[::2] if static else GROUPS[:2]
+    groups = GROUPS[::2] if static else GROUPS[::3] if unlisted else GROUPS[:2]
     for seed in range(first, first + count):
         for group in groups:
             if (seed, group) not in done:
@@ -222,6 +254,7 @@ def main(count: int, first: int, results: Path, *, static: bool) -> None:
 
 
 if __name__ == "__main__":
-    chosen = [word for word in sys.argv[1:] if word != "--static"]
+    chosen = [word for word in sys.argv[1:] if not word.startswith("--")]
     seeds, first_seed, file = (*chosen, *("100", "0", "coverage.jsonl")[len(chosen) :])
-    main(int(seeds), int(first_seed), Path(file), static="--static" in sys.argv)
+    options = {name: f"--{name}" in sys.argv for name in ("static", "unlisted")}
+    main(int(seeds), int(first_seed), Path(file), **options)

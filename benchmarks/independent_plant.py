@@ -1,7 +1,7 @@
 """A plant that shares nothing with the package but the physics: its own C text, discretisation and time step.
 
-It also does what no model of the package does: uneven paths, bristles that fill up faster or slower than Dahl's, and
-cells with an offset.
+It also does what no model of the package does: uneven paths, bristles that fill up faster or slower than Dahl's,
+friction that grows along the path, and cells with an offset.
 """
 
 import ctypes
@@ -57,6 +57,10 @@ class Plant:
         Share of the friction's exponent that one place in the middle carries, as a pulley's bearing does.
     second_relaxation : tuple of float
         Stiffness [N/m] and time [s] of a second relaxing element; a stiffness of 0 is none.
+    falling : tuple of float
+        Exponent by which friction falls with tension, and the tension at which the coefficients hold [N].
+    growing : float
+        By which share friction is less than its mean at the near end, and more at the far end.
     """
 
     transmission: Transmission
@@ -64,6 +68,8 @@ class Plant:
     concentration: float = 1.0
     pulley: float = 0.0
     second_relaxation: tuple[float, float] = (0.0, 1.0)
+    falling: tuple[float, float] = (0.0, 1.0)
+    growing: float = 0.0
     masses: int = field(default=MASSES)
 
     def respond(self, force_N: Array, sample_s: float, rest_N: float) -> Array:
@@ -76,6 +82,7 @@ class Plant:
             *(f.adhesion_N, self.power, t.actuator.mass_kg, t.actuator.damping_N_s_per_m),
             *(t.load.mass_kg, t.load.stiffness_N_per_m, t.load.damping_N_s_per_m),
             *self.second_relaxation,
+            *(*self.falling, self.growing),
         )
         plant = (ctypes.c_double * len(numbers))(*numbers)
         place = (np.arange(self.masses) + 0.5) / self.masses

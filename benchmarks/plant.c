@@ -10,6 +10,7 @@ typedef struct {
     double mu_pull, mu_release, excess, omega, adhesion, power;  /* excess: mu_static/mu_dynamic - 1 */
     double actuator_mass, actuator_damping, load_mass, load_stiffness, load_damping;
     double k3, tau3; /* second relaxing element; 0: none */
+    double falling, tension, growing; /* mu times (mean tension/tension)^-falling, and (1 -+ growing) at near and far end */
 } plant;
 
 /* angle[i]: wrap angle of mass i; share[j]: share of the length of link j, n + 1 of them.
@@ -40,8 +41,10 @@ int run(const plant *p, int n, const double *angle, const double *share, double 
                 if (a[j] + b[j] * (v[j] - v[j + 1]) <= 0) a[j] = b[j] = 0; /* slack */
             }
             for (int i = 1; i <= n; i++) {
+                const double loaded = fmax((f[i - 1] + f[i]) / 2, 1e-6) / p->tension;
+                const double place = 1 + p->growing * ((2 * i - 1.0) / n - 1);
                 const double speed = fabs(v[i]), mu = (v[i] >= 0 ? p->mu_pull : p->mu_release)
-                    * (1 + p->excess * exp(-speed / p->omega));
+                    * (1 + p->excess * exp(-speed / p->omega)) * place * (p->falling == 0 ? 1 : pow(loaded, -p->falling));
                 const double limit = fmax(f[i - 1] + f[i] + 2 * p->adhesion, 1e-6) * tanh(mu * angle[i - 1] / 2);
                 const double fill = p->power == 1 ? 1 : pow(fabs(fs[i]) / limit + 1e-12, p->power - 1);
                 const double stiff = p->sigma * angle[i - 1] / total, fade = 1 + h * stiff * speed * fill / limit;

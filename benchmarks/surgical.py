@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 from scipy.signal import butter, lfilter
 
-from tendonff.compensator.identification.joint.log import read_logs
-from tendonff.compensator.identification.joint.sensor import SensorFit, fit_sensor
-from tendonff.compensator.identification.joint.torque import TorqueFit, fit_torque
+from tendonff.compensator.identification.motors.log import read_logs
+from tendonff.compensator.identification.motors.sensor import SensorFit, fit_sensor
+from tendonff.compensator.identification.motors.torque import TorqueFit, fit_torque
 from tendonff.compensator.reporting.colours import INK, VERMILION
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure
 from tendonff.compensator.scenario.measurement import Measurement

@@ -18,8 +18,8 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.files.writing import write_csv
-from tendonff.compensator.identification.joint.log import read_logs
-from tendonff.compensator.identification.joint.parameters import JointNumber, Values
+from tendonff.compensator.identification.motors.log import read_logs
+from tendonff.compensator.identification.motors.parameters import Quantity, Values
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.studies.watch.chart import courses_of
 from tendonff.compensator.studies.watch.windows import Window, fit_window
@@ -27,7 +27,7 @@ from tendonff.models.joint.closed_form import GrossSliding, data_sheet
 from tests.hand_in_use import HandInUse, known
 from tests.hidden_loop import hidden, scenario
 
-N = JointNumber
+N = Quantity
 WINDOW_S = 30.0
 
 

@@ -29,8 +29,7 @@ if TYPE_CHECKING:
     from tendonff.compensator.export.several import ExportedTensions
     from tendonff.compensator.export.unit import Fmu
     from tendonff.compensator.identification.answer.result import Identification
-    from tendonff.compensator.identification.joint.result import JointIdentification
-    from tendonff.compensator.identification.joint.routine import MotorRoutine
+    from tendonff.compensator.identification.motors.loop_routine import MotorRoutine
     from tendonff.compensator.identification.motors.result import MotorsIdentification
     from tendonff.compensator.identification.motors.routine import MotorsRoutine
     from tendonff.compensator.identification.suggest import Excitation
@@ -38,14 +37,12 @@ if TYPE_CHECKING:
     from tendonff.compensator.scenario.driven.joint import JointScenario
     from tendonff.compensator.scenario.measurement import Measurement
     from tendonff.compensator.scenario.scenario import Scenario
-    from tendonff.compensator.studies.adapt.joint import JointAdaptationStudy
-    from tendonff.compensator.studies.adapt.result import AdaptationStudy
+    from tendonff.compensator.studies.adapt.study import AdaptationStudy
     from tendonff.compensator.studies.compare.result import Comparison
     from tendonff.compensator.studies.design.motors.result import MotorDesign
     from tendonff.compensator.studies.design.result import Design
-    from tendonff.compensator.studies.explore.subject import Subject
+    from tendonff.compensator.studies.explore.run import Explorer
     from tendonff.compensator.studies.simulate.result import SimulatedFile
-    from tendonff.compensator.studies.tables.joint import JointTable
     from tendonff.compensator.studies.tables.result import Tables
     from tendonff.ocp.opti.joint import JointFormulation
     from tendonff.ocp.opti.tendon import TensionFormulation
@@ -161,14 +158,8 @@ def compare(
     return found
 
 
-@overload
-def adapt(scenario: "Scenario", *, progress: Progress = silent) -> "AdaptationStudy": ...
-@overload
-def adapt(scenario: "JointScenario", *, progress: Progress = silent) -> "JointAdaptationStudy": ...
-@overload
-def adapt(scenario: "AnyScenario", *, progress: Progress = silent) -> "AdaptationStudy | JointAdaptationStudy": ...
 @in_turn
-def adapt(scenario: "AnyScenario", *, progress: Progress = silent) -> "AdaptationStudy | JointAdaptationStudy":
+def adapt(scenario: "AnyScenario", *, progress: Progress = silent) -> "AdaptationStudy":
     """Try self-tuning on rigs that differ from a scenario, beside feedforward and feedback alone.
 
     Parameters
@@ -191,13 +182,13 @@ def adapt(scenario: "AnyScenario", *, progress: Progress = silent) -> "Adaptatio
     >>> study = tf.adapt(tf.load_scenario("examples/hand_joint_adaptive.toml"))  # doctest: +SKIP
     >>> print(study.headline)  # doctest: +SKIP
     """
-    found: AdaptationStudy | JointAdaptationStudy = function_of("adapt", scenario)(scenario, progress=progress)
+    found: AdaptationStudy = function_of("adapt", scenario)(scenario, progress=progress)
     return found
 
 
-def explore(scenario: "AnyScenario") -> "Subject":
+def explore(scenario: "AnyScenario") -> "Explorer":
     """The subject of the interactive page of a scenario."""
-    found: Subject = function_of("explore", scenario)(scenario)
+    found: Explorer = function_of("explore", scenario)(scenario)
     return found
 
 
@@ -276,7 +267,7 @@ def identify(
     how: "Measurement | None" = None,
     say: Callable[[str], None] = ...,
     confirm: Callable[[str], bool] | None = None,
-) -> "JointIdentification | MotorsIdentification": ...
+) -> "MotorsIdentification": ...
 @overload
 def identify(
     scenario: "AnyScenario",
@@ -287,7 +278,7 @@ def identify(
     static_only: bool = False,
     say: Callable[[str], None] = ...,
     confirm: Callable[[str], bool] | None = None,
-) -> "Identification | JointIdentification | MotorsIdentification": ...
+) -> "Identification | MotorsIdentification": ...
 @in_turn
 def identify(
     scenario: "AnyScenario",
@@ -298,7 +289,7 @@ def identify(
     static_only: bool = False,
     say: Callable[[str], None] = lambda _: None,
     confirm: Callable[[str], bool] | None = None,
-) -> "Identification | JointIdentification | MotorsIdentification":
+) -> "Identification | MotorsIdentification":
     """Find the parameters of a rig from files that were measured on it.
 
     Parameters
@@ -333,7 +324,7 @@ def identify(
         if isinstance(files, str | os.PathLike):
             raise ParameterError(f'{name} must be a list of files, got "{files}"; write ["{files}"]')
     asked = {"how": how, "static_only": static_only}
-    found: Identification | JointIdentification | MotorsIdentification = function_of("identify", scenario, asked)(
+    found: Identification | MotorsIdentification = function_of("identify", scenario, asked)(
         scenario, data, validate, say=say, **({} if confirm is None else {"confirm": confirm})
     )
     return found
@@ -367,7 +358,7 @@ def make_table(
     angles_rad: Sequence[float] = (),
     rates: Sequence[float] = (),
     pose_rad: Mapping[str, float] = MappingProxyType({}),
-) -> "Tables | JointTable":
+) -> "Tables":
     """Tabulate the feedforward: a force over reference, branch and tension since the last reversal; a motor's angle
     over the joint's angle and the way it turns.
 
@@ -397,7 +388,7 @@ def make_table(
     >>> tables = tf.make_table(tf.load_scenario("examples/finger.toml"))  # doctest: +SKIP
     >>> tables.write("table")  # doctest: +SKIP
     """
-    found: Tables | JointTable = function_of("table", scenario)(
+    found: Tables = function_of("table", scenario)(
         scenario, level=level, bound=bound, angles_rad=angles_rad, rates=rates, pose_rad=pose_rad
     )
     return found

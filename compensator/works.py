@@ -1,6 +1,11 @@
 """The one table of works: which function does a work on a kind of scenario, or why there is none.
 
 Nothing else looks up what a scenario describes. A function named here stands in the room that asks for it, or below.
+
+Where a row names several, they differ by physics or by what a file holds, and each module says how: a table's axes and
+what is tuned (below one body, `Tables.made` and `Trials.run`), a force file against motor angles, the data sheet of a
+tension against that of motors in a design, and what a tension cell tells against what a motor feels in a fit. Rows that
+make a problem, a runtime, an observer or a first look make the object that hides the difference from all else.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -65,13 +70,6 @@ WORKS: Mapping[str, Work] = MappingProxyType(
                 Kind.FINGER: "compensators.motors.registry:known",
             }
         ),
-        "expect_live": Work(
-            by={
-                Kind.TENSION: "compensators.live:expect_live",
-                Kind.JOINT: "compensators.motors.task:MotorTask.expect_live",
-                Kind.FINGER: "compensators.motors.task:MotorTask.expect_live",
-            }
-        ),
         "runtime": Work(
             by={
                 Kind.TENSION: "runtime.core:of_tension",
@@ -100,25 +98,13 @@ WORKS: Mapping[str, Work] = MappingProxyType(
                 Kind.FINGER: "studies.design.motors.run:design_motors",
             },
         ),
-        "compare": Work(
-            by={
-                Kind.TENSION: "studies.compare.run:compare",
-                Kind.JOINT: "studies.compare.run:compare",
-                Kind.FINGER: "studies.compare.run:compare",
-            },
-        ),
-        "explore": Work(
-            by={
-                Kind.TENSION: "studies.explore.run:Explorer",
-                Kind.JOINT: "studies.explore.motors:MotorExplorer",
-                Kind.FINGER: "studies.explore.motors:MotorExplorer",
-            },
-        ),
+        "compare": Work(by=dict.fromkeys(Kind, "studies.compare.run:compare")),
+        "explore": Work(by=dict.fromkeys(Kind, "studies.explore.run:Explorer")),
         "simulate": Work(
             by={
                 Kind.TENSION: "studies.simulate.run:simulate_force_file",
-                Kind.JOINT: "studies.simulate.joint:simulate_joint_file",
-                Kind.FINGER: "studies.simulate.finger:simulate_finger_file",
+                Kind.JOINT: "studies.simulate.motors:simulate_motor_file",
+                Kind.FINGER: "studies.simulate.motors:simulate_motor_file",
             },
         ),
         "experiment": Work(
@@ -131,8 +117,8 @@ WORKS: Mapping[str, Work] = MappingProxyType(
         "identify": Work(
             by={
                 Kind.TENSION: "identification.run:identify",
-                Kind.JOINT: "identification.driven:identify_one",
-                Kind.FINGER: "identification.driven:identify_several",
+                Kind.JOINT: "identification.motors.run:identify_motors",
+                Kind.FINGER: "identification.motors.run:identify_motors",
             },
             options=dict.fromkeys(
                 ("tension_columns", "actuator_force_column", "explain", "static_only", "gear_ratio", "drum_radius_m"),
@@ -142,15 +128,15 @@ WORKS: Mapping[str, Work] = MappingProxyType(
         "suggest": Work(
             by={
                 Kind.TENSION: "identification.suggest:suggest",
-                Kind.JOINT: "identification.driven:suggest_one",
+                Kind.JOINT: "identification.motors.run:suggest_motor_routine",
                 Kind.FINGER: "identification.motors.run:suggest_motor_routine",
             },
         ),
         "write_suggestion": Work(
             by={
                 Kind.TENSION: "identification.answer.output:write_suggestion",
-                Kind.JOINT: "identification.driven:write_one",
-                Kind.FINGER: "identification.driven:write_several",
+                Kind.JOINT: "identification.motors.output:write_routine",
+                Kind.FINGER: "identification.motors.output:write_routine",
             },
         ),
         "watch": Work(
@@ -164,8 +150,8 @@ WORKS: Mapping[str, Work] = MappingProxyType(
         ),
         "adapt": Work(
             by={
-                Kind.TENSION: "studies.adapt.run:adapt",
-                Kind.JOINT: "studies.adapt.joint:adapt_joint",
+                Kind.TENSION: "studies.adapt.tension:TensionTrials.run",
+                Kind.JOINT: "studies.adapt.loop:LoopTrials.run",
             },
             refused={
                 Kind.FINGER: "adapt tunes one number from one motor; the joints of a finger share tendons, so that one "
@@ -174,8 +160,8 @@ WORKS: Mapping[str, Work] = MappingProxyType(
         ),
         "table": Work(
             by={
-                Kind.TENSION: "studies.tables.run:make_tables",
-                Kind.JOINT: "studies.tables.joint:tabulate_joint",
+                Kind.TENSION: "studies.tables.force:ForceTables.made",
+                Kind.JOINT: "studies.tables.motor:MotorTables.made",
             },
             refused={
                 Kind.FINGER: "a table of several joints needs an axis for the angle and the way of each, 2 n in all, "

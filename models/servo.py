@@ -53,7 +53,7 @@ class DriveClass(StrEnum):
     INDUSTRIAL
         A drive on a field bus with a current loop of its own.
     IDEAL
-        Without lag or delay: nothing is assumed, and no sentence says that it was.
+        Without lag or delay: nothing is assumed.
     """
 
     HOBBY_SERVO = "hobby servo"

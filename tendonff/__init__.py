@@ -38,7 +38,7 @@ if TYPE_CHECKING:  # for editors and type checkers; `_HOMES` is the same for the
     from tendonff.compensator.scenario.sampled.sampling import Reference, sample_reference
     from tendonff.compensator.scenario.scenario import Scenario
     from tendonff.compensator.scenarios import load_scenario
-    from tendonff.compensator.studies.adapt.result import AdaptationStudy
+    from tendonff.compensator.studies.adapt.study import AdaptationStudy
     from tendonff.compensator.studies.compare.result import Comparison
     from tendonff.compensator.studies.design.result import Design
     from tendonff.compensator.studies.design.sweep.plan import draw
@@ -159,7 +159,7 @@ _HOMES = {
         "make_table",
         "suggest",
     ),
-    "compensator.studies.adapt.result": ("AdaptationStudy",),
+    "compensator.studies.adapt.study": ("AdaptationStudy",),
     "compensator.studies.compare.result": ("Comparison",),
     "compensator.compensators.base": ("Compensator", "Problem"),
     "compensator.compensators.plant": ("Plant", "Response"),

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.compensator.files.reading import FloatArray
-from tendonff.compensator.identification.joint.parameters import JointNumber, Values, put_into
+from tendonff.compensator.identification.motors.parameters import Quantity, Values, put_into
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.ocp.fits.mechanism import Loop, MotorRun, respond
 from tests.hidden_loop import COUNT_RAD, CURRENT_NOISE_A, TORQUE_CONSTANT
@@ -57,24 +57,24 @@ class HandInUse:
         """Columns of a log; the load is drawn anew."""
         draw = np.random.default_rng(seed)
         factors = {n: n.of(self.mechanism) * factor for n, factor in (changed or {}).items()}
-        true = put_into(self.mechanism, {**factors, JointNumber.GRAVITY: draw.uniform(0.005, 0.04)})
+        true = put_into(self.mechanism, {**factors, Quantity.GRAVITY: draw.uniform(0.005, 0.04)})
         return self.measured(true, self.moves(draw, seconds), draw)
 
     def measured(self, true: Mechanism, motor: Array, draw: np.random.Generator) -> dict[str, FloatArray]:
         """Columns of a log of motor angles every `ROW_S`."""
-        run = MotorRun(motor_rad=motor, step_s=ROW_S, start_rad=0.0)
+        run = MotorRun.of_one(motor, ROW_S, 0.0)
         answer = respond(Loop(mechanism=true, slip_rad=self.slip_rad), run, segments=16, refinement=2)
         noise = CURRENT_NOISE_A * draw.standard_normal(len(motor))
         return {
             "time_s": ROW_S * np.arange(len(motor)),
             "motor_rad": np.round(motor / COUNT_RAD) * COUNT_RAD,
-            "motor_current_A": answer.torque_N_m / TORQUE_CONSTANT + noise,
+            "motor_current_A": answer.torque_N_m[:, 0] / TORQUE_CONSTANT + noise,
         }
 
 
 def known(mechanism: Mechanism) -> Mechanism:
     """Mechanism as an identification leaves it: a few per cent off."""
-    n = JointNumber
+    n = Quantity
     off = {n.MU: 1.02, n.TENSION: 0.98, n.STIFFNESS: 1.01, n.BRISTLE: 0.95, n.COULOMB: 1.05}
     moved = put_into(mechanism, {number: factor * number.of(mechanism) for number, factor in off.items()})
     return replace(moved, joints=(replace(moved.joint, gravity_N_m=0.02),))

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.compensator.files.writing import write_csv
-from tendonff.compensator.identification.joint.routine import suggest_routine
+from tendonff.compensator.identification.motors.loop_routine import suggest_routine
 from tendonff.compensator.scenario.driven.joint import JointScenario, parse_joint_scenario
 from tendonff.models.joint.parameters import Mechanism
 from tests.joint_plant import PlantResponse, respond

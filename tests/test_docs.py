@@ -21,7 +21,7 @@ from tendonff.compensator.cli import app, run
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.ocp.codegen.compiler import find_compiler
-from tests.compensator.identification.joint.own_log import write as write_log
+from tests.compensator.identification.motors.own_log import write as write_log
 from tests.compensator.identification.synthetic import Faults, write_synthetic
 
 ROOT = Path(__file__).resolve().parents[1]

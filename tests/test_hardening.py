@@ -26,8 +26,8 @@ from tendonff.compensator.studies.design.output import summary
 from tendonff.compensator.studies.design.run import design
 from tendonff.compensator.studies.experiment.machine import plan_experiment
 from tendonff.compensator.studies.explore.run import Explorer
-from tendonff.compensator.studies.tables.output import summary as table_summary
-from tendonff.compensator.studies.tables.run import make_tables
+from tendonff.compensator.studies.tables.force import ForceTables
+from tendonff.compensator.studies.tables.force_pages import summary as table_summary
 from tendonff.models.errors import TendonffError
 
 TENDONFF = [sys.executable, "-m", "tendonff.compensator.cli"]
@@ -163,7 +163,7 @@ def test_a_damaged_scenario_is_compared_or_refused(lines, folder, data):
 def test_a_damaged_scenario_is_tabulated_or_refused(lines, folder, data):
     index = data.draw(st.integers(0, len(lines) - 1))
     text = with_value(lines, index, data.draw(VALUES))
-    message_of(lambda: table_summary(make_tables(parse_scenario(text, folder / "s.toml"))))
+    message_of(lambda: table_summary(ForceTables.made(parse_scenario(text, folder / "s.toml"))))
 
 
 def test_an_actuator_too_slow_for_the_two_motor_test_is_refused_before_it_starts(tiny):
@@ -188,9 +188,10 @@ def test_a_damaged_measurement_is_read_or_refused(folder, cells, at, rows):
 def test_any_position_of_the_sliders_is_drawn_or_refused(tiny, data):
     explorer = Explorer(tiny)
     number = st.floats(0, 10) | st.floats(allow_nan=True)
-    names = ("mu", "total_angle_deg", "bristle_stiffness_N_per_m", "relaxation_time_s", "force_rate_max_N_per_s")
-    knobs = replace(explorer.start, **{data.draw(st.sampled_from(names)): data.draw(number)})
-    message_of(lambda: explorer.at(knobs, design_knows=data.draw(st.booleans())))
+    start = {knob.key: knob.value for knob in explorer.knobs}
+    values = start | {data.draw(st.sampled_from(sorted(start))): data.draw(number)}
+    knows = data.draw(st.booleans())
+    message_of(lambda: explorer.explore(values, design_knows=knows, curves=explorer.fast))
 
 
 def test_friction_that_lets_nothing_through_is_refused_and_radians_are_mentioned(tiny):

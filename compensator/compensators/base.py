@@ -11,7 +11,15 @@ from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
-from tendonff.compensator.compensators.expectation import ErrorBand, Expectation, error_bands, expectation_of
+from tendonff.compensator.compensators.expectation import (
+    FRICTIONLESS,
+    Behind,
+    ErrorBand,
+    Expectation,
+    behind_drives,
+    error_bands,
+    expectation_of,
+)
 from tendonff.compensator.compensators.next_step import within_reach
 from tendonff.compensator.compensators.plant import FINE_SEGMENTS, Plant, Slack, delivered_of, followed
 from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
@@ -20,7 +28,10 @@ from tendonff.compensator.compensators.sent import sent
 from tendonff.compensator.compensators.uncertain import Doubt
 from tendonff.compensator.files.notices import Remark
 from tendonff.compensator.files.progress import Parts, Progress, silent
+from tendonff.compensator.files.text import InputError
 from tendonff.compensator.reporting.colours import SKY, Style
+from tendonff.compensator.scenario.doubts import reach_notes
+from tendonff.compensator.scenario.goal import Given
 from tendonff.compensator.scenario.kind import Kind
 from tendonff.compensator.scenario.reference import Hold
 from tendonff.compensator.scenario.sampled.joint_motion import moved
@@ -72,6 +83,9 @@ class Problem:
     """
 
     kind: ClassVar[Kind] = Kind.TENSION
+    given_as: ClassVar[Given] = Given(title="Force profile", label="force [N]", loop="Tendon hysteresis")
+    plain: ClassVar[str] = FRICTIONLESS  # compensator that others are compared with
+    tunes_itself: ClassVar[bool] = True  # an inverse of it can tune itself on its plant
     transmission: Transmission
     level: Level
     reference: Reference
@@ -151,6 +165,37 @@ class Problem:
         profile = _answer(compensator.profile(self, progress=progress), self)
         return with_motion(self, compensator.name, profile)
 
+    def answer_live(self, compensator: "Compensator") -> Profile:
+        """Profile of a compensator where the reference arrives live, as applied by the actuator."""
+        return self.applied(compensator.name, compensator.profile(replace(self, live=True)))
+
+    def applied(self, name: str, profile: Profile) -> Profile:
+        """Profile of a module as applied by the actuator, within the limits of its motion, which modules leave out.
+
+        Lag, delay and hold of the drive remain, as in the exported code; a position drive takes the command unchanged.
+        """
+        if self.transmission.actuator.drive is Drive.POSITION:
+            return profile if profile.command_m is not None else with_travel(self, name, profile)
+        return replace(profile, force_N=self.limited(profile.force_N), travel_m=None)
+
+    def on_rig(self, scenario: Scenario) -> "Problem":
+        """The same reference on what another scenario describes, with its uncertainty."""
+        return Problem.of(scenario, level=self.level, reference=self.reference, options=self.options)
+
+    @property
+    def nominal(self) -> "Problem":
+        """The same, all being certain: an optimal profile for many plants takes too long for some uses."""
+        return replace(self, uncertainty=Uncertainty())
+
+    def check_reach(self) -> None:
+        """Refuse a reference above the largest tension that the actuator reaches through the friction; InputError."""
+        if beyond := reach_notes(self.transmission, self.time_s, self.reference.tension_N, ""):
+            raise InputError("; ".join(beyond).strip())
+
+    def given_of(self, profile: Profile) -> FloatArray:
+        """Given to the drive, at the rows of `wanted`, as `given_as` says, shape (n,)."""
+        return profile.force_N
+
     def given(self, profile: Profile) -> bytes:
         """Identity of what a profile commands."""
         return profile.force_N.tobytes() + profile.given.tobytes()
@@ -206,10 +251,15 @@ class Problem:
         """Errors of profiles on all transmissions that may be the real one."""
         return error_bands(self.doubt, self.level, profiles, self.reference, self._known_bands)
 
-    def expect(self, profiles: Mapping[str, Profile]) -> Expectation:
+    def expect(self, profiles: Mapping[str, Profile], recommended: str | None = None) -> Expectation:
         """Try profiles, by name of the compensator, on all transmissions that may be the real one."""
-        bands = self.bands(profiles)
-        return expectation_of(self.doubt, self.level, bands, self.share_of, self.unit, change=self.change)
+        bands, unit = self.bands(profiles), self.unit
+        found = expectation_of(self.doubt, self.level, bands, self.share_of, unit, recommended, change=self.change)
+        return replace(found, behind=self.behind(found.best))
+
+    def behind(self, band: ErrorBand) -> tuple[Behind, ...]:
+        """Errors of a profile behind drives of each class, where lag and delay are not stated."""
+        return behind_drives(self.doubt, self.reference.wanted, band, self.reference.step_s)
 
     @property
     def change(self) -> str:
@@ -332,6 +382,8 @@ class Compensator(ABC):
         Tried by a sweep by default.
     is_compared : bool
         Tried by a comparison by default: on every level in less time than all the others.
+    is_refusal_stated : bool
+        A comparison states why it has no answer; False where that is no finding, but what the file describes.
     """
 
     kinds: ClassVar[tuple[Kind, ...]] = (Kind.TENSION,)
@@ -343,6 +395,7 @@ class Compensator(ABC):
     is_fast: bool = True
     is_swept: bool = True
     is_compared: bool = True
+    is_refusal_stated: bool = True
     c_module: CModule | None = None
 
     def __init_subclass__(cls) -> None:

@@ -6,7 +6,7 @@ the worst RMS error over them, and the best profile is the one with the smallest
 
 import math
 from collections.abc import Callable, Hashable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 import numpy as np
@@ -14,13 +14,15 @@ import numpy as np
 from tendonff.compensator.compensators.plant import FINE_SEGMENTS, Plant
 from tendonff.compensator.compensators.profile import FloatArray, Profile
 from tendonff.compensator.compensators.score import Score, score
-from tendonff.compensator.compensators.uncertain import TWO_SIDED, Doubt, Sample, correlation_root
+from tendonff.compensator.compensators.superposition import Superposition
+from tendonff.compensator.compensators.uncertain import UNSTATED, Doubt, Sample
 from tendonff.compensator.files.notices import Danger
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.compensator.scenario.unit import NEWTON, Unit
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.models.parameters.numbers import FACTORS
+from tendonff.models.servo import DriveClass
 
 K = TypeVar("K", bound=Hashable)
 P = TypeVar("P")
@@ -49,6 +51,10 @@ class ErrorBand:
         profile.
     worst_sample : Sample
         Where that is.
+    expected_rmse : float
+        RMS error that half of what is admitted stays below, in the unit of the reference.
+    expected_percent : float
+        The same [% of range].
     worst_peak : float
         Largest error at any time on any plant.
     amplification : float
@@ -61,17 +67,22 @@ class ErrorBand:
         On so many samples some link goes slack.
     low, high : ndarray, shape (n,)
         Least and largest output over all of them.
+    errors : Superposition
+        Errors over time, by what is uncertain.
     """
 
     scores: tuple[Score, ...]
     worst: Score
     worst_sample: Sample[Any]
+    expected_rmse: float
+    expected_percent: float
     worst_peak: float
     amplification: float
     amplified_sample: Sample[Any]
     slack_samples: int
     low: FloatArray
     high: FloatArray
+    errors: Superposition = field(repr=False)
 
     @property
     def nominal(self) -> Score:
@@ -101,6 +112,21 @@ class Contribution:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Behind:
+    """Worst error where a drive of which neither lag nor delay is stated has the longest ones of a class.
+
+    Attributes
+    ----------
+    kind : DriveClass
+    worst : Score
+        At the worst corner of all other intervals.
+    """
+
+    kind: DriveClass
+    worst: Score
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Expectation:
     """Errors over the systems that may be the real one, and the profile that does best there.
 
@@ -121,6 +147,8 @@ class Expectation:
         Of the errors.
     change : str
         What to change where the reference is out of the actuator's reach: the next step whatever is uncertain.
+    behind : tuple of Behind
+        Errors of the recommended profile behind drives of each class, where lag and delay of a drive are not stated.
     """
 
     doubt: Doubt[Any]
@@ -130,6 +158,7 @@ class Expectation:
     share_of: str = "range"
     unit: Unit = NEWTON
     change: str = ""
+    behind: tuple[Behind, ...] = ()
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: up to {self.error}, with {self.recommended!r}, for {self.doubt}>"
@@ -173,13 +202,21 @@ class Expectation:
             compared = "; friction compensation does not reduce it"
         elif without is not None:
             compared = f"; {two_digits(without)} % without friction compensation"
-        drive = " behind an ideal drive (assumed; set drive_class)" if self.doubt.takes_drive_as_ideal else ""
         unfit = unfit_for(self.unit, worst.rmse_percent_of_range)
+        begin, expected = f"{unfit}: tracking" if unfit else "Tracking", two_digits(self.best.expected_percent)
         return (
-            f"{f'{unfit}: tracking' if unfit else 'Tracking'} error up to {self.error}, with the {label}, "
-            f"for {self.doubt} on the {self.level} level{drive}{compared}. "
-            f"Largest contribution: {self.contributions[0].key}. Next: {next_command}"
+            f"{begin} error up to {self.error}, with the {label} ({expected} % expected), "
+            f"for {self.doubt} on the {self.level} level{compared}. "
+            f"{self.unstated}Largest contribution: {self.contributions[0].key}. Next: {next_command}"
         )
+
+    @property
+    def unstated(self) -> str:
+        """Sentence on a drive whose lag and delay are not stated; empty where they are."""
+        if not self.behind:
+            return ""
+        percent = ", ".join(f"{two_digits(each.worst.rmse_percent_of_range)} % ({each.kind})" for each in self.behind)
+        return f"Lag and delay of the drive, not stated, make it up to {percent}: set drive_class, or measure them. "
 
     @property
     def warnings(self) -> list[str]:
@@ -243,6 +280,24 @@ def expectation_of(
     )
 
 
+def behind_drives(
+    doubt: Doubt[Any], wanted: FloatArray, band: ErrorBand, step_s: float, goals: int = 1
+) -> tuple[Behind, ...]:
+    """Worst errors of a profile, whose band is known, behind drives of each class where lag and delay are not stated.
+
+    The output comes later by both, at the corner of the other intervals that is worst then; nothing is simulated. Of
+    several goals `wanted` has one after the other.
+    """
+    found, nominal = [], (wanted + band.errors.nominal).reshape(goals, -1)
+    rows = np.arange(nominal.shape[1])
+    for kind in UNSTATED if doubt.drives_not_stated and math.isfinite(band.expected_rmse) else ():
+        instants = rows - doubt.latest_s(kind) / step_s
+        late = (np.array([np.interp(instants, rows, output) for output in nominal]) - nominal).ravel()
+        error = band.errors.at(band.errors.worst_corner(late)) + late
+        found.append(Behind(kind=kind, worst=score(wanted, wanted + error)))
+    return tuple(found)
+
+
 def error_bands(
     doubt: Doubt[Transmission],
     level: Level,
@@ -284,82 +339,13 @@ def bands_of(
     return bands
 
 
-def worst_corner(doubt: Doubt[Any], error: FloatArray) -> list[float]:
-    """The corner of all intervals where the error is largest, a place in each: −1 (low) or 1 (high).
-
-    Errors, shape (samples, n), are those on the samples of the doubt. Between both ends of an interval the error is
-    taken as linear and those of several intervals as additive; from three starts ends are exchanged while the mean
-    square grows. Numbers that are correlated are together at one point of their normal distribution: the direction in
-    which the error grows most, as far out as the error of 95 % of what may be drawn is.
-    """
-    nominal = np.nan_to_num(error[0])
-    low, high = (np.nan_to_num(error[[doubt.ends(k)[side] for k in range(len(doubt.spreads))]]) for side in (0, 1))
-    slope, middle = 0.5 * (high - low), nominal + (0.5 * (high + low) - nominal).sum(axis=0)
-    together = list(doubt.together)
-    alone = [k for k in range(len(slope)) if k not in together]
-    root = correlation_root(doubt.uncertainty.correlations[np.ix_(together, together)])
-    # Along an end that is correlated the others move as well: the slopes over independent coordinates.
-    slope[together] = np.linalg.pinv(root, rcond=_LEAST_SHARE, hermitian=True) @ slope[together]
-    gram, linear = slope @ slope.T, slope @ middle
-    reach = _reach(gram[np.ix_(together, together)])
-
-    def size(places: FloatArray) -> float:
-        return float(places @ gram @ places + 2 * linear @ places)
-
-    worse = np.where((high**2).sum(axis=1) >= (low**2).sum(axis=1), 1.0, -1.0)
-    found = []
-    for start in (worse, np.ones(len(worse)), -np.ones(len(worse))):
-        places = start.copy()
-        places[together] *= reach / max(math.sqrt(len(together)), 1.0)
-        largest = size(places)
-        grew = True
-        while grew:
-            grew = False
-            for k in alone:
-                places[k] *= -1
-                if (changed := size(places)) > largest * (1 + 1e-12) + 1e-300:
-                    largest, grew = changed, True
-                else:
-                    places[k] *= -1
-            for _ in range(_POWER_STEPS if together else 0):  # the way uphill on a sphere ends at its highest point
-                uphill = (gram @ places + linear)[together]
-                places[together] = reach * uphill / max(float(np.linalg.norm(uphill)), 1e-300)
-            if (changed := size(places)) > largest * (1 + 1e-6) + 1e-300:
-                grew = True
-            largest = changed
-        found.append((largest, places.tolist()))
-    corner = np.array(max(found)[1])
-    corner[together] = np.clip(root @ corner[together], -1, 1)
-    places_of_all: list[float] = corner.tolist()
-    return places_of_all
-
-
-_LEAST_SHARE = 0.03  # of the root of a correlation, below which a direction is rounding
-_POWER_STEPS = 20
-
-
-def _reach(gram: FloatArray) -> float:
-    """Length in half-widths along the worst direction at which the error is that of 95 % of all draws.
-
-    The mean square error of normal numbers is a sum of squares, taken as one gamma distribution of the same mean and
-    variance (Satterthwaite 1946). `gram` is that of the slopes over independent numbers.
-    """
-    sizes = np.linalg.eigvalsh(gram)
-    if not len(sizes) or sizes[-1] <= 0:
-        return 1.0
-    from scipy.special import gammaincinv  # a fifth of a second to import, for numbers that were fitted together
-
-    mean, square = float(sizes.sum()), float((sizes**2).sum())
-    most = square / mean * 2 * float(gammaincinv(mean**2 / square / 2, 0.95))
-    return math.sqrt(max(most / (TWO_SIDED**2 * float(sizes[-1])), 1.0))
-
-
 def _band(doubt: Doubt[S], wanted: FloatArray, respond: Callable[[S], tuple[FloatArray, bool]]) -> ErrorBand:
     samples = list(doubt.samples)
     found = [respond(sample.system) for sample in samples]
     own = len(samples)
+    errors = Superposition.of(doubt, np.array([output for output, _ in found]) - wanted)
     if len(doubt.spreads) > 1:
-        samples.append(doubt.at(worst_corner(doubt, np.array([output for output, _ in found]) - wanted)))
+        samples.append(doubt.at(errors.worst_corner()))
         found.append(respond(samples[-1].system))
     outputs, slack = zip(*found, strict=True)
     scores = [score(wanted, output) for output in outputs]
@@ -367,14 +353,19 @@ def _band(doubt: Doubt[S], wanted: FloatArray, respond: Callable[[S], tuple[Floa
     span = max(float(np.ptp(wanted)), 1e-300)
     swings = [float(np.ptp(np.nan_to_num(output, nan=np.inf))) / span for output in outputs]
     widest = int(np.argmax(np.nan_to_num(swings, nan=np.inf)))
+    ends = 1 + 2 * len(doubt.spreads)
+    expected = errors.median_rmse if all(math.isfinite(each.rmse) for each in scores[:ends]) else math.inf
     return ErrorBand(
         scores=tuple(scores[:own]),
         worst=scores[worst],
         worst_sample=samples[worst],
+        expected_rmse=expected,
+        expected_percent=100 * expected / span,
         worst_peak=max(each.peak_error for each in scores),
         amplification=float(np.nan_to_num(swings[widest], nan=np.inf)) - 1,
         amplified_sample=samples[widest],
         slack_samples=sum(slack),
         low=np.fmin.reduce(outputs),
         high=np.fmax.reduce(outputs),
+        errors=errors,
     )

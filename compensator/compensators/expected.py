@@ -13,6 +13,12 @@ from tendonff.compensator.reporting.page import Cell, Table
 from tendonff.compensator.reporting.plots import legend_below, new_figure
 
 BOUND: dict[str, Any] = {"color": INK, "linewidth": 0.8, "linestyle": (0, (6, 3))}
+CONTRIBUTIONS = (
+    "RMS error of the recommended profile at the worse end of each interval alone, all else nominal; the line is the "
+    "worst case with all of them together. Grey: the worst case with a drive of each class, where none is stated."
+)
+"""Caption of `contributions_figure`."""
+
 _MOST_BARS = 12
 
 
@@ -26,6 +32,7 @@ def expectation_summary(found: Expectation, segments: int) -> dict[str, object]:
     def band(errors: ErrorBand) -> dict[str, object]:
         return {
             f"nominal_rmse_{unit}": finite(errors.nominal.rmse),
+            f"expected_rmse_{unit}": finite(errors.expected_rmse),
             f"worst_rmse_{unit}": finite(errors.worst.rmse),
             f"worst_peak_{unit}": finite(errors.worst_peak),
             "worst_values": dict(errors.worst_sample.numbers),
@@ -39,10 +46,19 @@ def expectation_summary(found: Expectation, segments: int) -> dict[str, object]:
         "samples": len(found.doubt.samples),
         "segments": segments,
         "recommended": found.recommended,
+        f"expected_rmse_{unit}": finite(found.best.expected_rmse),
         f"rmse_{unit}": finite(found.best.worst.rmse),
         f"peak_{unit}": finite(found.best.worst_peak),
         "worst_percent_of_range": {name: finite(value) for name, value in found.worst_percent.items()},
         "contributions": [{"key": each.key, f"rmse_{unit}": finite(each.rmse)} for each in found.contributions],
+        "drive_not_stated": [
+            {
+                "class": each.kind.value,
+                f"rmse_{unit}": finite(each.worst.rmse),
+                "percent_of_range": finite(each.worst.rmse_percent_of_range),
+            }
+            for each in found.behind
+        ],
         "compensators": {name: band(errors) for name, errors in found.bands.items()},
     }
 
@@ -51,10 +67,13 @@ def contributions_figure(found: Expectation, style: Style) -> Figure:
     """RMS error of the recommended profile by each uncertain number alone, beside the worst case of all."""
     factor = found.unit.factor
     shown = [each for each in found.contributions if np.isfinite(each.rmse)][:_MOST_BARS][::-1]
-    figure, axes = new_figure(1, 1, height_in=1.0 + 0.28 * len(shown))
+    drives = [each for each in found.behind if np.isfinite(each.worst.rmse)][::-1]
+    figure, axes = new_figure(1, 1, height_in=1.0 + 0.28 * (len(shown) + len(drives)))
     panel = axes[0, 0]
+    not_stated = [f"drive, not stated: {each.kind}" for each in drives]
+    panel.barh(not_stated, [factor * each.worst.rmse for each in drives], color=GREY)
     panel.barh([each.key for each in shown], [factor * each.rmse for each in shown], color=style.color)
-    panel.set_ylim(-0.6, len(shown) - 0.4)  # a single bar does not fill the panel
+    panel.set_ylim(-0.6, len(shown) + len(drives) - 0.4)  # a single bar does not fill the panel
     panel.axvline(
         factor * found.best.nominal.rmse, color=GREY, linewidth=0.8, linestyle=":", label="nominal parameters"
     )
@@ -71,14 +90,15 @@ def robustness_table(found: Expectation, labels: Mapping[str, str], segments: in
     for name, band in found.bands.items():
         worst, over = band.worst, 100 * band.amplification
         at = sample_words(band.worst_sample.numbers) or "nominal"
-        errors = (band.nominal.rmse_percent_of_range, worst.rmse_percent_of_range)
+        errors = (band.nominal.rmse_percent_of_range, band.expected_percent, worst.rmse_percent_of_range)
         rows.append((labels[name], *errors, unit.factor * worst.rmse, unit.factor * band.worst_peak, over, at))
     return Table(
         caption=f"Errors over {len(found.doubt.samples)} samples of the parameters on {segments} masses; "
-        "over-compensation: largest swing of the output beyond the reference's",
+        "expected: half of all draws are below; over-compensation: largest swing of the output beyond the reference's",
         columns=(
             "profile",
             "nominal [% of range]",
+            "expected [% of range]",
             "worst [% of range]",
             f"worst RMS [{unit.shown}]",
             f"peak [{unit.shown}]",

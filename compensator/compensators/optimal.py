@@ -7,9 +7,9 @@ scenario's uncertainty admits.
 import numpy as np
 
 from tendonff.compensator.compensators.base import CModule, Compensator, Problem
-from tendonff.compensator.compensators.expectation import worst_corner
 from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.compensators.profile import FloatArray, Profile, ProfileStatus
+from tendonff.compensator.compensators.superposition import Superposition
 from tendonff.compensator.compensators.uncertain import Sample
 from tendonff.compensator.files.notices import Danger, Remark
 from tendonff.compensator.files.progress import Progress, silent
@@ -117,7 +117,7 @@ def counted(problem: Problem) -> tuple[Sample[Transmission], ...]:
     profile = Profile(force_N=problem.limited(problem.inversion.force_N))
     ends = doubt.samples[: 1 + 2 * len(doubt.spreads)]
     found = [Plant(end.system, problem.level).respond(profile, reference).delivered(reference) for end in ends]
-    corner = worst_corner(doubt, np.array(found) - reference.wanted)
+    corner = Superposition.of(doubt, np.array(found) - reference.wanted).worst_corner()
     return doubt.at(corner), doubt.at([-place for place in corner])
 
 

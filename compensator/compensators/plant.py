@@ -46,6 +46,9 @@ class Slack:
     end: str
     message: str
 
+    def __str__(self) -> str:
+        return self.message
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Response:

@@ -22,6 +22,10 @@ TWO_SIDED: Final = 1.96
 S = TypeVar("S")
 FloatArray = NDArray[np.float64]
 
+UNSTATED: Final = (DriveClass.INDUSTRIAL, DriveClass.DYNAMIXEL, DriveClass.HOBBY_SERVO)
+"""Classes, one of which a drive that is not stated may be of."""
+
+_TIMES = ("servo_time_s", "delay_s")
 _NAMED = 3  # spreads that a sentence names
 
 
@@ -85,14 +89,20 @@ class Doubt(Generic[S]):
         return _sample(self.system, self.spreads, places)
 
     @property
-    def together(self) -> tuple[int, ...]:
-        """Numbers of the intervals that are correlated."""
-        return self.uncertainty.correlated
+    def drives_not_stated(self) -> tuple[str, ...]:
+        """Places of drives of which no lag, no delay and no class is stated."""
+        known = {key for spread in self.spreads for key in spread.keys}
+        return tuple(
+            place
+            for place, each in _drives(self.system).items()
+            if each.drive_class is None
+            and not any(getattr(each, t) is not None or f"{place}.{t}" in known for t in _TIMES)
+        )
 
-    @property
-    def takes_drive_as_ideal(self) -> bool:
-        """Nothing is stated of how a drive follows its command, neither a time nor a class."""
-        return any(each.drive_class is None and each.servo.is_ideal for each in _drives(self.system).values())
+    @staticmethod
+    def latest_s(kind: DriveClass) -> float:
+        """Longest lag and delay of a class together [s]."""
+        return sum(high for _, high in ASSUMED_S[kind].values())
 
     @property
     def widths(self) -> str:
@@ -153,14 +163,19 @@ def draw_systems(system: S, uncertainty: Uncertainty, count: int) -> tuple[Sampl
 
     points = qmc.Sobol(len(spreads), scramble=False).random_base2((count - 1).bit_length())[:count]
     shifted = (points + np.random.default_rng(uncertainty.seed).random(len(spreads))) % 1.0
-    places = 2 * shifted - 1
+    return tuple(_sample(system, spreads, row) for row in drawn_places(uncertainty, shifted))
+
+
+def drawn_places(uncertainty: Uncertainty, points: FloatArray) -> FloatArray:
+    """Places in the intervals, from −1 to 1, for points of the unit cube, shape (points, intervals) both."""
+    places = 2 * points - 1
     if together := list(uncertainty.correlated):
         from scipy.special import ndtri
 
         root = correlation_root(uncertainty.correlations[np.ix_(together, together)])
-        normal = ndtri(np.clip(shifted[:, together], 1e-12, 1 - 1e-12)) / TWO_SIDED
+        normal = ndtri(np.clip(points[:, together], 1e-12, 1 - 1e-12)) / TWO_SIDED
         places[:, together] = np.clip(normal @ root, -1, 1)
-    return tuple(_sample(system, spreads, row) for row in places)
+    return places
 
 
 def correlation_root(correlation: FloatArray) -> FloatArray:

@@ -11,7 +11,7 @@ import numpy as np
 from tendonff._version import __version__
 from tendonff.compensator.compensators.base import CModule, Problem, with_motion
 from tendonff.compensator.compensators.expectation import Expectation
-from tendonff.compensator.compensators.live import driven, expect_live, live_headline
+from tendonff.compensator.compensators.live import expect_live, live_headline
 from tendonff.compensator.compensators.profile import FloatArray, Profile
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.score import scale_of
@@ -143,7 +143,7 @@ def export_project(
             losses = float_losses(replace(golden.course, columns=expected | of_tuner), in_float, problem)
             rows = len(tension)
             last = {module: answer[-rows:] for module, answer in found[0].reference.items()}
-            profiles |= {m: driven(problem, m, Profile.of_setpoint(answer, drive)) for m, answer in last.items()}
+            profiles |= {m: problem.applied(m, Profile.of_setpoint(answer, drive)) for m, answer in last.items()}
     judged = judge(problem, profiles)
     judged = (*judged, judge_stream(judged, choice, problem))
     modules, faults = chosen(judged, c_modules(scenario, stream is not None), force_export=force_export)

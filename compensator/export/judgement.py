@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from tendonff.compensator.compensators.base import CModule, Problem, with_travel
-from tendonff.compensator.compensators.live import driven
 from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.compensators.profile import Profile
 from tendonff.compensator.compensators.registry import compensator
@@ -85,7 +84,7 @@ def profiles_of(
                 found[module.name] = optimal
         else:
             exported = CompensationTable(built.table) if built and isinstance(each, CompensationTable) else each
-            found[module.name] = driven(problem, each.name, exported.profile(following))
+            found[module.name] = problem.applied(each.name, exported.profile(following))
     return found
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tendonff.compensator.compensators.live import expect_live
 from tendonff.compensator.compensators.motors.task import MotorTask
 from tendonff.compensator.compensators.next_step import next_step
 from tendonff.compensator.compensators.score import scale_of
@@ -97,7 +98,7 @@ class ExportedMotors:
 
 def live_headline(task: MotorTask, source: Path) -> str:
     """Expected error on a rig where the reference arrives live, and the next step."""
-    found = task.expect_live()
+    found = expect_live(task)
     return found.headline(
         "exact inverse", next_step(found, as_argument(source), "call it once per sample, and watch its status")
     )

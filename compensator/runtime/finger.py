@@ -44,10 +44,10 @@ class FingerRuntime:
 
     def __init__(self, scenario: FingerScenario) -> None:
         task = FingerTask.of(scenario)
-        if scenario.others:
+        if scenario.joints:
             raise InputError(
                 f"{scenario.source.name}: a runtime of several joints knows driven ones alone, not "
-                f'{", ".join(scenario.others)}; give them kind = "driven", or design for a known motion'
+                f'{", ".join(scenario.joints)}; give them kind = "driven", or design for a known motion'
             )
         self._problem = problem = task.problem(task.finger)
         memory, start = rest(problem), problem.start[: problem.known]

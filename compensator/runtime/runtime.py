@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tendonff._version import __version__
 from tendonff.compensator.compensators.every import problem_of
 from tendonff.compensator.compensators.expectation import Expectation
+from tendonff.compensator.compensators.live import expect_live
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.runtime.core import RuntimeCore
 from tendonff.compensator.runtime.kinds import RuntimeKind, RuntimeStatus
@@ -158,8 +159,7 @@ class Runtime:
     @in_turn
     def expectation(self) -> Expectation:
         """Expected error over what is uncertain, as `design` and `export-c` state it; simulated at the first use."""
-        found: Expectation = function_of("expect_live", self._scenario)(problem_of(self._scenario))
-        return found
+        return expect_live(problem_of(self._scenario))
 
     @property
     def factor(self) -> float:

@@ -19,6 +19,7 @@ from tendonff.compensator.scenario.goal import Goal
 from tendonff.compensator.scenario.joints import KINDS as JOINT_KINDS
 from tendonff.compensator.scenario.joints import Joint, read_joints
 from tendonff.compensator.scenario.kind import Kind, in_short
+from tendonff.compensator.scenario.knobs import Knob
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenario.reference import CsvReference, ReferenceSpec, SineReference, WaypointReference
 from tendonff.compensator.scenario.settings import REMOVED_OPTIMAL, Adaptation, Compare, Feedback, Run, Stream
@@ -37,7 +38,7 @@ from tendonff.compensator.scenario.toml import toml_of
 from tendonff.models.errors import ParameterError
 from tendonff.models.parameters import Actuator, Friction, Load, Tendon, Transmission
 from tendonff.models.parameters import Path as TendonPath
-from tendonff.models.parameters.numbers import keys_of, with_numbers
+from tendonff.models.parameters.numbers import keys_of, number_of, with_numbers
 from tendonff.models.parameters.uncertainty import Spread, Uncertainty
 from tendonff.models.path import Section
 from tendonff.ocp.tracking.options import TrackOptions
@@ -136,6 +137,43 @@ class Scenario:
         """Goal: the tension at the far end, or the load's position."""
         return Goal(quantity=self.reference.output, unit=self.reference.unit, names=("output",))
 
+    @property
+    def knobs(self) -> tuple[Knob, ...]:
+        """Numbers that the interactive page turns, as far as the scenario has them."""
+        system, degree = self.transmission, math.radians(1.0)
+        mu, angle = system.friction.mu_dynamic, system.path.total_angle_rad / degree
+        every, scale = ("mu", 1 / mu) if mu > 0 else ("friction.mu_dynamic", 1.0)
+        soft = "soft_" if self.run.level.soft_bristle else ""
+        numbers = (
+            (f"friction.{soft}bristle_stiffness_N_per_m", "bristle stiffness [N/m]", 1.5),
+            ("tendon.relaxation_time_s", "relaxation time [s]", 1.5),
+            ("actuator.force_rate_max_N_per_s", "rate limit of the force [N/s]", 3.0),
+            ("load.stiffness_N_per_m", "load stiffness [N/m]", 1.0),
+            ("load.mass_kg", "load mass [kg]", 1.0),
+        )
+        wrap = Knob(
+            key="path.total_angle_rad",
+            title="wrap angle [deg]",
+            value=angle,
+            start=0.0,
+            end=max(360.0, 1.5 * angle),
+            step=5.0,
+            shown="0",
+            scale=degree,
+        )
+        friction = Knob(
+            key=every,
+            title="friction coefficient mu [-]",
+            value=mu,
+            start=0.0,
+            end=max(0.5, 2 * mu),
+            step=0.005,
+            scale=scale,
+        )
+        known = keys_of(system)
+        more = [Knob.decades(k, t, number_of(system, k) or 0.0, d, is_set=k.startswith("act")) for k, t, d in numbers]
+        return (friction, *(knob for knob in (wrap, *more) if knob.key in known and knob.value > 0))
+
     def with_system(self, system: Any, changed: Mapping[str, float]) -> "Scenario":  # noqa: ARG002  all is written out
         """The scenario with another transmission, in which these numbers differ."""
         return replace(self, transmission=system)
@@ -158,6 +196,10 @@ class Scenario:
 
     def to_toml(self) -> str:
         """Text that reads back as the same scenario."""
+        return scenario_to_toml(self)
+
+    def saved(self) -> str:
+        """Text of a file with its numbers as they were changed."""
         return scenario_to_toml(self)
 
     def digest(self) -> str:

@@ -129,6 +129,40 @@ def toml_table(instance: object, name: str = "", *, without: tuple[str, ...] = (
     return "".join(lines) + "".join(f"\n[{table}]\n{toml_table(value, table)}" for table, value in inner)
 
 
+def set_keys(record: Any) -> dict[str, object]:
+    """Keys and values of a record of the scenario that say something."""
+    pairs = ((field.name, getattr(record, field.name)) for field in dataclasses.fields(record))
+    return {key: value for key, value in pairs if value not in (None, ())}
+
+
+def to_toml(raw: Mapping[str, object]) -> str:
+    """Plain tables as TOML: scalars and lists first, then tables and rows of tables."""
+    return "".join(_lines(raw, "")).lstrip("\n")
+
+
+def _lines(table: Mapping[str, object], name: str) -> list[str]:
+    lines, later = [], []
+    for key, value in table.items():
+        path = f"{name}.{key}" if name else key
+        if isinstance(value, Mapping):
+            later += [f"\n[{path}]\n", *_lines(value, path)]
+        elif isinstance(value, list) and value and all(isinstance(each, Mapping) for each in value):
+            for each in value:
+                later += [f"\n[[{path}]]\n", *_lines(each, path)]
+        else:
+            lines.append(f"{_bare(key)} = {toml_value(_tuples(value))}\n")
+    return lines + later
+
+
+def _bare(key: str) -> str:
+    """A key as TOML writes it."""
+    return key if key.replace("-", "_").isidentifier() else toml_value(key)
+
+
+def _tuples(value: object) -> object:
+    return tuple(map(_tuples, value)) if isinstance(value, list) else value
+
+
 def descriptions(cls: type) -> dict[str, str]:
     """Meaning of each field: the `Parameters` section of the numpydoc docstring."""
     found: dict[str, str] = {}

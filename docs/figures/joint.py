@@ -23,7 +23,7 @@ def draw() -> Figure:
         for x, text in ((0.0, "drum\nmotor $\\vartheta$"), (8.0, "joint\n$q$, $J$")):
             panel.add_patch(Circle((x, 0.0), 0.8, fill=False, color=INK, linewidth=1.5))
             panel.text(x, 0.0, text, ha="center", va="center")
-        panel.plot([8.0, 10.0], [0.0, 0.9], color=INK, linewidth=4, solid_capstyle="round")
+        panel.plot([8.74, 10.0], [0.33, 0.9], color=INK, linewidth=4, solid_capstyle="round")
         panel.annotate("", xy=(9.1, 1.25), xytext=(9.45, 0.1), arrowprops={"arrowstyle": "->", "color": GREY})
         panel.text(9.7, 1.25, "contact,\ngravity", color=GREY, va="center")
         panel.set(aspect="equal", xlim=(-1.2, 11.2), ylim=(-1.6, 1.7))

@@ -58,6 +58,7 @@ def draw() -> Figure:
         for name, angle, style in zip(motion.names, motion.at(time).T, ("-", "--"), strict=True):
             joints.plot(time, angle, style, color=GREY, label=name)
         joints.set(ylabel="joint angle [rad]")
+        joints.set_ylim(-0.75, 1.0)
         joints.legend(loc="upper right", ncols=2)
         looks = {"none": (GREY, ":"), "at rest": (VERMILION, "--"), "12 masses": (BLUE, "-")}
         names = {"none": "no compensation", "at rest": "designed for the path at rest", "12 masses": "motion known"}

@@ -39,9 +39,14 @@ def _keys(places: Mapping[str, Any]) -> list[str]:
             f"{place}.{name}"
             for place, record in places.items()
             for name in _numbers(record.__class__)
-            if not (name == "total_angle_rad" and getattr(record, "sections", False))  # that add up to it
+            if name != "total_angle_rad" or _turns(record)
         ),
     ]
+
+
+def _turns(path: Any) -> bool:
+    """Whether the wrap angle of a path is one number: its sections, if it has any, then keep their shares of it."""
+    return not path.sections or (path.total_angle_rad > 0 and not any(hasattr(s, "tables") for s in path.sections))
 
 
 def number_of(system: object, key: str) -> float | None:
@@ -66,8 +71,9 @@ def is_whole(system: object, key: str) -> bool:
 def with_numbers(system: S, values: Mapping[str, float]) -> S:
     """The system with other numbers, by their keys.
 
-    A static coefficient of friction keeps its ratio to the dynamic one, and what the actuator has of its motor follows
-    the motor, unless they are given too. Factors act last.
+    A static coefficient of friction keeps its ratio to the dynamic one, sections their shares of the wrap angle, and
+    what the actuator has of its motor follows the motor, unless they are given too; motors that wind one tendon keep
+    the least tension of all. Factors act last.
 
     Raises
     ------
@@ -76,7 +82,9 @@ def with_numbers(system: S, values: Mapping[str, float]) -> S:
     ParameterError
         If a number is out of its bounds.
     """
-    changes: dict[str, dict[str, float]] = {}
+    if not values:
+        return system
+    changes: dict[str, dict[str, Any]] = {}
     changed, places = system, _places(system)
     known = frozenset(_keys(places))
     for key, value in values.items():
@@ -140,7 +148,7 @@ def _places(system: object, prefix: str = "") -> dict[str, Any]:
     return found
 
 
-def _replaced(record: Any, place: str, given: Mapping[str, float]) -> Any:
+def _replaced(record: Any, place: str, given: Mapping[str, Any]) -> Any:
     """A record with other numbers at a place inside it; a motor, sections and tendons take along what follows."""
     if not place:
         if hasattr(record, "arm"):
@@ -154,6 +162,8 @@ def _replaced(record: Any, place: str, given: Mapping[str, float]) -> Any:
     if name == "motor":
         return replace(record, motor=changed, **changed.at_the_drum)
     field, _, one = name.partition(".")
+    if name == "sharing":
+        return replace(record, sharing=changed, motors=tuple(_keeping(each, given) for each in record.motors))
     if not one:
         return replace(record, **{field: changed})
     several = tuple(changed if each.name == one else each for each in getattr(record, field))
@@ -161,9 +171,21 @@ def _replaced(record: Any, place: str, given: Mapping[str, float]) -> Any:
     return replace(record, **{field: several}, **more)
 
 
-def _with_followers(record: Any, given: Mapping[str, float]) -> dict[str, float]:
-    """The numbers with the static coefficients that follow from dynamic ones."""
-    followed = dict(given)
+def _keeping(motor: Any, sharing: Mapping[str, Any]) -> Any:
+    """A motor that keeps, if it winds one tendon, the least tension that all share."""
+    if motor.drive.least_tension_N is None or "least_tension_N" not in sharing:
+        return motor
+    least = max(sharing["least_tension_N"], 1e-9)
+    return replace(motor, drive=replace(motor.drive, least_tension_N=least))
+
+
+def _with_followers(record: Any, given: Mapping[str, float]) -> dict[str, Any]:
+    """The numbers with what follows from them: static coefficients from dynamic ones, sections from their sum."""
+    followed: dict[str, Any] = dict(given)
+    if "total_angle_rad" in given and record.sections:
+        share = given["total_angle_rad"] / record.total_angle_rad
+        followed["sections"] = tuple(replace(each, angle_rad=share * each.angle_rad) for each in record.sections)
+        followed["total_angle_rad"] = math.fsum(each.angle_rad for each in followed["sections"])
     for dynamic, static in _STATIC_OF.items():
         old, its = getattr(record, dynamic, None), getattr(record, static, None)
         if dynamic in given and static not in given and its is not None and old is not None:

@@ -255,7 +255,7 @@ class Actuator:
         Step of the command, in its unit [N] or [m], >= 0; default: none.
     drive_class : DriveClass, optional
         Kind of drive, "hobby servo", "dynamixel", "industrial" or "ideal": lag and delay that are not stated are those
-        of its kind, with a spread that counts in the expected error; default: an ideal drive, which reports then name.
+        of its kind, with a spread that counts in the expected error; default: errors of each kind are stated.
     backlash_m : float, optional
         Play between a position drive and the tendon's end [m], >= 0; default: none.
     """

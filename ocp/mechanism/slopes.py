@@ -23,7 +23,6 @@ from tendonff.ocp.joint.laws import (
     joint_torque_tangent,
     link_back,
     path_mass_back,
-    representative,
 )
 from tendonff.ocp.mechanism.compiled import CompiledMechanism, RunRows, joined
 from tendonff.ocp.mechanism.problem import Array, MechanismMemory, MechanismProblem, rest
@@ -199,7 +198,8 @@ class _SlopedMechanism(CompiledMechanism):
         self._width = width = len(directions)
         _require_alike(problem, directions)
         own = _Numbers.of(Start(problem=problem, memory=memory))
-        both = [(_Numbers.of(each.above), _Numbers.of(each.below), each.apart) for each in directions]
+        numbers_of = {id(side): _Numbers.of(side) for side in _sides(directions)}
+        both = [(numbers_of[id(each.above)], numbers_of[id(each.below)], each.apart) for each in directions]
 
         def change(of: Callable[[_Numbers], Array]) -> Array:
             found = [(of(above) - of(below)) / apart for above, below, apart in both]
@@ -259,15 +259,21 @@ def _at(values: Array) -> Any:
 def _require_alike(problem: MechanismProblem, directions: Sequence[Direction]) -> None:
     """Refuse directions between mechanisms whose tendons have other sizes or laws."""
     known = _kind(problem)
+    others = {id(side) for side in _sides(directions) if side.problem is not problem and _kind(side.problem) != known}
     for k, direction in enumerate(directions):
-        if _kind(direction.above.problem) != known or _kind(direction.below.problem) != known:
+        if {id(direction.above), id(direction.below)} & others:
             raise ParameterError(
                 f"direction {k} leads to a mechanism of other laws: what is alike here differs there, such as friction "
                 "of the two directions or static and dynamic friction; let both sides differ alike"
             )
 
 
+def _sides(directions: Sequence[Direction]) -> list[Start]:
+    """Mechanisms on either side, each once."""
+    return list({id(side): side for each in directions for side in (each.above, each.below)}.values())
+
+
 def _kind(problem: MechanismProblem) -> Any:
     chains = problem.chains()
-    apart = [] if representative(chains) is not chains[0] else [chains[0].friction.aliases(), twins_of(chains[0])]
-    return [chain.count for chain in chains], apart
+    laws = [(chain.friction.aliases(), twins_of(chain)) for chain in chains]
+    return [chain.count for chain in chains], laws[0] if all(each == laws[0] for each in laws) else None

@@ -26,11 +26,11 @@ from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenario.settings import Adaptation, Run
 from tendonff.compensator.studies.adapt.result import Scheme, Variation
-from tendonff.compensator.studies.adapt.run import _case, _extended, adapt
+from tendonff.compensator.studies.adapt.tension import TensionTrials, _case, _extended
 from tendonff.compensator.studies.compare.run import compare
 from tendonff.compensator.studies.design.run import design
 from tendonff.compensator.studies.design.sweep.run import sweep
-from tendonff.compensator.studies.tables.run import make_tables
+from tendonff.compensator.studies.tables.force import ForceTables
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import ChainInputs
 from tendonff.models.parameters import Path as TendonPath
@@ -183,12 +183,12 @@ def test_compare_reports_the_same_worst_case_and_the_error_on_other_levels(scena
 def test_a_table_is_judged_on_the_plants_or_refused_where_joints_move(scenario: Scenario) -> None:
     if scenario.joints:
         with pytest.raises(InputError, match="no table can hold a path that moves"):
-            make_tables(scenario)
+            ForceTables.made(scenario)
         found = design(scenario, compensators=(*COMPENSATORS, CompensationTable()))
         assert "table" not in found.profiles
         assert any(text.startswith("table: no table can hold") for text in found.warnings)
         return
-    found, problem = make_tables(scenario), Problem.of(scenario)
+    found, problem = ForceTables.made(scenario), Problem.of(scenario)
     exported = CompensationTable(found.tables[0].built.table)
     profile = with_motion(problem, "table", exported.profile(problem))
     worst = max(error_percent(rig(scenario, mu), profile, problem) for mu in (1.0, 0.9, 1.1))
@@ -243,7 +243,7 @@ def test_adapt_judges_the_plain_inverse_as_its_plant_does_or_refuses(scenario: S
     asked = replace(scenario, adaptation=settings)
     if scenario.transmission.actuator.drive is Drive.POSITION:
         with pytest.raises(InputError, match="self-tuning needs a force drive"):
-            adapt(asked)
+            TensionTrials.run(asked)
         return
     problem = Problem.of(asked)
     if problem.reference.periodic:  # a longer run repeats the cycle

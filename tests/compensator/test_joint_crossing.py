@@ -16,12 +16,12 @@ from tendonff.compensator.compensators.motors.joint import JointTask
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.driven.joint import JointScenario, parse_joint_scenario
 from tendonff.compensator.scenarios import load_scenario
-from tendonff.compensator.studies.adapt import joint as study
-from tendonff.compensator.studies.adapt.joint import adapt_joint
+from tendonff.compensator.studies.adapt import loop as study
+from tendonff.compensator.studies.adapt.loop import LoopTrials
 from tendonff.compensator.studies.compare.run import compare
 from tendonff.compensator.studies.design.motors.run import design_motors
 from tendonff.compensator.studies.design.sweep.run import sweep
-from tendonff.compensator.studies.tables.joint import BOUND_SHARE, tabulate_joint
+from tendonff.compensator.studies.tables.motor import BOUND_SHARE, MotorTables
 from tendonff.models.fidelity import Level
 from tendonff.models.joint.parameters import DriveKind, Mechanism
 from tendonff.models.parameters.numbers import with_numbers
@@ -171,7 +171,7 @@ def test_a_grid_designs_anew_at_every_point(tmp_path: Path) -> None:
 
 
 def test_a_table_is_the_quasi_static_law_and_judged_on_the_same_plants(scenario: JointScenario, tmp_path: Path) -> None:
-    found, task = tabulate_joint(scenario), JointTask.of(scenario)
+    found, task = MotorTables.made(scenario), JointTask.of(scenario)
     static = task.expect({"static": task.answer(compensator_of(task, "static"))}).best
     assert found.error_rad <= BOUND_SHARE * np.ptp(task.wanted)
     assert found.expectation.worst_percent["table"] == pytest.approx(
@@ -189,17 +189,17 @@ def test_a_table_is_refused_where_it_has_no_meaning(tmp_path: Path) -> None:
     other = '[joints.wrist]\nkind = "sine"\namplitudes_rad = [0.1]\nfrequencies_Hz = [2.5]\n'
     moved = parse_joint_scenario(text + other, tmp_path / "wrist.toml")
     with pytest.raises(InputError, match="no table can hold a path that other joints move"):
-        tabulate_joint(moved)
-    assert tabulate_joint(moved, pose_rad={"wrist": 0.05}).nodes > 0
+        MotorTables.made(moved)
+    assert MotorTables.made(moved, pose_rad={"wrist": 0.05}).nodes > 0
     with pytest.raises(InputError, match="the nodes must reach over the reference"):
-        tabulate_joint(moved, pose_rad={"wrist": 0.05}, angles_rad=(0.0, 0.01))
+        MotorTables.made(moved, pose_rad={"wrist": 0.05}, angles_rad=(0.0, 0.01))
 
 
 def test_a_table_has_the_nodes_and_speeds_that_are_asked_for(examples: Path, tmp_path: Path) -> None:
     """Damping leans on the side that the joint turns to, the more the faster."""
     scenario = load_scenario(examples / "hand_joint.toml")
     nodes = np.linspace(-0.6, 1.7, 6)
-    found = tabulate_joint(scenario, level=Level.ELASTIC, angles_rad=nodes, rates=(0.5, 4.0))
+    found = MotorTables.made(scenario, level=Level.ELASTIC, angles_rad=nodes, rates=(0.5, 4.0))
     assert np.array_equal(found.angle_rad, nodes)
     assert (found.motor_rad["up"][1] > found.motor_rad["up"][0]).all()
     assert (found.motor_rad["down"][1] < found.motor_rad["down"][0]).all()
@@ -225,13 +225,13 @@ def test_adapt_judges_the_plain_inverse_as_its_plant_does_or_refuses(
     asked = parse_joint_scenario(f'{scenario.text}\n[adaptation]\nsensor = "joint_angle"\n', scenario.source)
     if scenario.mechanism.drive.kind is DriveKind.PAIR:
         with pytest.raises(InputError, match="a pair has none"):
-            adapt_joint(asked)
+            LoopTrials.run(asked)
         return
-    off = study.JointVariation(name="friction +30 %", mu=1.3)
+    off = study.LoopVariation(name="friction +30 %", mu=1.3)
     monkeypatch.setattr(study, "VARIATIONS", (off,))
     monkeypatch.setattr(study, "SHORTEST_S", 3.0)
     monkeypatch.setattr(study, "SETTLED_S", 2.0)
-    found = adapt_joint(asked)
+    found = LoopTrials.run(asked)
     rig = with_numbers(scenario.mechanism, {"mu": 1.3})
     motion = JointMotion(
         names=("q",), time_s=np.append(0.0, found.time_s), angle_rad=np.append([0.0], found.reference_rad)[:, None]

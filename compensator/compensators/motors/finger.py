@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonff.compensator.compensators.motors.drive import driven
-from tendonff.compensator.compensators.motors.response import MotorResponse
+from tendonff.compensator.compensators.motors.response import MotorResponse, Turned, finer
 from tendonff.compensator.compensators.motors.task import ASSUMED_SPREAD, MotorTask
 from tendonff.compensator.compensators.uncertain import Doubt
 from tendonff.compensator.files.reading import FloatArray, InputError
@@ -237,6 +237,22 @@ class FingerTask(MotorTask):
         else:
             found = simulate_mechanism(problem, fine(drums), step, known=known, effort=effort, method=method)
         return self._response(found, refinement)
+
+    def turned(self, drums_rad: FloatArray, *, parts: int = 1, method: Method = Method.BDF2) -> Turned:
+        """Motion under drums; see `MotorTask.turned`."""
+        sampled, step = self.sampled, self.step_s
+        time: FloatArray = np.arange((len(drums_rad) - 1) // parts + 1, dtype=np.float64) * step
+        effort = np.column_stack([np.interp(time, sampled.time_s, column) for column in self.efforts.T])
+        run = simulate_mechanism(
+            self.problem(self.finger),
+            drums_rad,
+            step / parts,
+            known=finer(sampled.motion.at(time), parts),
+            effort=finer(effort, parts),
+            method=method,
+        )
+        columns = {f"joint_{name}_rad": run.position[:, k] for k, name in enumerate(self.finger.names)}
+        return Turned(response=self._response(run), columns=columns, judged=tuple(columns))
 
     @cached_property
     def doubt(self) -> Doubt[Finger]:

@@ -5,13 +5,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonff.compensator.compensators.motors.drive import driven
-from tendonff.compensator.compensators.motors.response import MotorResponse
+from tendonff.compensator.compensators.motors.response import MotorResponse, Turned, finer
 from tendonff.compensator.compensators.motors.task import ASSUMED_SPREAD, UNSETTLED, MotorTask
 from tendonff.compensator.compensators.uncertain import Doubt
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.scenario.driven.finger import SampledFinger
 from tendonff.compensator.scenario.driven.joint import JointScenario, SampledJoint, sample_joint
 from tendonff.compensator.scenario.driven.reference import JointQuantity
+from tendonff.compensator.scenario.goal import Given
 from tendonff.models.cached import cached_property
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
@@ -50,6 +51,10 @@ class JointTask(MotorTask):
     level: Level
 
     refinement = 10
+    is_stepwise = True
+    given_as = Given(
+        title="Motor beyond the ratio", label="motor beyond the ratio [deg]", loop="Lost motion", is_ordinate=True
+    )
 
     @classmethod
     def of(cls, scenario: JointScenario, level: Level | None = None) -> "JointTask":
@@ -69,6 +74,11 @@ class JointTask(MotorTask):
     def with_system(self, system: Mechanism) -> "JointTask":
         """The same for another mechanism."""
         return replace(self, mechanism=system)
+
+    def given_of(self, command_rad: FloatArray) -> FloatArray:
+        """Angle of the first motor beyond the ratio, shape (n,) [deg]."""
+        found: FloatArray = np.rad2deg(command_rad[:, 0] - self.lengths_rad[:, 0])[self.lead :]
+        return found
 
     @property
     def lead(self) -> int:
@@ -180,11 +190,6 @@ class JointTask(MotorTask):
         """Mechanisms that may be the real one, by [robust] or, where it states nothing, assumed."""
         return Doubt.of(self.mechanism, self.scenario.robust, assumed(self.mechanism))
 
-    @property
-    def live_command_rad(self) -> FloatArray:
-        """Commands of the exact inverse step by step; see `MotorTask.live_command_rad`."""
-        return self.commanded(self.inversion.motor_rad, live=True)
-
     def respond(
         self,
         system: Mechanism,
@@ -220,18 +225,57 @@ class JointTask(MotorTask):
         keep = slice(rows * (repeats - 1), None, refinement)
         angle = run.angle_rad[keep]
         output = run.torque_N_m[keep] - joint_load(system, sampled, step) if torque else angle
-        return MotorResponse(
-            status=run.outcome,
-            message=_settled(run, rows) if repeats > 1 else run.message,
-            output=output[:, None],
-            position_rad=np.column_stack([angle, sampled.motion.angle_rad[:, 1:]]),
-            motor_rad=run.motor_rad[keep],
-            torque_N_m=run.motor_torque_N_m[keep],
-            tension_N=run.tension_N[keep],
-            drum_N=run.drum_N[keep],
-            lowest_N=run.lowest_N[keep],
-            work=run.iterations,
+        position = np.column_stack([angle, sampled.motion.angle_rad[:, 1:]])
+        found = _response(run, output, position, keep)
+        return replace(found, message=_settled(run, rows)) if repeats > 1 else found
+
+    @property
+    def without_homing(self) -> "JointTask":
+        """The same without a homing stroke."""
+        whole = replace(self.mechanism, drive=replace(self.mechanism.drive, homing_rad=0.0))
+        return replace(self, sampled=sample_joint(replace(self.scenario, mechanism=whole)))
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the motors in columns: that of a loop has none."""
+        return ("",) if self.mechanism.drive.kind is DriveKind.LOOP else self.motors
+
+    def turned(self, drums_rad: FloatArray, *, parts: int = 1, method: Method = Method.BDF2) -> Turned:
+        """Motion under drums; where a torque is wanted, the joint is led; see `MotorTask.turned`."""
+        sampled, led = self.sampled, self.scenario.motion is not None
+        time = np.arange((len(drums_rad) - 1) // parts + 1) * self.step_s
+        contact, angle = (np.interp(time, sampled.time_s, x) for x in (sampled.contact_N_m, sampled.angle_rad))
+        run = simulate_joint(
+            self.problem,
+            drums_rad,
+            self.step_s / parts,
+            contact_N_m=float(contact[0]) if led else finer(contact, parts),
+            led_rad=finer(angle, parts) if led else None,
+            method=method,
+        ).require()
+        return Turned(
+            response=_response(run, run.torque_N_m if led else run.angle_rad, run.angle_rad[:, None]),
+            columns={"angle_rad": run.angle_rad, "torque_N_m": run.torque_N_m},
+            judged=("torque_N_m" if led else "angle_rad",),
         )
+
+
+def _response(
+    run: JointSimulation, output: FloatArray, position_rad: FloatArray, kept: slice = slice(None)
+) -> MotorResponse:
+    """A run at the rows that are kept, those of output and position."""
+    return MotorResponse(
+        status=run.outcome,
+        message=run.message,
+        output=output[:, None],
+        position_rad=position_rad,
+        motor_rad=run.motor_rad[kept],
+        torque_N_m=run.motor_torque_N_m[kept],
+        tension_N=run.tension_N[kept],
+        drum_N=run.drum_N[kept],
+        lowest_N=run.lowest_N[kept],
+        work=run.iterations,
+    )
 
 
 def motor_names(mechanism: Mechanism) -> tuple[str, ...]:

@@ -3,6 +3,8 @@
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
+import numpy as np
+
 from tendonff.compensator.files.reading import FloatArray
 
 
@@ -68,3 +70,34 @@ class MotorResponse:
             drum_N=self.drum_N[kept],
             lowest_N=self.lowest_N[kept],
         )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Turned:
+    """Motion from where the reference starts, under angles of the drums.
+
+    Attributes
+    ----------
+    response : MotorResponse
+    columns : dict of str to ndarray, shape (rows,)
+        Of its joints, by name with the unit.
+    judged : tuple of str
+        Those that the motors decide.
+    """
+
+    response: MotorResponse
+    columns: dict[str, FloatArray]
+    judged: tuple[str, ...]
+
+    @property
+    def outputs(self) -> FloatArray:
+        """The columns that the motors decide, shape (rows, n)."""
+        return np.column_stack([self.columns[name] for name in self.judged])
+
+
+def finer(rows: FloatArray, parts: int) -> FloatArray:
+    """Straight lines between rows, shape (rows, ...), cut into parts each."""
+    at = np.arange((len(rows) - 1) * parts + 1) / parts
+    columns = np.asarray(rows, dtype=np.float64).reshape(len(rows), -1).T
+    found = np.column_stack([np.interp(at, np.arange(len(rows)), column) for column in columns])
+    return found.reshape(-1, *rows.shape[1:])

@@ -2,21 +2,28 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar, Self, TypeVar
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self, TypeVar, cast
 
 import numpy as np
 
-from tendonff.compensator.compensators.expectation import ErrorBand, Expectation, bands_of, expectation_of
+from tendonff.compensator.compensators.expectation import (
+    Behind,
+    ErrorBand,
+    Expectation,
+    bands_of,
+    behind_drives,
+    expectation_of,
+)
 from tendonff.compensator.compensators.motors.drive import commanded, known_by_ratio
-from tendonff.compensator.compensators.motors.response import MotorResponse
+from tendonff.compensator.compensators.motors.response import MotorResponse, Turned
 from tendonff.compensator.compensators.score import Score, score
 from tendonff.compensator.compensators.uncertain import Doubt
 from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.reporting.colours import Style
 from tendonff.compensator.scenario.driven.finger import SampledFinger
-from tendonff.compensator.scenario.goal import Goal
+from tendonff.compensator.scenario.goal import Given, Goal
 from tendonff.compensator.scenario.kind import Kind
 from tendonff.compensator.scenario.unit import Unit
 from tendonff.models.cached import cached_property
@@ -26,6 +33,7 @@ from tendonff.models.joint.parameters import JointDrive, Mechanism
 from tendonff.models.joint.parameters.finger import Finger
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.models.parameters.uncertainty import Objective, Uncertainty
+from tendonff.models.path import JointMotion
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.integrate.method import Method
 
@@ -59,6 +67,11 @@ class MotorTask(ABC):
     sampled: Any
     level: Level
 
+    given_as: ClassVar[Given | None] = None  # of several motors there is no one
+    plain: ClassVar[str] = "linear"  # compensator that others are compared with
+    is_stepwise: ClassVar[bool] = False  # live, the rate of a motor is known from the samples so far alone
+    tunes_itself: ClassVar[bool] = False  # `adapt` runs its tuner
+
     refinement: int
     """Steps of the verifying mechanism in one of the design."""
 
@@ -75,6 +88,19 @@ class MotorTask(ABC):
     @abstractmethod
     def with_system(self, system: Any) -> Self:
         """The same for another mechanism."""
+
+    def on_rig(self, scenario: Any) -> Self:
+        """The same reference on what another scenario describes, with its uncertainty."""
+        return self if scenario is self.scenario else self.of(scenario, self.level)
+
+    @property
+    def nominal(self) -> Self:
+        """The same: no answer of it depends on the uncertainty but by name."""
+        return self
+
+    def given_of(self, command_rad: FloatArray) -> FloatArray | None:  # noqa: ARG002
+        """Given to the drive, at the rows of `wanted`, as `given_as` says, shape (n,); None for several."""
+        return None
 
     @property
     def kind(self) -> Kind:
@@ -237,6 +263,28 @@ class MotorTask(ABC):
         ParameterError where it fails.
         """
 
+    @abstractmethod
+    def turned(self, drums_rad: FloatArray, *, parts: int = 1, method: Method = Method.BDF2) -> Turned:
+        """Motion from where the reference starts, under drums whose rows are so many parts of a step apart.
+
+        `drums_rad` has the shape (rows, motors). SolveError where it fails.
+        """
+
+    @property
+    def without_homing(self) -> Self:
+        """The same without a homing stroke: a file says what is turned."""
+        return self
+
+    def with_motion(self, motion: JointMotion) -> Self:
+        """The same while the joints that no tendon drives move otherwise."""
+        found: Self = replace(cast(Any, self), sampled=replace(self.sampled, motion=motion))
+        return found
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the motors in columns: the only one of a loop has none."""
+        return self.motors
+
     @property
     def notes(self) -> tuple[str, ...]:
         """Notes on the exact inverse for the user."""
@@ -286,10 +334,9 @@ class MotorTask(ABC):
         ]
         return np.column_stack(columns)
 
-    @property
-    def live_command_rad(self) -> FloatArray:
-        """Commands of the exact inverse where the reference arrives live, shape (rows, motors)."""
-        return self.commanded(self.inversion.motor_rad)
+    def answer_live(self, compensator: "MotorCompensator") -> FloatArray:
+        """Commands of a compensator where the reference arrives live, shape (rows, motors) [rad]."""
+        return self.commanded(compensator.profile(self), live=self.is_stepwise)
 
     @property
     def change(self) -> str:
@@ -299,24 +346,25 @@ class MotorTask(ABC):
     def expect(self, commands: Mapping[str, FloatArray], recommended: str | None = None) -> Expectation:
         """Try commands, by name of the compensator, on all mechanisms that may be the real one."""
         bands = self.bands(commands)
-        return expectation_of(self.doubt, self.level, bands, self.share_of, self.unit, recommended)
+        found = expectation_of(self.doubt, self.level, bands, self.share_of, self.unit, recommended)
+        return replace(found, behind=self.behind(found.best))
 
-    def expect_live(self) -> Expectation:
-        """Errors of the exact inverse over all mechanisms that may be the real one, the reference being known live."""
-        plain = self.commanded(self.lengths_rad, by_ratio=True)
-        return self.expect({"inverse": self.live_command_rad, "linear": plain}, "inverse")
+    def behind(self, band: ErrorBand) -> tuple[Behind, ...]:
+        """Errors of commands behind drives of each class, where lag and delay are not stated."""
+        return behind_drives(self.doubt, self.wanted, band, self.step_s, self.target.shape[1])
 
     def bands(self, commands: Mapping[K, FloatArray]) -> dict[K, ErrorBand]:
         """Errors of commands on all mechanisms that may be the real one."""
+        given = np.ndarray.tobytes
+        return bands_of(self.doubt, self.wanted, commands, self._judged, given, self._known_bands)
 
-        def respond(system: Any, command: FloatArray) -> tuple[FloatArray, bool]:
-            try:
-                found = self.respond(system, command, masses=self.doubt_masses(system))
-            except (SolveError, ParameterError, InputError):
-                return np.full_like(self.wanted, np.nan), False
-            return self.values_of(found), not found.is_taut
-
-        return bands_of(self.doubt, self.wanted, commands, respond, np.ndarray.tobytes, self._known_bands)
+    def _judged(self, system: Any, command_rad: FloatArray) -> tuple[FloatArray, bool]:
+        """Output of commands on a mechanism that may be the real one, and whether a tendon went slack."""
+        try:
+            found = self.respond(system, command_rad, masses=self.doubt_masses(system))
+        except (SolveError, ParameterError, InputError):
+            return np.full_like(self.wanted, np.nan), False
+        return self.values_of(found), not found.is_taut
 
     @cached_property
     def _known_bands(self) -> dict[bytes, ErrorBand]:
@@ -348,6 +396,7 @@ class MotorCompensator:
     is_fast: ClassVar[bool] = True
     is_swept: ClassVar[bool] = True
     is_compared: ClassVar[bool] = True
+    is_refusal_stated: ClassVar[bool] = False
     name: str
     label: str
     style: Style

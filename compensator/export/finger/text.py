@@ -65,10 +65,10 @@ def finger_module(
         If a path follows a joint that is not driven.
     """
     for task in tasks:
-        if task.scenario.others:
+        if task.scenario.joints:
             raise InputError(
                 f"{task.scenario.source.name}: exported C knows driven joints alone, not "
-                f'{", ".join(task.scenario.others)}; give them kind = "driven"'
+                f'{", ".join(task.scenario.joints)}; give them kind = "driven"'
             )
     step = tasks[0].step_s
     code = mechanism_code(problems, list(map(_pretension, tasks)), step, prefix, precision)

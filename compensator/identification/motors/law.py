@@ -1,263 +1,298 @@
-"""The mechanism as a law: torques of its motors and angles of its joints from the motors' angles, fitted to logs."""
+"""The whole mechanism as a law: torques of motors and angles of joints from the motors' angles, fitted to logs."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tendonff.compensator.identification.joint.mechanism_law import stepped, widened
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.motors.log import MotorsLog
-from tendonff.compensator.identification.motors.numbers import START, Number, put_into
+from tendonff.compensator.identification.motors.parameters import (
+    Number,
+    Quantity,
+    System,
+    Values,
+    numbers_of,
+    put_into,
+    start_key,
+)
+from tendonff.models.cached import cached_property
 from tendonff.models.errors import ParameterError
-from tendonff.models.fidelity import Level
-from tendonff.models.joint.parameters.finger import Finger
-from tendonff.models.path import JointMotion
+from tendonff.models.joint.parameters import Mechanism
+from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.fits.least_squares import Blocks, Residuals, Solution, block_covariance, solve
-from tendonff.ocp.fits.mechanism import MotorRun
-from tendonff.ocp.mechanism.response import MechanismRun, simulate_mechanism
-from tendonff.ocp.mechanism.slopes import Direction, Start, simulate_slopes
-from tendonff.ocp.mechanism.start import mechanism_problem
+from tendonff.ocp.fits.least_squares import Blocks, Residuals, Solution, Unknown, block_covariance, solve
+from tendonff.ocp.fits.mechanism import (
+    GEAR_SLIP_RAD,
+    Change,
+    Loop,
+    MotorResponse,
+    MotorRun,
+    MotorSlopes,
+    Rig,
+    Several,
+    differences,
+    respond,
+    respond_with_slopes,
+)
+
+COARSE_MASSES, FINE_MASSES = 6, 12
+"""Of each tendon while laws are compared, and at the end."""
 
 TORQUE_SHARE, JOINT_RAD = 0.008, 2e-3
 """Residuals count linearly beyond this share of a torque's range, and beyond this angle of a joint."""
 
-STEP = 5e-3
-"""Difference that slopes are taken over, in usual steps of a search."""
+STEP, SLOPE_STEP = 5e-3, 1e-4
+"""Differences in usual steps of a search: of simulations, and of what the mechanism of an exact slope is made of."""
 
-BLOCK_S = 0.5
-"""Rows so far apart are taken as independent: about a reversal."""
+READ_STEPS = 5
+"""Steps for each one else that resolve how a joint rings while its motor goes from count to count."""
+
+STOP_MARGIN = 2e-3
+"""Share of the motor's range by which a stop that was touched stands inside of it at the start of a search."""
 
 TURNING_SHARE, SLIDES = 0.02, 0.7
+"""A reversal is under way until a bristle that builds up within this share of the motor's range has so much of its
+friction.
+"""
+
+BLOCK_S, STANDS = 0.5, 0.02
+"""Rows so much moving apart are taken as independent: about a reversal. A motor stands below this share of its speed,
+and keeps one error of the friction for as long.
+"""
 
 EFFECT_SHARE = 0.1
-"""An effect that the law lacks is tried with this share of each tendon's stiffness, or of the tension at the start."""
+"""An effect that a law of several motors lacks is tried with this share of the stiffness, or of the tensions."""
+
+Q = Quantity
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Predicted:
-    """Response of a mechanism in a log."""
-
-    torque_N_m: Array  # shape (rows, motors)
-    angle_rad: Array  # shape (rows, joints)
-    run: MechanismRun
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Lacking:
-    """An effect of all tendons that a law lacks.
-
-    Attributes
-    ----------
-    name : str
-    gain : float
-        Gain of log-likelihood that it promises; 0 where it would have to be negative.
-    shift : ndarray, shape (k,)
-        By which the values would change.
-    """
-
-    name: str
-    gain: float
-    shift: Array
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MotorsLaw:
+@dataclass(frozen=True, kw_only=True)  # without slots: the numbers are kept in the instance
+class MechanismLaw:
     """A mechanism with numbers to find.
 
     Parameters
     ----------
-    finger : Finger
+    mechanism : Mechanism or Finger
         Where all other numbers come from.
     logs : sequence of MotorsLog
-    numbers : tuple of Number
-    segments, refinement : int
+    fixed : mapping, optional
+        Numbers that are held at a value.
+    segments, refinement : int, optional
         Masses of each tendon, and steps in one row.
+    as_read : bool, optional
+        The motor moves in counts, as it was read; else smoothly.
     """
 
-    finger: Finger
+    mechanism: System
     logs: Sequence[MotorsLog]
-    numbers: tuple[Number, ...]
-    segments: int
+    fixed: Values = field(default_factory=dict)
+    segments: int = COARSE_MASSES
     refinement: int = 1
+    as_read: bool = False
 
-    def predict(self, log: MotorsLog, values: Mapping[str, float]) -> Predicted:
+    @cached_property
+    def numbers(self) -> dict[str, Number]:
+        """All numbers that may be searched for, by name."""
+        return numbers_of(self.mechanism, self.logs)
+
+    def at(self, values: Values) -> System:
+        """The mechanism at given values."""
+        found: System = put_into(self.mechanism, {**self.fixed, **values})  # type: ignore[type-var]
+        return found
+
+    def rig(self, log: MotorsLog, values: Values) -> Rig:
+        """The mechanism at given values, as a log's motors feel it."""
+        return self._rig(log, values, self.at(values))
+
+    def _rig(self, log: MotorsLog, values: Values, mechanism: System) -> Rig:
+        found = {**self.fixed, **values}
+        if not isinstance(mechanism, Mechanism):
+            starts = {t.name: start_key(log.name, t.name) for t in mechanism.tendons}
+            return Several(mechanism=mechanism, tension_N={t: found[k] for t, k in starts.items() if k in found})
+        offset, slip = found.get(Q.OFFSET, 0.0), found.get(Q.GEAR_SLIP, GEAR_SLIP_RAD)
+        held = None
+        if mechanism.drive.backlash_rad > 0:
+            held = (log.torque_N_m - offset - mechanism.drive.coulomb_N_m * log.run.way(slip))[:, 0]
+        return Loop(mechanism=mechanism, slip_rad=slip, offset_N_m=offset, backlash_held_N_m=held)
+
+    @property
+    def _steps(self) -> int:
+        return self.refinement * (READ_STEPS if self.as_read else 1)
+
+    def respond(self, log: MotorsLog, values: Values) -> MotorResponse:
         """Simulate a log; SolveError or ParameterError where it cannot be."""
-        led = self._led(log)
-        run = simulate_mechanism(self._start(log, values).problem, led, log.step_s / self.refinement)
-        held, angle = (_whole(each, len(led))[:: self.refinement] for each in (run.effort, run.position))
-        torque = _torques(put_into(self.finger, values), log, held)
-        return Predicted(torque_N_m=torque, angle_rad=angle[:, : len(self.finger.joints)], run=run)
+        how = {"segments": self.segments, "refinement": self._steps}
+        return respond(self.rig(log, values), log.run, **how, as_read=self.as_read)
 
-    def _led(self, log: MotorsLog) -> Array:
-        """Angles of the motors at the steps of the simulation, shape (steps, motors)."""
-        count, parts = len(log.motor_rad), self.refinement
-        rows = np.arange((count - 1) * parts + 1) / parts
-        return np.column_stack([np.interp(rows, np.arange(count), column) for column in log.motor_rad.T])
+    def _slopes(self, log: MotorsLog, values: Values, over: Sequence[str]) -> tuple[MotorResponse, MotorSlopes]:
+        """The same with exact slopes over some of the values."""
+        mechanism = self.at(values)
+        rig = self._rig(log, values, mechanism)
+        changes = [self._change(log, values, name, rig, mechanism) for name in over]
+        how = {"segments": self.segments, "refinement": self._steps}
+        return respond_with_slopes(rig, log.run, changes, **how, as_read=self.as_read)
 
-    def _start(self, log: MotorsLog, values: Mapping[str, float]) -> Start:
-        """The mechanism at rest where a log begins."""
-        finger = put_into(self.finger, values)
-        start = dict(zip(finger.names, log.start_rad.tolist(), strict=True))
-        motion = JointMotion(names=finger.names, time_s=np.arange(3.0), angle_rad=self._spans(log))
-        loops = {m.body: m.drive.pretension_N or 0.0 for m in finger.motors if len(m.winds) > 1}
-        mechanism, sharing = finger.mechanism(motion), finger.sharing
-        problem = mechanism_problem(
-            mechanism, Level.PRESLIDING, start, pretension_N=loops, sharing=sharing, segments=self.segments
-        )
-        own = [
-            values.get(f"{START}.{log.name}.{tendon.name}", float(tension))
-            for tendon, tension in zip(finger.tendons, problem.tension_N, strict=True)
-        ]
-        return Start.at_rest(problem.starting(np.array(own)))
+    def _change(self, log: MotorsLog, values: Values, name: str, rig: Rig, mechanism: System) -> Change:
+        """A rig and one beside it, within the bounds of a value: what they are made of depends on it smoothly."""
+        at = values[name]
+        low, high = self.numbers[name].around(at, SLOPE_STEP)
+        other = high if high > at else low
+        beside = self._rig(log, {**values, name: other}, self._moved(mechanism, values, name, other))
+        return Change(above=beside, below=rig, apart=other - at)
 
-    def _slopes(self, log: MotorsLog, values: Mapping[str, float]) -> tuple[Predicted, Array, Array]:
-        """As `predict`, with exact slopes of torques and angles over all numbers, shape (rows, each, numbers)."""
-        led, parts, around = self._led(log), self.refinement, [self._around(values, n) for n in self.numbers]
-        directions = [
-            Direction(
-                above=self._start(log, {**values, number.key: high}),
-                below=self._start(log, {**values, number.key: low}),
-                apart=high - low,
-            )
-            for number, (low, high) in zip(self.numbers, around, strict=True)
-        ]
-        run, slopes = simulate_slopes(self._start(log, values), led, log.step_s / parts, directions)
-        held, angle, by_held, by_angle = (
-            _whole(each, len(led))[::parts] for each in (run.effort, run.position, slopes.effort, slopes.position)
-        )
-        joints, finger = len(self.finger.joints), put_into(self.finger, values)
-        by_torque = np.zeros((*held.shape, len(self.numbers)))
-        for k, (number, (low, high)) in enumerate(zip(self.numbers, around, strict=True)):
-            above, below = (
-                _torques(put_into(self.finger, {**values, number.key: value}), log, held + way * by_held[..., k])
-                for value, way in ((high, (high - low) / 2), (low, (low - high) / 2))
-            )
-            by_torque[..., k] = (above - below) / (high - low)
-        found = Predicted(torque_N_m=_torques(finger, log, held), angle_rad=angle[:, :joints], run=run)
-        return found, by_torque, by_angle[:, :joints]
+    def _moved(self, mechanism: System, values: Values, name: str, value: float) -> System:
+        """The mechanism of values with one of them changed."""
+        quantity, found = self.numbers[name].quantity, {**self.fixed, **values}
+        if quantity is Q.SECOND_SIDE or name == quantity.spec.shared:  # which are relative to the first mechanism
+            return self.at({**values, name: value})
+        together = (Q.RELAXING, Q.RELAXATION_TIME)
+        beside: dict[str, float] = {n: found[n] for n in together if n in found} if quantity in together else {}
+        moved: System = put_into(mechanism, {**beside, name: value})  # type: ignore[type-var]
+        return moved
 
-    @staticmethod
-    def _around(values: Mapping[str, float], number: Number) -> tuple[float, float]:
-        """On either side of a value, within its bounds: what a mechanism is made of depends on it smoothly."""
-        at = values[number.key]
-        step = STEP * number.step * (at if number.logarithmic else 1.0)
-        return max(at - step, number.unknown.low if not number.logarithmic else 0.0), at + step
-
-    def _spans(self, log: MotorsLog) -> Array:
-        """Angles of the joints that decide which sections get masses, shape (3, joints)."""
-        lengths = np.where(np.isfinite(log.joint_rad), log.joint_rad, log.start_rad)
-        return np.vstack([log.start_rad, lengths.min(axis=0) - _ROOM_RAD, lengths.max(axis=0) + _ROOM_RAD])
-
-    def errors(self, log: MotorsLog, found: Predicted) -> tuple[Array, Array]:
+    def errors(self, log: MotorsLog, answer: MotorResponse) -> tuple[Array, Array]:
         """Predicted less measured torques, and angles with no zero of the encoders; NaN where there is none."""
-        return found.torque_N_m - log.torque_N_m, _centred(found.angle_rad - log.joint_rad, log)
+        return answer.torque_N_m - log.torque_N_m, _centred(answer.angle_rad - log.joint_rad, log)
+
+    def percent(self, values: Values) -> float:
+        """RMS error of a torque in % of its range, the worst of logs and motors."""
+        return max(self._percent(log, values) for log in self.logs)
+
+    def _percent(self, log: MotorsLog, values: Values) -> float:
+        off = (self.respond(log, values).torque_N_m - log.torque_N_m)[log.counted]
+        return float((100 * np.sqrt((off**2).mean(axis=0)) / log.range_N_m).max())
 
     @staticmethod
     def _scaled(log: MotorsLog, torque: Array, angle: Array) -> list[Array]:
         """Rows of a log that count, a channel after the other, in units of their expected size: errors, or slopes."""
         size = np.maximum(log.noise_N_m, TORQUE_SHARE * np.ptp(log.torque_N_m, axis=0))
         columns = [column / each for column, each in zip(torque[log.counted].swapaxes(0, 1), size, strict=True)]
-        seen = angle[log.counted][:, log.encoders] / JOINT_RAD
-        return [*columns, *seen.swapaxes(0, 1)]
+        return [*columns, *(angle[log.counted][:, log.encoders] / JOINT_RAD).swapaxes(0, 1)]
 
-    @property
-    def _known(self) -> list[Number]:
-        return [n for n in self.numbers if n.prior]
+    def _known(self, values: Values) -> list[Number]:
+        """Numbers of which something is known before."""
+        found = (self.numbers[name] for name in values)
+        return [n for n in found if n.prior and n.start > 0]
 
-    def _before(self, values: Mapping[str, float]) -> Array:
+    def _before(self, values: Values) -> Array:
         """Residuals of what is known before."""
-        return np.array([np.log(values[n.key] / n.start) / n.prior for n in self._known])
+        return np.array([np.log(values[n.name] / n.start) / n.prior for n in self._known(values)])
 
-    def _weighted(self, values: Mapping[str, float]) -> Array:
+    def _weighted(self, values: Values) -> Array:
         """Residuals in units of their expected size, then those of what is known before."""
-        found = [each for log in self.logs for each in self._scaled(log, *self.errors(log, self.predict(log, values)))]
-        return np.concatenate([*found, self._before(values)])
+        rows = [each for log in self.logs for each in self._scaled(log, *self.errors(log, self.respond(log, values)))]
+        return np.concatenate([*rows, self._before(values)])
 
-    def evaluate(self, values: Mapping[str, float]) -> Residuals:
-        """Residuals with exact slopes over all numbers."""
+    def _blocks(self, rows: int) -> Blocks:
+        """Which rows of the residuals belong together: a stretch of moving, of all channels alike."""
+        found, first = list[Blocks](), 0
+        for log in self.logs:
+            own = first + (_moving_s(log.run)[log.counted] / BLOCK_S).astype(int)
+            first = int(own[-1]) + 1
+            found += [own] * (len(log.motors) + int(log.encoders.sum()))
+        blocks = np.concatenate(found)
+        return np.concatenate([blocks, first + np.arange(rows - len(blocks))])
+
+    def kinds(self, rows: int) -> Blocks:
+        """Kinds of rows of the residuals: each channel of each log, its motor turning or sliding, either way."""
+        found = list[Blocks]()
+        for log in self.logs:
+            turning = np.maximum(TURNING_SHARE * np.ptp(log.run.motor_rad, axis=0), 1e-9)
+            own = 2 * (np.abs(log.run.way(turning)) > SLIDES) + (log.run.way(0.1 * turning) > 0)
+            for column in [*own.T, *[own[:, 0]] * int(log.encoders.sum())]:
+                found.append(4 * len(found) + column[log.counted].astype(int))
+        kinds = np.concatenate(found)
+        return np.concatenate([kinds, np.full(rows - len(kinds), 4 * len(found))])
+
+    def joint_friction_N_m(self) -> float:
+        """Friction of free strokes, as a torque on the joint: half of what they differ by; zero of several motors."""
+        found, mechanism = [0.0], self.mechanism
+        if not isinstance(mechanism, Mechanism):
+            return 0.0
+        for log in self.logs:
+            torque = log.torque_N_m[log.counted]
+            way = log.run.way(TURNING_SHARE * float(np.ptp(log.run.motor_rad)))[log.counted]
+            up, down = torque[way > SLIDES], torque[way < -SLIDES]
+            if up.size and down.size:
+                found.append(float(np.median(up) - np.median(down)) / 2)
+        arm = abs(mechanism.arms_at(float(self.logs[0].run.start_rad[0]))[0])
+        return max(found) * mechanism.drive.gear_ratio * arm / mechanism.drum_radius_m[0]
+
+    def evaluate(self, values: Values, over: Sequence[str]) -> Residuals:
+        """Residuals with slopes over some of the values."""
+        if resolve_engine(Engine.AUTO) is Engine.CASADI:
+            return self._differences(values, over)
         residuals, slopes = list[Array](), list[Array]()
         for log in self.logs:
-            found, by_torque, by_angle = self._slopes(log, values)
-            residuals += self._scaled(log, *self.errors(log, found))
-            slopes += self._scaled(log, by_torque, _centred(by_angle, log))
+            answer, by = self._slopes(log, values, over)
+            residuals += self._scaled(log, *self.errors(log, answer))
+            slopes += self._scaled(log, by.torque_N_m, _centred(by.angle_rad, log))
+        known = self._known(values)
         residuals.append(self._before(values))
-        own = [[(n is k) / (values[n.key] * n.prior) for k in self.numbers] for n in self._known]
-        slopes.append(np.array(own).reshape(-1, len(self.numbers)))
-        whole = np.concatenate(residuals)
-        return Residuals(values=whole, slopes=np.concatenate(slopes), blocks=self._labels(len(whole))[0])
+        own = [[(n.name == k) / (values[n.name] * n.prior) for k in over] for n in known]
+        slopes.append(np.array(own).reshape(-1, len(over)))
+        found, by_values = np.concatenate(residuals), np.concatenate(slopes)
+        for k, name in enumerate(over):
+            if self.numbers[name].spec.cornered and values[name] <= 0:
+                by_values[:, k] = self._differences(values, [name]).slopes[:, 0]
+        return Residuals(values=found, slopes=by_values, blocks=self._blocks(len(found)))
 
-    def _labels(self, rows: int) -> tuple[Blocks, Blocks]:
-        """Blocks of rows that may be correlated, and kinds of rows: channel, turning or sliding, either way."""
-        blocks, kinds, first, channel = [], [], 0, 0
+    def _differences(self, values: Values, over: Sequence[str]) -> Residuals:
+        """Residuals with slopes by differences: a simulation for each value."""
+        start, numbers = np.array([values[n] for n in over]), [self.numbers[n] for n in over]
+
+        def predict(x: Array) -> Array:
+            return self._weighted({**values, **dict(zip(over, x.tolist(), strict=True))})
+
+        steps = []
+        for number, at in zip(numbers, start.tolist(), strict=True):
+            low, high = number.around(at, STEP)
+            steps.append(high - at if high > at else low - at)
+        residuals, slopes = differences(predict, start, steps)
+        return Residuals(values=residuals, slopes=slopes, blocks=self._blocks(len(residuals)))
+
+    def with_changes(self, solution: Solution, changed: Values) -> Residuals:
+        """Residuals of a solution with slopes over changes of further numbers, each simulated, too."""
+        found, columns = solution.residuals, [solution.residuals.slopes]
+        for name, value in changed.items():
+            start = self.fixed.get(name, self.numbers[name].start)
+            off = self._weighted({**solution.values, name: value}) - found.values
+            columns.append(off[:, None] / (value - start))
+        return replace(found, slopes=np.hstack(columns))
+
+    def _unknown(self, name: str, start: float) -> Unknown:
+        """Bounds and step of a number's search; a stop that was touched stands where the motors went."""
+        number, mechanism = self.numbers[name], self.mechanism
+        if number.quantity not in (Q.STOP_LOW, Q.STOP_HIGH) or not isinstance(mechanism, Mechanism):
+            return number.unknown(start)
+        places = []
         for log in self.logs:
-            own = first + (log.time_s[log.counted] / BLOCK_S).astype(int)
-            first = int(own[-1]) + 1
-            ways = [
-                MotorRun(motor_rad=angle, step_s=log.step_s, start_rad=0.0).way(
-                    max(TURNING_SHARE * np.ptp(angle), 1e-9)
-                )
-                for angle in log.motor_rad.T
-            ]
-            of_channels = [*ways, *[ways[0]] * int(log.encoders.sum())]
-            for way in of_channels:
-                kind = 2 * (np.abs(way) > SLIDES) + (way > 0)
-                kinds.append(4 * channel + kind[log.counted])
-                blocks.append(own)
-                channel += 1
-        block, kind = np.concatenate(blocks), np.concatenate(kinds).astype(int)
-        more = rows - len(block)
-        return np.concatenate([block, first + np.arange(more)]), np.concatenate([kind, np.full(more, 4 * channel)])
+            at = float(log.run.start_rad[0])
+            per_rad = mechanism.drum_radius_m[0] / (mechanism.drive.gear_ratio * abs(mechanism.arms_at(at)[0]))
+            places.append(at + log.run.motor_rad[:, 0] * per_rad)
+        reach = [float(f(np.concatenate(places))) for f in (np.min, np.max)]
+        margin = STOP_MARGIN * (reach[1] - reach[0])
+        at = min(max(start, reach[0] + margin), reach[1] - margin)
+        return replace(number.unknown(at), low=reach[0], high=reach[1])
 
-    def fit(self, start: Mapping[str, float], *, most: int) -> Solution:
-        """Least squares over all numbers; SolveError where the start has no answer."""
-        by_key = {n.key: n for n in self.numbers}
-        unknowns = [replace(n, start=start[key]).unknown for key, n in by_key.items()]
+    def fit(self, start: Values, *, most: int = 15, tolerance: float = 1e-4) -> Solution:
+        """Least squares over the numbers of `start`; SolveError where the start has no answer."""
+        free = tuple(start)
+
+        def evaluate(values: Mapping[str, float]) -> Residuals:
+            return self.evaluate({n: values[n] for n in free}, free)
+
+        def alone(values: Mapping[str, float]) -> Array:
+            return self._weighted({n: values[n] for n in free})
+
+        unknowns = [self._unknown(n, start[n]) for n in free]
+        # few slopes come with the simulation; many, or those by differences, are wanted at the accepted points alone
+        few = isinstance(self.mechanism, Mechanism) and resolve_engine(Engine.AUTO) is not Engine.CASADI
         try:
-            return solve(self.evaluate, unknowns, values=self._weighted, most=most, tolerance=1e-4)
+            return solve(evaluate, unknowns, values=None if few else alone, most=most, tolerance=tolerance)
         except ParameterError as error:
             raise SolveError(str(error)) from None
-
-    def lacking(self, solution: Solution) -> tuple[Lacking, ...]:
-        """Effects that would explain the logs, by a Gauss-Newton step from a solution."""
-        residuals, found = solution.residuals, []
-        size = [v for key, v in solution.values.items() if key.startswith(f"{START}.") or key.endswith(".pretension_N")]
-        tension = EFFECT_SHARE * float(np.mean(size)) if size else 1.0
-        finger, own = put_into(self.finger, solution.values), len(solution.values)
-        relaxing, sticking = dict[str, float](), dict[str, float]()
-        for each in finger.tendons:
-            place, stiffness = f"tendons.{each.name}", EFFECT_SHARE * each.tendon.stiffness_N_per_m
-            relaxing[f"{place}.tendon.relaxing_stiffness_N_per_m"] = each.tendon.relaxing_stiffness_N_per_m + stiffness
-            sticking[f"{place}.friction.adhesion_N"] = each.friction.adhesion_N + tension
-        for name, extra in (("stress relaxation", relaxing), ("load-independent friction", sticking)):
-            column = self._weighted({**solution.values, **extra}) - residuals.values
-            wider = replace(residuals, slopes=np.column_stack([residuals.slopes, column]))
-            before, _ = stepped(wider, list(range(own)))
-            left, steps = stepped(wider, list(range(own + 1)))
-            blocks = len(np.unique(residuals.blocks))
-            gain = blocks / 2 * float(np.log(before / left)) if steps[-1] > 0 else 0.0
-            found.append(Lacking(name=name, gain=gain, shift=steps[:-1]))
-        return tuple(found)
-
-    def covariance(self, solution: Solution) -> Array:
-        """Covariance of the values, with the floor of the method; infinite where the data do not identify one.
-
-        Not less than what kinds of rows disagree by: friction that is not that of the law errs alike at every reversal.
-        """
-        found, _ = block_covariance(solution.residuals, robust=True)
-        found = widened(found, solution.residuals, self._labels(len(solution.residuals.values))[1])
-        floor = np.array([n.floor * abs(solution.values[n.key]) for n in self.numbers])
-        return np.asarray(found + np.diag(floor**2))
-
-
-_ROOM_RAD = 0.1
-"""By which a joint may go beyond what its encoder shows."""
-
-
-def _whole(values: Array, rows: int) -> Array:
-    """The rows, the last good one repeated."""
-    return np.concatenate([values, np.repeat(values[-1:], rows - len(values), axis=0)])
 
 
 def _centred(rows: Array, log: MotorsLog) -> Array:
@@ -265,10 +300,97 @@ def _centred(rows: Array, log: MotorsLog) -> Array:
     return np.asarray(rows - rows[log.counted].mean(axis=0))
 
 
-def _torques(finger: Finger, log: MotorsLog, held_N_m: Array) -> Array:
-    """Torques of the motors where their tendons take so much, shape (rows, motors)."""
-    torques = [
-        motor.drive.torque_N_m(held, turning.acceleration_rad_per_s2, turning.way())
-        for motor, turning, held in zip(finger.motors, log.turning, held_N_m.T, strict=True)
-    ]
-    return np.column_stack(torques)
+def widened(covariance: Array, residuals: Residuals, kinds: Blocks) -> Array:
+    """A covariance whose variances are at least the squares of what each kind of rows would move the values by."""
+    weight = 1 / np.sqrt(1 + residuals.values**2)
+    size = np.maximum(np.sqrt((weight[:, None] * residuals.slopes**2).sum(axis=0)), 1e-300)
+    slopes = residuals.slopes / size
+    inverse = np.linalg.pinv(slopes.T @ (weight[:, None] * slopes), hermitian=True)
+    names, index = np.unique(kinds, return_inverse=True)
+    score = np.zeros((len(names), slopes.shape[1]))
+    np.add.at(score, index, slopes * (weight * residuals.values)[:, None])
+    moved = ((score @ inverse / size) ** 2).sum(axis=0) * len(names) / max(len(names) - 1, 1)
+    own = np.diag(covariance)
+    known = np.isfinite(own) & (own > 0)
+    wider = np.ones(len(own))
+    wider[known] = np.sqrt(np.maximum(moved[known] / own[known], 1.0))
+    return np.asarray(covariance * np.outer(wider, wider))
+
+
+def _moving_s(run: MotorRun) -> Array:
+    """Time up to each row that a motor moved."""
+    speed = np.abs(np.gradient(run.motor_rad, run.step_s, axis=0))
+    moves = (speed > STANDS * np.percentile(speed, 95, axis=0)).any(axis=1)
+    return np.asarray(np.cumsum(moves) * run.step_s)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Promise:
+    """Change that one more number would bring, by a Gauss-Newton step.
+
+    Attributes
+    ----------
+    gain : float
+        Of the log-likelihood; 0 where the number would leave its bounds.
+    shift : ndarray, shape (k,)
+        By which the values would change.
+    """
+
+    gain: float
+    shift: Array
+
+
+def promises(law: MechanismLaw, solution: Solution, tried: Sequence[Quantity]) -> dict[Quantity, Promise]:
+    """Gain that each of these numbers promises, which the solution does not have.
+
+    Of several motors a change that is not small is simulated: others have taken the place of a small one.
+    """
+    own = list(solution.values)
+    extras = [n for n in tried if n not in own]
+    start: dict[str, float] = {n: law.fixed.get(n, law.numbers[n].start) for n in extras}
+    if isinstance(law.mechanism, Mechanism):
+        found = law.evaluate({**solution.values, **start}, [*own, *extras])
+    else:
+        found = law.with_changes(solution, {n: start[n] + _tried(law, solution, n) for n in extras})
+    before, _ = stepped(found, list(range(len(own))))
+    blocks = len(np.unique(solution.residuals.blocks))
+    promised = {}
+    for k, number in enumerate(extras):
+        left, steps = stepped(found, [*range(len(own)), len(own) + k])
+        spec, step = number.spec, float(steps[-1])
+        low = spec.low if not spec.logarithmic else 0.0
+        feasible = low <= start[number] + step <= spec.high
+        gain = blocks / 2 * float(np.log(before / left)) if feasible else 0.0
+        promised[number] = Promise(gain=gain, shift=steps[:-1])
+    return promised
+
+
+def _tried(law: MechanismLaw, solution: Solution, quantity: Quantity) -> float:
+    """A change of the effect that is not small: a share of the stiffness, or of the tensions."""
+    if quantity is not Q.ADHESION:
+        return EFFECT_SHARE
+    tensions = [v for k, v in solution.values.items() if law.numbers[k].quantity in (Q.TENSION, Q.TENSION_AT_START)]
+    return EFFECT_SHARE * (float(np.mean(tensions)) if tensions else 10.0)
+
+
+def stepped(found: Residuals, columns: list[int]) -> tuple[float, Array]:
+    """Weighted squares after a Gauss-Newton step over some columns, and their steps."""
+    weight = 1 / (1 + found.values**2) ** 0.25
+    slopes = found.slopes[:, columns] * weight[:, None]
+    scale = np.maximum(np.sqrt((slopes**2).sum(axis=0)), 1e-300)
+    step = np.linalg.lstsq(slopes / scale, -found.values * weight, rcond=None)[0]
+    left = found.values * weight + (slopes / scale) @ step
+    return float(left @ left), np.asarray(step / scale)
+
+
+def covariance_of(law: MechanismLaw, solution: Solution) -> Array:
+    """Covariance of the values, with the floor of the method; infinite where the data do not tell, shape (k, k).
+
+    Not less than what kinds of rows disagree by: friction that is not that of the law errs alike at every reversal.
+    """
+    residuals, numbers = solution.residuals, [law.numbers[name] for name in solution.values]
+    covariance, _ = block_covariance(residuals, robust=True)
+    covariance = widened(covariance, residuals, law.kinds(len(residuals.values)))
+    friction = law.joint_friction_N_m()
+    floor = [np.hypot(n.floor(solution.values[n.name]), n.spec.floor_of_friction * friction) for n in numbers]
+    return np.asarray(covariance + np.diag(np.square(floor)))

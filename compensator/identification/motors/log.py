@@ -1,7 +1,7 @@
-"""Measured files of several motors: read, evenly sampled, smoothed."""
+"""Measured files of motors: read, cleaned, evenly sampled, smoothed."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -9,14 +9,29 @@ import numpy as np
 from tendonff.compensator.files.reading import InputError, nearest_column
 from tendonff.compensator.files.tables import Table, read_table
 from tendonff.compensator.identification.measured import Array, Mask
+from tendonff.compensator.identification.measured.cleaning import Piece, Record, clean
 from tendonff.compensator.identification.measured.doubts import answered, encoder_doubts, motor_doubts
-from tendonff.compensator.identification.measured.reading import LEAST_TARE_ROWS
+from tendonff.compensator.identification.measured.reading import (
+    LEAST_TARE_ROWS,
+    DataIssue,
+    Finding,
+    Findings,
+    MissingColumnError,
+    read_measurement,
+)
 from tendonff.compensator.identification.measured.smoothing import adaptive_low_pass, count_of, low_pass_piece, noise_of
 from tendonff.compensator.scenario.doubts import UnitDoubt
+from tendonff.compensator.scenario.driven.joint import JointScenario
+from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenario.settings import Run
-from tendonff.models.cached import cached_property
 from tendonff.models.joint.parameters.finger import Finger, Motor
 from tendonff.ocp.fits.mechanism import MotorRun
+
+TORQUE, CURRENT, MOTOR, JOINT = "motor_torque_N_m", "motor_current_A", "motor_rad", "joint_rad"
+"""Columns of a loop; those of several motors carry their names."""
+
+SIMULATED_JOINT = "angle_rad"
+"""The joint's angle as `simulate` writes it; read where there is no `joint_rad`."""
 
 ROW_S = 0.01
 """Step of what is fitted: a log that is faster is thinned to it."""
@@ -24,11 +39,16 @@ ROW_S = 0.01
 STROKE_SHARE = 0.3
 """A stroke of this share of a motor's range wipes out what friction stored before."""
 
+BACK_SHARE = 0.2
+"""Share of that stroke which the motor of a loop goes back after it, before its rows count."""
+
 LEAST_NOISE = 2e-3
 """Noise of a torque that counts at least, as a share of its range."""
 
 LONGEST_GAP_S = 0.2
 LEAST_ROWS = 200
+LOOP = "motor"
+"""Name of the motor of a loop."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,49 +58,196 @@ class MotorsLog:
     Attributes
     ----------
     name : str
-    step_s : float
-    motor_rad : ndarray, shape (rows, motors)
-        Of each motor since the start.
+    motors : tuple of str
+    run : MotorRun
+        Angles of the motors since the start.
     torque_N_m : ndarray, shape (rows, motors)
         Of each motor, as measured.
     joint_rad : ndarray, shape (rows, joints)
         NaN of a joint without an encoder.
-    start_rad : ndarray, shape (joints,)
-        Where the joints are at the start.
     counted : ndarray of bool, shape (rows,)
         Rows after what friction stored before the first row is wiped out.
     noise_N_m : ndarray, shape (motors,)
         Standard deviation of the noise of each torque.
-    findings : tuple of str
+    findings : tuple of Finding
+    started_s : float or None
+        Seconds from 1970 to its first row.
+    zero_rad : float
+        Reading of the first motor's angle at the first row.
+    joint_torque_N_m : ndarray or None, shape (rows,)
+        At the joint, where it was measured.
     """
 
     name: str
-    step_s: float
-    motor_rad: Array
+    motors: tuple[str, ...]
+    run: MotorRun
     torque_N_m: Array
     joint_rad: Array
-    start_rad: Array
     counted: Mask
     noise_N_m: Array
-    findings: tuple[str, ...]
+    findings: tuple[Finding, ...]
+    started_s: float | None = None
+    zero_rad: float = 0.0
+    joint_torque_N_m: Array | None = None
 
     @property
     def time_s(self) -> Array:
         """Shape (rows,)."""
-        return np.arange(len(self.torque_N_m), dtype=np.float64) * self.step_s
-
-    @cached_property
-    def turning(self) -> tuple[MotorRun, ...]:
-        """Motion of each motor."""
-        return tuple(MotorRun(motor_rad=angle, step_s=self.step_s, start_rad=0.0) for angle in self.motor_rad.T)
+        return np.arange(len(self.torque_N_m), dtype=np.float64) * self.run.step_s
 
     @property
     def encoders(self) -> Mask:
         """Which joints have an encoder, shape (joints,)."""
-        return np.asarray(np.isfinite(self.joint_rad).all(axis=0))
+        return np.array([bool(np.isfinite(angle).all()) for angle in self.joint_rad.T])
+
+    @property
+    def range_N_m(self) -> Array:
+        """Range of each torque, shape (motors,)."""
+        return np.asarray(np.maximum(np.ptp(self.torque_N_m, axis=0), 1e-300))
+
+    def part(self, rows: slice, ratio: float) -> "MotorsLog":
+        """Some of the rows of a loop, as a log of its own whose motor starts at zero.
+
+        `ratio` is what the joint turns per radian of the motor: a run starts in the middle of the lost motion.
+        """
+        motor = self.run.motor_rad[rows]
+        start = self.run.start_rad + ratio * float(motor[0, 0] - self.run.motor_rad[0, 0])
+        run = MotorRun(motor_rad=motor - motor[0], step_s=self.run.step_s, start_rad=start)
+        return replace(
+            self,
+            run=run,
+            torque_N_m=self.torque_N_m[rows],
+            joint_rad=self.joint_rad[rows],
+            joint_torque_N_m=None if self.joint_torque_N_m is None else self.joint_torque_N_m[rows],
+            counted=_counted(run.motor_rad),
+        )
 
 
-def read_logs(
+def how_to_read(scenario: JointScenario, given: Measurement) -> Measurement:
+    """Format of files of a motor: `given` with the columns of the contract where it states none."""
+    usual = Measurement()
+    constant = given.torque_constant_N_m_per_A or scenario.mechanism.drive.torque_constant_N_m_per_A
+    names = {"input_column": TORQUE, "input_position_column": MOTOR, "output_position_column": JOINT}
+    changed = {key: name for key, name in names.items() if getattr(given, key) == getattr(usual, key)}
+    return replace(given, **changed, drum_radius_m=1.0, torque_constant_N_m_per_A=constant)  # type: ignore[arg-type]
+
+
+def read_logs(scenario: JointScenario, files: Sequence[Path], given: Measurement) -> list[MotorsLog]:
+    """Read measured files; InputError where one cannot be used."""
+    how = how_to_read(scenario, given)
+    start = scenario.reference_start_rad()
+    return [_read(Path(file), how, start) for file in files]
+
+
+def answered_logs(
+    scenario: JointScenario, logs: Sequence[MotorsLog], confirm: Callable[[str], bool]
+) -> tuple[str, ...]:
+    """Units of logs that the user accepts although they look like others, as warnings; see `answered`."""
+    mechanism, found = scenario.mechanism, list[UnitDoubt]()
+    arm_m = max(abs(arm) for arm in mechanism.arms_at(scenario.reference_start_rad()))
+    for log in logs:
+        found += motor_doubts(log.name, log.run.motor_rad[:, 0], log.torque_N_m[:, 0], mechanism.drive, arm_m)
+        found += encoder_doubts(log.name, mechanism.joint.name, log.joint_rad[:, 0])
+    return answered(found, scenario.run, confirm, file=scenario.source.name)
+
+
+def _read(file: Path, how: Measurement, start_rad: float) -> MotorsLog:
+    motor = (
+        f'{file.name}: column "{how.input_position_column}" is missing: the motor angle says where the drum is (choose '
+        "one with --input-position-column)"
+    )
+    try:
+        raw = read_measurement(file, how)
+    except MissingColumnError as error:
+        if error.key == "output" and how.output_column == Measurement().output_column:  # needed without that angle
+            raise InputError(motor) from None
+        if error.key != "input" or how.input_column != TORQUE:
+            raise
+        if CURRENT not in error.present or how.torque_constant_N_m_per_A is None:
+            raise InputError(_no_torque(file.name, error.present)) from None
+        how = replace(how, input_column=CURRENT)
+        raw = read_measurement(file, how)
+    if raw.input_m is None:
+        raise InputError(motor)
+    if raw.output_m is None and how.output_position_column == JOINT and SIMULATED_JOINT in raw.unread:
+        raw = read_measurement(file, replace(how, output_position_column=SIMULATED_JOINT))
+    record = clean(raw, how)
+    piece = max(record.pieces, key=lambda p: len(p.time_s))
+    return _log(piece, record, start_rad)
+
+
+def _no_torque(name: str, present: Sequence[str]) -> str:
+    """Message for a file without the motor's torque; other torques of the joint have similar names, so none is
+    suggested.
+    """
+    constant = "--torque-constant, or torque_constant_N_m_per_A in [drive]"
+    if CURRENT in present:
+        return f'{name}: column "{TORQUE}" is missing, and {CURRENT} needs the torque constant: {constant}'
+    return (
+        f'{name}: column "{TORQUE}" is missing; columns: {", ".join(present)}. Name the torque of the motor with '
+        f"--input-column, or log its current as {CURRENT} and give {constant}"
+    )
+
+
+def _log(piece: Piece, record: Record, start_rad: float) -> MotorsLog:
+    """Thin a piece to rows of equal distance."""
+    step = record.step_s
+    every = max(1, round(ROW_S / step))
+    as_read = piece.travel_m(as_read=True)
+    motor, read = adaptive_low_pass(as_read, step)[::every], as_read[::every]
+    torque, at_joint = (
+        low_pass_piece(x, step, 0.4 / (step * every))[::every] if np.isfinite(x).all() else None
+        for x in (piece.input_N, piece.output_N)
+    )
+    if torque is None:
+        raise InputError(f"{record.name}: the motor's torque is no number in some rows; repair the column")
+    joint = np.full(len(motor), np.nan) if piece.output_m is None else piece.output_m[::every]
+    start = start_rad if piece.output_m is None else float(np.median(joint[:3]))
+    run = MotorRun.of_one(motor - motor[0], step * every, start, read - read[0])
+    return MotorsLog(
+        name=record.name,
+        motors=(LOOP,),
+        run=run,
+        torque_N_m=torque[:, None],
+        joint_rad=joint[:, None],
+        joint_torque_N_m=at_joint,
+        counted=_counted(motor[:, None]),
+        noise_N_m=np.array([max(record.input_noise_N, LEAST_NOISE * float(np.ptp(torque)))]),
+        findings=record.findings,
+        started_s=record.started_s,
+        zero_rad=float(motor[0]),
+    )
+
+
+def _counted(motor_rad: Array) -> Mask:
+    """Rows after every motor that moves has made a stroke and turned back, of several after a third at most."""
+    rows, motors = motor_rad.shape
+    back = BACK_SHARE if motors == 1 else 1.0  # of several, each goes on where another has turned
+    turned = max(_turned(angle, back) for angle in motor_rad.T)
+    found: Mask = np.arange(rows) >= (turned if motors == 1 else min(turned, rows // 3))
+    return found
+
+
+def _turned(motor_rad: Array, back: float) -> int:
+    """Row at which a motor has gone back by a share of its first full stroke."""
+    wide = STROKE_SHARE * float(np.ptp(motor_rad))
+    if wide == 0:
+        return 0
+    low = high = since = motor_rad[0]
+    way = 0
+    for row, at in enumerate(motor_rad):
+        low, high = min(low, at), max(high, at)
+        if way == 0:
+            if high - low >= wide:
+                way, since = (1 if at == high else -1), at
+            continue
+        since = max(since, at) if way > 0 else min(since, at)
+        if way * (since - at) >= back * wide:
+            return row
+    return len(motor_rad) // 5
+
+
+def read_several(
     finger: Finger,
     files: Sequence[Path],
     start_rad: Array,
@@ -94,28 +261,30 @@ def read_logs(
     names = [Path(file).name for file in files]
     if twice := next((name for name in names if names.count(name) > 1), None):
         raise InputError(f"{twice} is given twice; name each measured file once")
-    return [_read(finger, Path(file), start_rad, skip_s or 0.0, tare_s) for file in files]
+    return [_read_several(finger, Path(file), start_rad, skip_s or 0.0, tare_s) for file in files]
 
 
-def answered_logs(
+def answered_several(
     finger: Finger, logs: Sequence[MotorsLog], run: Run, file: str, confirm: Callable[[str], bool]
 ) -> tuple[str, ...]:
     """Units of logs that the user accepts although they look like others, as warnings; see `answered`."""
     found = list[UnitDoubt]()
     for log in logs:
-        arms = np.abs(finger.moment_arm_m(log.start_rad[None])).sum(axis=-1)[0]
+        arms = np.abs(finger.moment_arm_m(log.run.start_rad[None])).sum(axis=-1)[0]
         of_tendon = dict(zip((tendon.name for tendon in finger.tendons), arms.tolist(), strict=True))
         for k, motor in enumerate(finger.motors):
             arm_m = max(of_tendon[name] for name in motor.winds)
             found += motor_doubts(
-                log.name, log.motor_rad[:, k], log.torque_N_m[:, k], motor.drive, arm_m, of=motor.name
+                log.name, log.run.motor_rad[:, k], log.torque_N_m[:, k], motor.drive, arm_m, of=motor.name
             )
         for name, angle in zip(finger.names, log.joint_rad.T, strict=True):
             found += encoder_doubts(log.name, name, angle)
     return answered(found, run, confirm, file=file)
 
 
-def _read(finger: Finger, file: Path, start_rad: Array, skip_s: float, tare_s: tuple[float, float] | None) -> MotorsLog:
+def _read_several(
+    finger: Finger, file: Path, start_rad: Array, skip_s: float, tare_s: tuple[float, float] | None
+) -> MotorsLog:
     motors = [f"motor_{motor.name}_rad" for motor in finger.motors]
     torques = [(f"motor_torque_{m.name}_N_m", f"motor_current_{m.name}_A") for m in finger.motors]
     alone = ("joint_rad",) if len(finger.joints) == 1 else ()
@@ -136,9 +305,9 @@ def _read(finger: Finger, file: Path, start_rad: Array, skip_s: float, tare_s: t
     good = np.isfinite(needed).all(axis=1)
     good &= np.concatenate([[True], np.diff(np.maximum.accumulate(np.where(good, time, -np.inf))) > 0])
     good &= time >= time[good][0] + skip_s if good.any() else good
-    findings = [f"{(~good).sum()} rows left out: no number, a clock that does not rise, or skipped"] * bool(
-        (~good).any()
-    )
+    findings = Findings()
+    if (left_out := int((~good).sum())) > 0:
+        findings.note(DataIssue.MISSING, "no number, a clock that does not rise, or skipped: left out", count=left_out)
     if good.sum() < LEAST_ROWS:
         raise InputError(f"{file.name}: {good.sum()} usable rows, at least {LEAST_ROWS} are needed; log longer")
     time, values = time[good], np.column_stack([*found, *angles])[good]
@@ -182,7 +351,7 @@ def _torque(table: Table, names: tuple[str, str], motor: Motor, file: str) -> Ar
 
 
 def _sampled(
-    finger: Finger, name: str, time: Array, values: Array, start_rad: Array, findings: tuple[str, ...]
+    finger: Finger, name: str, time: Array, values: Array, start_rad: Array, findings: tuple[Finding, ...]
 ) -> MotorsLog:
     """Even rows, thinned; motors smoothed by what is noise, torques by one low-pass."""
     own = float(np.median(np.diff(time)))
@@ -200,32 +369,14 @@ def _sampled(
     first = np.median(joint[:3], axis=0)
     if not np.ptp(motor, axis=0).any():
         raise InputError(f"{name}: no motor ever moves, so there is nothing to identify")
+    start = np.where(np.isfinite(first), first, start_rad)
     return MotorsLog(
         name=name,
-        step_s=step,
-        motor_rad=motor - motor[0],
+        motors=tuple(each.name for each in finger.motors),
+        run=MotorRun(motor_rad=motor - motor[0], step_s=step, start_rad=start, joint_rad=joint),
         torque_N_m=torque,
         joint_rad=joint,
-        start_rad=np.where(np.isfinite(first), first, start_rad),
         counted=_counted(motor),
         noise_N_m=np.array(noise),
         findings=findings,
     )
-
-
-def _counted(motor_rad: Array) -> Mask:
-    """Rows after every motor that moves has made a stroke and turned back."""
-    turned = 0
-    for angle in motor_rad.T:
-        wide = STROKE_SHARE * float(np.ptp(angle))
-        if wide == 0:
-            continue
-        low = np.minimum.accumulate(angle)
-        high = np.maximum.accumulate(angle)
-        away = np.flatnonzero(
-            (high - angle >= wide) & (high - low >= wide) | (angle - low >= wide) & (high - low >= wide)
-        )
-        turned = max(turned, int(away[0]) if away.size else len(angle) // 5)
-    rows = np.arange(len(motor_rad))
-    found: Mask = rows >= min(turned, len(motor_rad) // 3)
-    return found

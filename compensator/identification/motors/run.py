@@ -1,75 +1,81 @@
-"""`identify` of several motors: friction, stiffness and dry friction of each, from their angles and torques."""
+"""`identify` of driven joints: numbers with confidence intervals, from angles and torques of their motors."""
 
 import os
-import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from scipy.stats import t as student
 from threadpoolctl import threadpool_limits
 
 from tendonff.compensator.compensators.every import problem_of
-from tendonff.compensator.compensators.motors.task import ASSUMED_SPREAD
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.identification.answer.result import Estimate, is_known
-from tendonff.compensator.identification.constants import TUNED, with_torque_constant
-from tendonff.compensator.identification.joint.fitted import set_keys, to_toml
-from tendonff.compensator.identification.measured import Array
-from tendonff.compensator.identification.motors.law import Lacking, MotorsLaw
-from tendonff.compensator.identification.motors.log import MotorsLog, answered_logs, read_logs
-from tendonff.compensator.identification.motors.numbers import Number, numbers_of, put_into, scenarios_own
+from tendonff.compensator.identification.motors.estimates import DERIVED, Found, correlation_of, estimates_of
+from tendonff.compensator.identification.motors.first_look import look
+from tendonff.compensator.identification.motors.fitted import fitted_text, observer_text
+from tendonff.compensator.identification.motors.law import MechanismLaw
+from tendonff.compensator.identification.motors.log import (
+    MotorsLog,
+    answered_logs,
+    answered_several,
+    read_logs,
+    read_several,
+)
+from tendonff.compensator.identification.motors.loop_routine import MotorRoutine, is_loop, suggest_routine
+from tendonff.compensator.identification.motors.parameters import ANGLE_OR_PUSH, Values, put_into, require_loop
 from tendonff.compensator.identification.motors.result import (
     DESCRIBED_PERCENT,
     MotorsComparison,
     MotorsIdentification,
 )
 from tendonff.compensator.identification.motors.routine import MotorsRoutine, suggest_motors
-from tendonff.compensator.scenario.base import with_base
+from tendonff.compensator.identification.motors.search import FIRST_OF_SEVERAL, fit_loop, fit_several, with_stops
+from tendonff.compensator.identification.motors.sensor import UNITS as SENSOR_UNITS
+from tendonff.compensator.identification.motors.sensor import fit_sensor
+from tendonff.compensator.identification.motors.torque import UNITS as TORQUE_UNITS
+from tendonff.compensator.identification.motors.torque import fit_torque
 from tendonff.compensator.scenario.driven.finger import FingerScenario, SampledFinger
 from tendonff.compensator.scenario.driven.joint import JointScenario
+from tendonff.compensator.scenario.driven.observer_table import ObserverTable
+from tendonff.compensator.scenario.measurement import Measurement
+from tendonff.models.errors import ParameterError
+from tendonff.models.joint.parameters import Mechanism
 from tendonff.models.joint.parameters.finger import Finger
 from tendonff.models.turns import in_turn
-from tendonff.ocp.fits.least_squares import Solution
 
-COARSE_MASSES, FINE_MASSES = 6, 12
-"""Of each tendon in the first steps of a search, and at the end."""
+Driven = JointScenario | FingerScenario
 
-FIRST_STEPS, STEPS = 8, 12
-"""Evaluations of the search with few masses, and with all."""
-
-FINE_PARTS = 2
-"""Steps of the last simulation in one row."""
+_ONE_FILE = (
+    "one file was fitted: the interval of [observer] is that of its parts, and another load may miss the joint's angle "
+    "by several times as much; give files of other loads too"
+)
 
 
 @in_turn
 def identify_motors(
-    scenario: FingerScenario | JointScenario,
+    scenario: Driven,
     data: Sequence[str | os.PathLike[str]],
     validate: Sequence[str | os.PathLike[str]] = (),
     *,
-    skip_s: float | None = None,
-    tare_s: tuple[float, float] | None = None,
+    how: Measurement | None = None,
     say: Callable[[str], None] = lambda _: None,
     confirm: Callable[[str], bool] = lambda _: False,
 ) -> MotorsIdentification:
-    """Fit a finger or a pair to what its motors felt.
+    """Fit a loop, a pair or a finger to what its motors felt.
 
     Parameters
     ----------
-    scenario : FingerScenario or JointScenario
-        Geometry, inertia and whatever the files do not identify are taken from it; of one joint a pair.
+    scenario : JointScenario or FingerScenario
+        Geometry, inertia and whatever the files do not identify are taken from it.
     data : sequence of str or path
-        Files with the columns time_s, motor_NAME_rad, motor_torque_NAME_N_m or motor_current_NAME_A of each motor, and
-        joint_NAME_rad where there is an encoder. A motor of a pair is called like its tendon.
+        Files with time_s and, of a loop, motor_rad, motor_torque_N_m or motor_current_A, and joint_rad where there is
+        an encoder. Of several motors motor_NAME_rad, motor_torque_NAME_N_m or motor_current_NAME_A of each, and
+        joint_NAME_rad; a motor of a pair is called like its tendon.
     validate : sequence of str or path, optional
         Files that judge the law.
-    skip_s : float, optional
-        Leave out the start of every file [s].
-    tare_s : tuple of float, optional
-        From and to in every file, while no motor is loaded: torques are set to zero there [s].
+    how : Measurement, optional
+        Other names and scales of the columns of a loop: input is the torque, input_position the motor, output_position
+        the joint; of several motors what to leave out and what to tare.
     say, confirm : callable, optional
         Callback for messages on the work in progress; asked where a value looks like another unit (the default
         declines).
@@ -77,213 +83,221 @@ def identify_motors(
     Raises
     ------
     InputError
-        If a file cannot be used.
+        If a file cannot be used, or the friction of a tendon is zero.
+
+    Examples
+    --------
+    >>> import tendonff as tf
+    >>> scenario = tf.load_scenario("examples/hand_joint.toml")
+    >>> fit = tf.identify(scenario, ["log.csv"])  # doctest: +SKIP
+    >>> print(fit.headline)  # doctest: +SKIP
     """
-    finger, sampled = mechanism_of(scenario)
-    start_rad = sampled.angle_rad[0]
-    _require_friction(finger, scenario.source.name)
     files, judging = tuple(map(Path, data)), tuple(map(Path, validate))
+    identified = _loop if is_loop(scenario.mechanism) else _several
     with threadpool_limits(limits=1, user_api="blas"):
-        logs = read_logs(finger, files, start_rad, skip_s, tare_s)
-        judges = read_logs(finger, judging, start_rad, skip_s, tare_s)
-        doubts = answered_logs(finger, (*logs, *judges), scenario.run, scenario.source.name, confirm)
-        numbers = numbers_of(finger, [log.name for log in logs], _starts(finger, logs))
-        coarse = MotorsLaw(finger=finger, logs=logs, numbers=numbers, segments=COARSE_MASSES)
-        say("whole mechanism")
-        solution = coarse.fit({n.key: n.start for n in numbers}, most=FIRST_STEPS)
-        say("finer mechanism")
-        law = replace(coarse, segments=FINE_MASSES, refinement=FINE_PARTS)
-        solution = law.fit(solution.values, most=STEPS)
-        say("intervals")
-        answer = _answer(scenario, law, solution, judges, (*files, *judging))
-    return replace(answer, warnings=(*doubts, *answer.warnings))
+        return identified(scenario, files, judging, how, say, confirm)  # type: ignore[arg-type]
 
 
-def suggest_motor_routine(scenario: FingerScenario | JointScenario) -> MotorsRoutine:
-    """Motor angles for a log that identifies a finger or a pair; InputError where no tensions lead the joints so."""
+def suggest_motor_routine(scenario: Driven) -> MotorRoutine | MotorsRoutine:
+    """Motor angles for a log that identifies a mechanism; InputError where none lead the joints so."""
+    if is_loop(scenario.mechanism):
+        return suggest_routine(scenario)  # type: ignore[arg-type]
     return suggest_motors(*mechanism_of(scenario), scenario.source.name)
 
 
-def mechanism_of(scenario: FingerScenario | JointScenario) -> tuple[Finger, SampledFinger]:
+def mechanism_of(scenario: Driven) -> tuple[Finger, SampledFinger]:
     """Joints, tendons and motors of a scenario, and its reference."""
     found: tuple[Finger, SampledFinger] = problem_of(scenario).by_motor()
     return found
 
 
-def _require_friction(finger: Finger, file: str) -> None:
-    for tendon in finger.tendons:
-        if not tendon.friction.mu_dynamic > 0:
-            raise InputError(
-                f'{file}: mu_dynamic of tendon "{tendon.name}" must be > 0 to begin with, got '
-                f"{tendon.friction.mu_dynamic:g}; 0.15 is a usual value"
-            )
-
-
-def _starts(finger: Finger, logs: Sequence[MotorsLog]) -> dict[tuple[str, str], float]:
-    """About the tension of each tendon that is alone on its motor, at the start of each log."""
-    return {
-        (log.name, motor.winds[0]): abs(float(np.median(log.torque_N_m[:5, k])) / motor.winding_m[0])
-        for log in logs
-        for k, motor in enumerate(finger.motors)
-        if len(motor.winds) == 1
-    }
-
-
-def _answer(
-    scenario: FingerScenario | JointScenario,
-    law: MotorsLaw,
-    solution: Solution,
-    judges: Sequence[MotorsLog],
-    inputs: tuple[Path, ...],
+def _loop(
+    scenario: JointScenario,
+    files: tuple[Path, ...],
+    judging: tuple[Path, ...],
+    how: Measurement | None,
+    say: Callable[[str], None],
+    confirm: Callable[[str], bool],
 ) -> MotorsIdentification:
-    finger, covariance = law.finger, law.covariance(solution)
-    lacking = [each for each in law.lacking(solution) if each.gain >= TUNED.worth_a_constant]
-    reach = float(student.ppf(0.975, max(solution.degrees, 1)))
-    for each in lacking:  # the intervals reach the values with it too
-        covariance = covariance + np.outer(each.shift, each.shift) / reach**2
-    compared = [_compared(log, "fit", law, solution.values) for log in law.logs]
-    compared += [_judged(log, law, solution) for log in judges]
-    worst = max(float(c.torque_percent.max()) for c in compared if c.role == "fit")
-    described = worst < DESCRIBED_PERCENT
-    kept = [n for n in law.numbers if not n.is_nuisance]
-    estimates = tuple(_estimate(finger, n, solution, covariance, k, described=described) for k, n in enumerate(kept))
-    own = slice(0, len(kept))
-    deviation = np.sqrt(np.diag(covariance)[own])
-    safe = np.where(np.isfinite(deviation) & (deviation > 0), deviation, np.inf)
-    correlation = np.where(np.isfinite(covariance[own, own]), covariance[own, own], 0.0) / np.outer(safe, safe)
-    np.fill_diagonal(correlation, 1.0)
-    values = {e.name: e.value for e in estimates if e.identifiable} if described else {}
-    return MotorsIdentification(
-        asked=scenario,
-        text=fitted_text(scenario, put_into(finger, values), estimates) if described else scenario.text,
-        motors=tuple(m.name for m in finger.motors),
-        joints=finger.names,
-        described=described,
-        estimates=estimates,
-        units=tuple(n.unit for n in kept),
-        comparisons=tuple(compared),
-        correlation_names=tuple(n.key for n in kept),
-        correlation=correlation,
-        warnings=tuple(_warnings(law, lacking, described=described)),
-        inputs=inputs,
+    """A loop by its motor, or a virtual sensor where something else loads its joint."""
+    try:
+        require_loop(scenario.mechanism, scenario.source.name)
+    except ParameterError as error:
+        raise InputError(str(error)) from None
+    given = how or Measurement()
+    logs, judges = read_logs(scenario, files, given), read_logs(scenario, judging, given)
+    doubts = answered_logs(scenario, (*logs, *judges), confirm)
+    for log in logs:
+        if not (np.ptp(log.run.motor_rad) > 0 and np.ptp(log.torque_N_m) > 0):
+            raise InputError(
+                f"{log.name}: angle or torque of the motor never changes, so there is nothing to identify; move it"
+            )
+    say("first look")
+    looks = tuple(one for log in logs if (one := look(log, scenario.mechanism)) is not None)
+    mechanism, touched = with_stops(scenario.mechanism, looks, float(logs[0].run.start_rad[0]))
+    found = fit_loop(mechanism, logs, looks, touched, say)
+    poor = found.law.percent(found.solution.values) > DESCRIBED_PERCENT
+    observed = poor and all(log.encoders.all() for log in (*logs, *judges))
+    say("intervals")
+    answer = replace(_answer(scenario, scenario.mechanism, found, judges, (*files, *judging), observed), looks=looks)
+    if observed:
+        say("virtual sensor")
+        answer = _observed(scenario, answer, logs, judges)
+    return replace(answer, warnings=(*doubts, *answer.warnings))
+
+
+def _observed(
+    scenario: JointScenario, answer: MotorsIdentification, logs: Sequence[MotorsLog], judges: Sequence[MotorsLog]
+) -> MotorsIdentification:
+    """The answer with a virtual sensor: estimates of a mechanism that explains nothing say nothing."""
+    torque = None
+    if all(log.joint_torque_N_m is not None for log in (*logs, *judges)):
+        torque = fit_torque(logs, judges)
+    sensor = fit_sensor(logs, judges, None if torque is None else torque.largest_exponents)
+    forward, band = (None, 0.0) if torque is None else (torque.law, torque.band_N_m or 0.0)
+    return replace(
+        answer,
+        law="virtual sensor of a loop",
+        text=observer_text(scenario, ObserverTable.of(sensor.sensor, sensor.band_rad, forward, band)),
+        estimates=(*sensor.estimates, *(() if torque is None else torque.estimates)),
+        units={f"sensor_{n}": u for n, u in SENSOR_UNITS.items()} | {f"torque_{n}": u for n, u in TORQUE_UNITS.items()},
+        sensor=sensor,
+        torque=torque,
+        warnings=(*answer.warnings, *((_ONE_FILE,) if len(logs) == 1 else ())),
     )
 
 
-def _judged(log: MotorsLog, law: MotorsLaw, solution: Solution) -> MotorsComparison:
-    """A file that the fit did not see: only the tensions at its start are found."""
-    finger = put_into(law.finger, solution.values)
-    nuisance = tuple(n for n in numbers_of(finger, [log.name], _starts(finger, [log])) if n.is_nuisance)
-    own = MotorsLaw(finger=finger, logs=[log], numbers=nuisance, segments=law.segments, refinement=law.refinement)
-    found = own.fit({n.key: n.start for n in nuisance}, most=FIRST_STEPS).values if nuisance else {}
-    return _compared(log, "validate", own, found)
+def _several(
+    scenario: Driven,
+    files: tuple[Path, ...],
+    judging: tuple[Path, ...],
+    how: Measurement | None,
+    say: Callable[[str], None],
+    confirm: Callable[[str], bool],
+) -> MotorsIdentification:
+    """Several motors, each of which feels its own tendons."""
+    given = how or scenario.measurement
+    if replace(given, skip_s=None, tare_s=None) != replace(scenario.measurement, skip_s=None, tare_s=None):
+        raise InputError(
+            f"{scenario.source.name}: of several motors every column has its name (motor_NAME_rad, "
+            "motor_torque_NAME_N_m, joint_NAME_rad) and SI units; of options on the files --skip and --tare are taken"
+        )
+    finger, sampled = mechanism_of(scenario)
+    for tendon in finger.tendons:
+        if not tendon.friction.mu_dynamic > 0:
+            raise InputError(
+                f'{scenario.source.name}: mu_dynamic of tendon "{tendon.name}" must be > 0 to begin with, got '
+                f"{tendon.friction.mu_dynamic:g}; 0.15 is a usual value"
+            )
+    logs, judges = (
+        read_several(finger, some, sampled.angle_rad[0], given.skip_s, given.tare_s) for some in (files, judging)
+    )
+    doubts = answered_several(finger, (*logs, *judges), scenario.run, scenario.source.name, confirm)
+    found = fit_several(finger, logs, say)
+    say("intervals")
+    answer = _answer(scenario, finger, found, judges, (*files, *judging))
+    return replace(answer, warnings=(*doubts, *answer.warnings))
 
 
-def _compared(log: MotorsLog, role: str, law: MotorsLaw, values: dict[str, float]) -> MotorsComparison:
-    found = law.predict(log, values)
-    _, angle = law.errors(log, found)
+def _answer(
+    scenario: Driven,
+    system: Mechanism | Finger,
+    found: Found,
+    judges: Sequence[MotorsLog],
+    inputs: tuple[Path, ...],
+    observed: bool = False,
+) -> MotorsIdentification:
+    """Result of a fit of a scenario's mechanism."""
+    law, values = found.law, found.solution.values
+    compared = [_compared(log, "fit", law, values) for log in law.logs]
+    compared += [_judged(log, found) for log in judges]
+    described = max(float(c.torque_percent.max()) for c in compared if c.role == "fit") <= DESCRIBED_PERCENT
+    estimates = estimates_of(system, found, described=described)
+    kept = {e.name: e.value for e in estimates if e.identifiable} if found.apart else found.identified
+    effects = [n.spec.effect for n, _, taken in found.tried if taken]
+    effects += ["motor that moves in counts"] if law.as_read else []
+    fitted: Mechanism | Finger = put_into(system, kept)  # type: ignore[type-var]
+    return MotorsIdentification(
+        asked=scenario,
+        text=fitted_text(scenario, fitted, estimates) if described else scenario.text,
+        law=", ".join(("whole mechanism" if found.apart else "loop with presliding", *effects)),
+        motors=law.logs[0].motors,
+        joints=tuple(joint.name for joint in system.joints),
+        described=described,
+        estimates=estimates,
+        units={n.name: n.spec.unit for n in law.numbers.values()} | DERIVED | {"torque_scale": "-"},
+        comparisons=tuple(compared),
+        correlation_names=found.names,
+        correlation=correlation_of(found),
+        warnings=tuple(warnings_of(found, described=described, observed=observed)),
+        inputs=inputs,
+        laws=tuple((n.spec.effect, gain, taken) for n, gain, taken in found.tried),
+    )
+
+
+def _judged(log: MotorsLog, found: Found) -> MotorsComparison:
+    """A file that the fit did not see: only tensions at its start are found."""
+    law = replace(found.law, logs=[log], fixed={**found.law.fixed, **found.solution.values})
+    start = {n.name: n.start for n in law.numbers.values() if n.of_start}
+    return _compared(log, "validate", law, law.fit(start, most=FIRST_OF_SEVERAL).values if start else {})
+
+
+def _compared(log: MotorsLog, role: str, law: MechanismLaw, values: Values) -> MotorsComparison:
+    answer = law.respond(log, values)
+    _, off = law.errors(log, answer)
     return MotorsComparison(
         name=log.name,
         role=role,
         time_s=log.time_s,
+        motor_rad=log.run.motor_rad,
         torque_N_m=log.torque_N_m,
-        model_N_m=found.torque_N_m,
+        model_N_m=answer.torque_N_m,
         joint_rad=log.joint_rad,
-        model_rad=log.joint_rad + angle,
+        model_rad=log.joint_rad + off,
         counted=log.counted,
         findings=log.findings,
     )
 
 
-def _estimate(
-    finger: Finger, number: Number, solution: Solution, covariance: Array, k: int, *, described: bool
-) -> Estimate:
-    value, error = solution.values[number.key], float(np.sqrt(covariance[k, k]))
-    at_bound = number.key in solution.at_bound
-    size = max(abs(value), number.step) if not number.logarithmic else abs(value)
-    known = described and not at_bound and is_known(error, size)
-    reach = float(student.ppf(0.975, max(solution.degrees, 1)))
-    why = "fit of the whole mechanism"
-    if at_bound:
-        why = f"it ended at a bound of its search; {number.advice}"
-    elif not known:
-        why = f"its standard error is {error:.2g} {number.unit}; {number.advice}"
-    elif number.of_force:
-        why += ", as measured by the motors: its interval counts 10 % for their torque constants"
-    before = scenarios_own(finger, number.key)
-    whole, half = with_torque_constant(value, error, reach) if number.of_force else (error, reach * error)
-    return Estimate(
-        name=number.key,
-        value=value if known else (before if before is not None else value),
-        standard_error=whole if np.isfinite(error) else None,
-        interval=(value - half, value + half) if known else None,
-        interval_as_measured=(value - reach * error, value + reach * error) if known and number.of_force else None,
-        identifiable=known,
-        why=why,
-        scenario=before,
-        fitted=known,
-    )
-
-
-def _warnings(law: MotorsLaw, lacking: Sequence[Lacking], *, described: bool) -> Iterator[str]:
+def warnings_of(found: Found, *, described: bool = True, observed: bool = False) -> Iterator[str]:
+    """Sentences on what a fit rests on, for the user."""
     if not described:
         yield (
-            "the mechanism does not explain the torques: something else loads a joint, or signs, units, moment arms or "
-            "drum radii are wrong; fitted.toml is the scenario"
+            "the mechanism does not explain the torque: something else loads a joint, or signs, units, moment_arm_m, "
+            "drum_radius_m or gear_ratio are wrong; fitted.toml is the scenario"
+            + (", with the virtual sensor as [observer]" if observed else "")
         )
         return
-    for each in lacking:
+    if found.not_identifiable:
         yield (
-            f"{each.name} of the tendons would explain the log better; it is not fitted for several motors, and the "
+            f"{found.kept_because}: the friction of the gear hides what reversals tell of the lost motion, so only "
+            "friction at the motor and gravity are identified, and fitted.toml keeps the scenario's lost motion, "
+            f"friction and pre-tension; {ANGLE_OR_PUSH}"
+        )
+    elif found.kept_because:
+        known = "2 mu theta T by the motor are" if found.pushed else "friction at the motor are"
+        yield (
+            f"{found.kept_because}: only (T/k) tanh(mu theta/2) and {known} identified; "
+            "mu_dynamic is the scenario's, and pretension_N and stiffness_N_per_m belong to it"
+        )
+    for alternative in found.alternatives:
+        yield (
+            f"{alternative.spec.effect} would explain the log about as well: the intervals reach its values too; "
+            f"{alternative.spec.advice}"
+        )
+    for effect in found.lacking:
+        yield (
+            f"{effect.spec.effect} would explain the log better; it is not fitted for several motors, and the "
             "intervals are wider by what it would change: measure it on one tendon, and state it in the scenario"
         )
-    if not all(log.encoders.all() for log in law.logs):
+    bounds = [n for n in found.solution.at_bound if n in found.names and n not in found.not_identifiable]
+    if bounds and not found.apart:
+        yield f"{', '.join(bounds)} ended at a bound of the search; check the scenario's value"
+    encoders = [log.encoders.all() for log in found.law.logs]
+    if not (all(encoders) if found.apart else any(encoders)):
         yield (
-            "without encoders at all joints their angles count from where the reference starts, and stiffness is known "
-            "by torques alone; log joint_NAME_rad for a better one"
+            "no encoder at some joint: its angle counts from where the reference of the scenario starts, and stiffness "
+            "of several motors is known by torques alone; log joint_NAME_rad for a better one"
+            if found.apart
+            else "no encoder at the joint: its angles count from where the reference of the scenario starts"
         )
-
-
-def fitted_text(scenario: FingerScenario | JointScenario, finger: Finger, estimates: Sequence[Estimate]) -> str:
-    """Text of the scenario with the mechanism's numbers, and its intervals as [robust.spread]."""
-    raw: dict[str, Any] = with_base(tomllib.loads(scenario.text), scenario.source, [])
-    raw["name"] = f"{scenario.name}, fitted"
-    for row, tendon in zip(raw["tendons"], finger.tendons, strict=True):
-        row["name"] = tendon.name
-        for part in ("tendon", "friction"):
-            row[part] = set_keys(getattr(tendon, part))
-    for joint in finger.joints:
-        if joint.gravity_N_m:
-            raw["joints"][joint.name]["gravity_N_m"] = joint.gravity_N_m
-    known = {e.name: e for e in estimates}
-    scenario.put_motors(raw, finger.motors)
-    raw["robust"] = _robust(finger, known, raw.get("robust", {}))
-    raw["run"]["level"] = "presliding"
-    return to_toml(raw)
-
-
-def _robust(finger: Finger, known: dict[str, Estimate], stated: dict[str, Any]) -> dict[str, Any]:
-    """[robust] with the widest interval of friction and of stiffness; what is not identified has the assumed width."""
-
-    def widest(suffix: str) -> float:
-        rows = [e for key, e in known.items() if key.startswith("tendons.") and key.endswith(suffix)]
-        return max(_half_width(e) for e in rows)
-
-    spread = {
-        key: value for key, value in stated.get("spread", {}).items() if not key.endswith(("mu_dynamic", "N_per_m"))
-    }
-    for motor in finger.motors:
-        if len(motor.winds) > 1:
-            key = f"motors.{motor.name}.drive.pretension_N"
-            spread[key] = _half_width(known[key])
-    found = {**{k: v for k, v in stated.items() if k != "spread"}, "mu": widest(".mu_dynamic")}
-    found["stiffness"] = widest(".stiffness_N_per_m")
-    return {**found, "spread": spread} if spread else found
-
-
-def _half_width(estimate: Estimate) -> float:
-    """Half of the interval over the value; the assumed width of one that is not identified.
-
-    Without the torque constants: where all forces are off alike, the joints stand where they did.
-    """
-    half = estimate.own_half_width
-    return ASSUMED_SPREAD if half is None else round(min(max(half, 1e-4), 0.99), 4)

@@ -12,11 +12,21 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray, InputError, read_csv, read_text, suggestion
+from tendonff.compensator.scenario.base import with_base
+from tendonff.compensator.scenario.joints import Joint
 from tendonff.compensator.scenario.kind import in_short
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenario.scenario import SCHEMA, path_keys, spread_keys, with_spread
 from tendonff.compensator.scenario.settings import Run
-from tendonff.compensator.scenario.tables import ROPE_KEYS, check_names, expand, read_table, show
+from tendonff.compensator.scenario.tables import (
+    ROPE_KEYS,
+    check_names,
+    expand,
+    read_table,
+    set_keys,
+    show,
+    to_toml,
+)
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters import Arm, JointTendon, LengthTable, Mechanism
 from tendonff.models.joint.parameters.finger import Finger
@@ -38,6 +48,7 @@ class DrivenScenario:
     mechanism: Mechanism | Finger
     run: Run
     robust: Uncertainty
+    joints: dict[str, Joint]
     source: Path
     text: str
     inputs: tuple[Path, ...] = field(default=())
@@ -63,6 +74,31 @@ class DrivenScenario:
     def to_toml(self) -> str:
         """The text of the file, and as comments what was changed since."""
         return self.text + "".join(f"\n# changed: {key} = {value:.9g}" for key, value in self.changed.items())
+
+    def saved(self) -> str:
+        """Text of a file with its numbers as they were changed, and without comments."""
+        raw: dict[str, Any] = with_base(tomllib.loads(self.text), self.source, [])
+        bent = any("path" in key.split(".") for key in self.changed)
+        parts = ("path", "tendon", "friction") if bent else ("tendon", "friction")
+        for row, tendon in zip(raw["tendons"], self.mechanism.tendons, strict=True):
+            row |= {"name": tendon.name, **{part: part_keys(tendon, part) for part in parts}}
+        for key, value in self.changed.items():
+            *tables, name = key.split(".")
+            if tables and tables[0] not in ("tendons", *PARTS):
+                self._table(raw, tables)[name] = value
+        for name, joint in self.joints.items():
+            raw["joints"][name] |= set_keys(joint)
+        return to_toml(raw)
+
+    def _table(self, raw: dict[str, Any], place: Sequence[str]) -> dict[str, Any]:
+        """The table at a place of the mechanism; a motor's has the keys of its drive."""
+        if place[0] == "motors":
+            names = [motor.name for motor in getattr(self.mechanism, "motors", ())]
+            row: dict[str, Any] = raw["motors"][names.index(place[1])] if "motors" in raw else {}
+            return row
+        for table in place:
+            raw = raw.setdefault(table, {})
+        return raw
 
     def digest(self) -> str:
         """Sixteen hexadecimal digits that change when a value, or the contents of a file that it names, change."""
@@ -155,6 +191,15 @@ def tendon_part(key: str, raw: object, file: str, table: str) -> object:
             sections=sections,  # type: ignore[arg-type]
         )
     return read_table(PARTS[key], keys, file=file, table=table)
+
+
+def part_keys(tendon: JointTendon, part: str) -> dict[str, object]:
+    """Table [path], [tendon] or [friction] of a tendon as a file says it."""
+    found = set_keys(getattr(tendon, part))
+    if part == "path" and tendon.path.sections:
+        found["sections"] = [set_keys(section) for section in tendon.path.sections]
+        del found["total_angle_rad"]
+    return found
 
 
 def read_lengths(path: Path, inputs: list[Path]) -> LengthTable:

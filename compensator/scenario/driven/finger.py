@@ -26,6 +26,7 @@ from tendonff.compensator.scenario.driven.reference import JointQuantity, JointS
 from tendonff.compensator.scenario.goal import Goal
 from tendonff.compensator.scenario.joints import Joint, read_joints
 from tendonff.compensator.scenario.kind import Kind
+from tendonff.compensator.scenario.knobs import FRICTION_AND_STIFFNESS, Knob
 from tendonff.compensator.scenario.sampled.joint_motion import joint_angles
 from tendonff.compensator.scenario.settings import Run
 from tendonff.compensator.scenario.tables import read_table, show
@@ -54,7 +55,7 @@ class FingerScenario(DrivenScenario):
     ----------
     name : str
     mechanism : Finger
-    others : dict of str to Joint
+    joints : dict of str to Joint
         What joints do that sections name and no tendon drives.
     references : dict of str to (JointSine or JointWaypoints)
         By joint; empty where the reference is a file.
@@ -81,7 +82,6 @@ class FingerScenario(DrivenScenario):
 
     kind: ClassVar[Kind] = Kind.FINGER
     mechanism: Finger
-    others: dict[str, Joint]
     references: dict[str, JointSine | JointWaypoints]
     wanted: int
     file: str | None
@@ -98,6 +98,19 @@ class FingerScenario(DrivenScenario):
         """Wanted angles."""
         names = self.mechanism.names[: self.wanted]
         return Goal(quantity="joint angle", unit=RADIAN, names=names, is_named=True)
+
+    @property
+    def knobs(self) -> tuple[Knob, ...]:
+        """Numbers that the interactive page turns; the least tension only where motors share it."""
+        finger = self.mechanism
+        loops = {motor.name: motor.drive.pretension_N for motor in finger.motors if len(motor.winds) > 1}
+        shared = Knob.tension("sharing.least_tension_N", "least tension [N]", finger.sharing.least_tension_N)
+        return (
+            *FRICTION_AND_STIFFNESS,
+            *((shared,) if len(loops) < len(finger.motors) else ()),
+            *(Knob.tension(f"motors.{m}.drive.pretension_N", f"pre-tension of {m} [N]", t) for m, t in loops.items()),
+            *(Knob.weight(j.name, f"torque of the weight at {j.name} [N m]", j.gravity_N_m) for j in finger.joints),
+        )
 
     def put_motors(self, raw: dict[str, Any], motors: Sequence[Motor]) -> None:
         """Put dry friction and pre-tension of motors into the tables of its file."""
@@ -173,7 +186,7 @@ def parse_finger_scenario(text: str, source: str | os.PathLike[str] = "scenario.
     return FingerScenario(
         name=read_name(raw, source),
         mechanism=mechanism,
-        others=others,
+        joints=others,
         references=references,
         wanted=wanted,
         file=csv,
@@ -218,8 +231,8 @@ def sample_finger(scenario: FingerScenario) -> SampledFinger:
             joint.accepted_rad(float(column.min()), float(column.max()))
         except ParameterError as error:
             raise InputError(f"{file} [joints.{joint.name}]: {error}") from None
-    others = [joint_angles(other, name, time, folder, length) for name, other in scenario.others.items()]
-    motion = JointMotion(names=(*names, *scenario.others), time_s=time, angle_rad=np.column_stack([angle, *others]))
+    others = [joint_angles(other, name, time, folder, length) for name, other in scenario.joints.items()]
+    motion = JointMotion(names=(*names, *scenario.joints), time_s=time, angle_rad=np.column_stack([angle, *others]))
     effort = np.zeros_like(angle)
     for name, torque_file in scenario.torques.items():
         column = f"{name}_N_m"

@@ -19,7 +19,7 @@ def finger_doubts(scenario: FingerScenario, *, follows_reference: bool = True) -
     """Doubts about the numbers of a scenario file and, unless not followed, its reference: empty for a sound one."""
     finger, run = scenario.mechanism, scenario.run
     arms = _largest_arms_m(finger)
-    found = [*step_doubts(run), *moved_doubts(scenario.others, scenario.source.parent)]
+    found = [*step_doubts(run), *moved_doubts(scenario.joints, scenario.source.parent)]
     for joint in finger.joints:
         found += driven_doubts(joint, arms[joint.name])
     for motor in finger.motors:

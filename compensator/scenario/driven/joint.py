@@ -26,6 +26,7 @@ from tendonff.compensator.scenario.driven.settings import JointAdaptation
 from tendonff.compensator.scenario.goal import Goal
 from tendonff.compensator.scenario.joints import Joint, read_joints
 from tendonff.compensator.scenario.kind import Kind
+from tendonff.compensator.scenario.knobs import FRICTION_AND_STIFFNESS, Knob
 from tendonff.compensator.scenario.reference import Shape, along_waypoints
 from tendonff.compensator.scenario.sampled.joint_motion import joint_angles
 from tendonff.compensator.scenario.settings import Feedback, Run
@@ -39,6 +40,7 @@ from tendonff.models.path import JointMotion
 
 _TABLES = ("joints", "tendons", "drive", "reference", "run", "robust", "adaptation", "feedback", "observer", *PARTS)
 _TENDON_KEYS = ("name", "moment_arm_m", "lengths", *PARTS)
+_MOST_LAG_S = 0.05  # of a servo on the interactive page
 _NOT_FOR_A_JOINT = {
     "actuator": "the motors stand in [drive]",
     "load": "the joint is the load",
@@ -80,7 +82,6 @@ class JointScenario(DrivenScenario):
 
     kind: ClassVar[Kind] = Kind.JOINT
     mechanism: Mechanism
-    joints: dict[str, Joint]
     reference: JointReference
     motion: JointReference | None
     observer: ObserverTable | None = None
@@ -93,6 +94,36 @@ class JointScenario(DrivenScenario):
         angle = self.reference.quantity is JointQuantity.ANGLE
         quantity = "joint angle" if angle else "torque of the joint"
         return Goal(quantity=quantity, unit=self.reference.shown, names=(self.mechanism.joint.name,))
+
+    @property
+    def knobs(self) -> tuple[Knob, ...]:
+        """Numbers that the interactive page turns."""
+        joint, drive = self.mechanism.joint, self.mechanism.drive
+        lag, key = drive.servo.servo_time_s, f"joints.{joint.name}"
+        decades = (
+            ("inertia_kg_m2", "moving inertia [kg m2]"),
+            ("damping_N_m_s_per_rad", "damping of the joint [N m s/rad]"),
+        )
+        return (
+            *FRICTION_AND_STIFFNESS,
+            Knob.tension("drive.least_tension_N", "least tension [N]", drive.least_tension_N)
+            if drive.pretension_N is None
+            else Knob.tension("drive.pretension_N", "pre-tension [N]", drive.pretension_N, 0.0),
+            Knob.weight(joint.name, "torque of the weight [N m]", joint.gravity_N_m),
+            Knob(
+                key="drive.servo_time_s",
+                title="lag of the servo [s]",
+                value=lag,
+                start=0.0,
+                end=max(_MOST_LAG_S, 2 * lag),
+                step=0.001,
+            ),
+            *(
+                Knob.decades(f"{key}.{name}", title, value, 1.0)
+                for name, title in decades
+                if (value := getattr(joint, name))
+            ),
+        )
 
     def put_motors(self, raw: dict[str, Any], motors: Sequence[Motor]) -> None:
         """Put dry friction of motors, of which it states one, into the tables of its file."""

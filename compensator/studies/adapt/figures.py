@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from tendonff.compensator.reporting.colours import BLUE, GREEN, INK, ORANGE, VERMILION
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure, thinned
-from tendonff.compensator.studies.adapt.result import AdaptationStudy, Case, Scheme, friction_off, moving_rms
+from tendonff.compensator.studies.adapt.result import Case, Scheme, TensionStudy, friction_off, moving_rms
 
 STYLES = {
     Scheme.FEEDFORWARD: (VERMILION, "--", "feedforward alone"),
@@ -15,7 +15,7 @@ STYLES = {
 }
 
 
-def adaptation_figures(result: AdaptationStudy) -> dict[str, Figure]:
+def adaptation_figures(result: TensionStudy) -> dict[str, Figure]:
     """All figures by file name."""
     with figure_style():
         return {
@@ -27,7 +27,7 @@ def adaptation_figures(result: AdaptationStudy) -> dict[str, Figure]:
         }
 
 
-def overview_figure(result: AdaptationStudy) -> Figure:
+def overview_figure(result: TensionStudy) -> Figure:
     """Error on every plant, on a logarithmic axis."""
     figure, axes = new_figure(height_in=0.26 * len(result.cases) + 1.0)
     panel = axes[0, 0]
@@ -45,7 +45,7 @@ def overview_figure(result: AdaptationStudy) -> Figure:
     return figure
 
 
-def case_figure(result: AdaptationStudy, case: Case) -> Figure:
+def case_figure(result: TensionStudy, case: Case) -> Figure:
     """Error and estimate over time on one plant."""
     figure, axes = new_figure(2, 1, share_x=True, height_in=4.2)
     rows, scale = thinned(len(case.time_s)), result.reference.range_N / 100
@@ -60,7 +60,7 @@ def case_figure(result: AdaptationStudy, case: Case) -> Figure:
     return figure
 
 
-def _estimates(result: AdaptationStudy, case: Case, panel: Axes, rows: slice) -> None:
+def _estimates(result: TensionStudy, case: Case, panel: Axes, rows: slice) -> None:
     trace = case.traces[Scheme.SELF_TUNING]
     for k, (name, colour) in enumerate(zip(result.tuning.parameters, (BLUE, GREEN), strict=False)):
         value, band = trace.factors[rows, k], 2 * trace.deviation[rows, k]
@@ -73,7 +73,7 @@ def _estimates(result: AdaptationStudy, case: Case, panel: Axes, rows: slice) ->
     panel.legend(loc="lower right")
 
 
-def information_figure(result: AdaptationStudy) -> Figure:
+def information_figure(result: TensionStudy) -> Figure:
     """Standard deviation of each factor along the reference."""
     known = result.information
     rows = thinned(len(known.time_s))
@@ -89,7 +89,7 @@ def information_figure(result: AdaptationStudy) -> Figure:
     return figure
 
 
-def bounds_figure(result: AdaptationStudy, spread: float) -> Figure:
+def bounds_figure(result: TensionStudy, spread: float) -> Figure:
     """The certified interval of the output tension along the reference, with the spread of mu theta that it admits."""
     reference, (low, high) = result.reference, result.bounds_N or (np.empty(0), np.empty(0))
     rows = thinned(len(reference.time_s))

@@ -10,12 +10,12 @@ from tendonff.compensator.reporting.page import summary_head, write_pages
 from tendonff.compensator.reporting.results import Views
 from tendonff.compensator.studies.adapt.figures import adaptation_figures
 from tendonff.compensator.studies.adapt.report import adaptation_report
-from tendonff.compensator.studies.adapt.result import AdaptationStudy, Scheme
+from tendonff.compensator.studies.adapt.result import Scheme, TensionStudy
 
 _MOST_ROWS = 2000
 
 
-def write_files(result: AdaptationStudy, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
+def write_files(result: TensionStudy, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
     """Write the files of `AdaptationStudy.write`."""
     figures = adaptation_figures(result)
     with atomic_directory(folder) as partial:
@@ -23,7 +23,7 @@ def write_files(result: AdaptationStudy, folder: str | os.PathLike[str], *, pdf:
         write_pages(partial, summary(result), figures, adaptation_report(result, figures), pdf=pdf)
 
 
-def estimate_table(result: AdaptationStudy) -> dict[str, list[str | float]]:
+def estimate_table(result: TensionStudy) -> dict[str, list[str | float]]:
     """The columns of `estimate.csv`: every plant over time, at most 2000 samples each."""
     names = [f"{parameter}_factor" for parameter in result.tuning.parameters]
     schemes = [scheme for scheme in Scheme if scheme in result.cases[0].traces]
@@ -38,7 +38,7 @@ def estimate_table(result: AdaptationStudy) -> dict[str, list[str | float]]:
     return {name: list(column) for name, column in zip(heads, zip(*lines, strict=True), strict=True)}
 
 
-def write_estimates(result: AdaptationStudy, path: Path) -> None:
+def write_estimates(result: TensionStudy, path: Path) -> None:
     """Write `estimate.csv`."""
     columns = estimate_table(result)
     with atomic_file(path) as partial, partial.open("w", encoding="utf-8", newline="") as stream:
@@ -48,7 +48,7 @@ def write_estimates(result: AdaptationStudy, path: Path) -> None:
             writer.writerow([plant, *(f"{number:.9g}" for number in numbers)])
 
 
-def summary(result: AdaptationStudy) -> dict[str, object]:
+def summary(result: TensionStudy) -> dict[str, object]:
     """The contents of `summary.json`."""
     tuning, known, certificate = result.tuning, result.information, result.certificate
     return {

@@ -13,7 +13,7 @@ from tendonff.compensator.reporting.page import (
     pictures_of,
     provenance_of,
 )
-from tendonff.compensator.studies.adapt.result import SETTLED_S, AdaptationStudy, Case, Scheme
+from tendonff.compensator.studies.adapt.result import SETTLED_S, Case, Scheme, TensionStudy
 from tendonff.ocp.adaptation.bounds import CertifiedInterval
 
 _CAPTIONS = {
@@ -25,7 +25,7 @@ _CAPTIONS = {
 }
 
 
-def adaptation_report(result: AdaptationStudy, figures: dict[str, Figure]) -> Report:
+def adaptation_report(result: TensionStudy, figures: dict[str, Figure]) -> Report:
     """The page of the study, with the figures of `adaptation_figures`."""
     pictures = pictures_of(figures, _CAPTIONS)
     interval, known = result.interval, result.information
@@ -87,7 +87,7 @@ def _sentence(text: str) -> str:
     return f"{text[:1].upper()}{text[1:].removesuffix('.')}."
 
 
-def _errors(result: AdaptationStudy) -> Table:
+def _errors(result: TensionStudy) -> Table:
     schemes = [scheme for scheme in Scheme if scheme in result.cases[0].traces]
     return Table(
         caption=f"RMS error after {SETTLED_S:g} s, % of reference range. Time to 1 %: a dash where it is never reached",

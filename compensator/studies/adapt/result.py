@@ -1,6 +1,5 @@
 """Result of a study of the self-tuning compensator, and its plants, which differ from the scenario."""
 
-import os
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import ClassVar
@@ -9,9 +8,8 @@ import numpy as np
 
 from tendonff.compensator.compensators.certificate import FeedbackCertificate
 from tendonff.compensator.compensators.profile import FloatArray
-from tendonff.compensator.reporting.results import Result
 from tendonff.compensator.scenario.sampled.sampling import Reference
-from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.studies.adapt.study import AdaptationStudy
 from tendonff.ocp.adaptation.bounds import CertifiedInterval
 from tendonff.ocp.adaptation.information import Information
 from tendonff.ocp.adaptation.tuning import Sensor, Tuning
@@ -253,13 +251,11 @@ class Case:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class AdaptationStudy(Result):
-    """Self-tuning on every plant of a study.
+class TensionStudy(AdaptationStudy):
+    """Self-tuning of a tension on every plant; see `AdaptationStudy`.
 
     Attributes
     ----------
-    scenario : Scenario
-        The scenario it was made for.
     reference : Reference
         Desired tension, sampled.
     tuning : Tuning
@@ -272,33 +268,19 @@ class AdaptationStudy(Result):
         Along the reference; None where the path moves.
     bounds_N : tuple[ndarray, ndarray] or None
         That interval for the design's force, shape (n,) each.
-    cases : tuple of Case
-        Every plant.
-    headline : str
-        One sentence.
-    warnings : tuple of str
-        What the user should know.
     """
 
     shown_by: ClassVar[str] = "studies.adapt.output"
 
-    scenario: Scenario
     reference: Reference
     tuning: Tuning
     information: Information
     certificate: FeedbackCertificate | None
     interval: CertifiedInterval | None
     bounds_N: tuple[FloatArray, FloatArray] | None
-    cases: tuple[Case, ...]
-    headline: str
-    warnings: tuple[str, ...]
 
     @property
     def lines(self) -> tuple[str, ...]:
         """The finding in words."""
         certificate = () if self.certificate is None else (self.certificate.sentence(),)
         return (*certificate, self.headline)
-
-    def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
-        """Write `estimate.csv`, `summary.json`, figures and `report.html`, all or nothing; makes the folder."""
-        self._views.write(self, folder, pdf=pdf)

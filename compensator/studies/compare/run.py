@@ -8,7 +8,6 @@ from tendonff.compensator.compensators.base import CAPSTAN_PLANT, SLOW_PARTS, Pr
 from tendonff.compensator.compensators.every import (
     AnyCompensator,
     AnyScenario,
-    answering,
     chosen,
     known_to,
     problem_of,
@@ -96,6 +95,7 @@ def compare(
     text, best = recommend(entries, shown, bands, str(own.doubt), SIMPLE, own.unit)
     on_level = {name: band for (name, level), band in bands.items() if level is best}
     expectation = expectation_of(own.doubt, Level.PRESLIDING, on_level, own.share_of, own.unit, change=own.change)
+    expectation = replace(expectation, behind=own.behind(expectation.best))
     order = {c.name: k for k, c in enumerate(shown)}
     entries.sort(key=lambda e: order[e.compensator])  # stable: levels and plants keep their order
     return Comparison(
@@ -126,10 +126,9 @@ def compare(
 
 
 def _usual(problem: Any) -> tuple[Any, ...]:
-    """Compensators that are compared by default; of a tension those that refuse, whose reason is a remark, too."""
-    if CAPSTAN_PLANT in problem.plants:
-        return tuple(c for c in known_to(problem) if c.is_compared)
-    return answering(problem)
+    """Compensators that are compared by default, with those whose refusal is a finding."""
+    usual = (c for c in known_to(problem) if c.is_compared)
+    return tuple(c for c in usual if c.is_refusal_stated or not c.refusal(problem))
 
 
 def _of_one_tendon(problem: Problem, parts: Parts) -> dict[str, Any]:

@@ -27,6 +27,7 @@ from tendonff.compensator.studies.design.online import online_figure
 from tendonff.compensator.studies.design.result import Design
 from tendonff.models.fidelity import Level
 
+_ROUNDING = 1e-3  # of range: an enlarged panel shows no less
 _BARE = ("none", FRICTIONLESS)  # friction is not compensated: what is enlarged leaves them out
 _LOOPS = ("none", "inverse")  # whose loop of output over force is drawn
 _WIDE = 3.4  # line under another that coincides with it
@@ -105,7 +106,7 @@ def tension_figure(result: Design) -> Figure:
     axes[0, 0].set(ylabel=f"{reference.output} [{unit.shown}]", title=title)
     errors = {name: output - wanted for name, output in outputs.items() if name not in _BARE}
     _draw(axes[1, 0], result, errors)
-    _zoom(axes[1, 0], errors)
+    _zoom(axes[1, 0], errors, _ROUNDING * float(np.ptp(wanted)))
     axes[1, 0].set(ylabel=f"error [{unit.shown}]", title="Compensated, enlarged")
     if result.ignored is not None:
         draw_joints(axes[2, 0], result.ignored.motion, reference.time_s)
@@ -201,6 +202,7 @@ def error_figure(result: Design) -> Figure:
     by_level = {level: {name: output - wanted for name, output in _delivered(result, level).items()} for level in Level}
     largest = max(float(np.max(np.abs(e))) for errors in by_level.values() for e in errors.values())
     zoomed = max(_zoom_limit({k: e for k, e in errors.items() if k not in _BARE}) for errors in by_level.values())
+    zoomed = max(zoomed, _ROUNDING * float(np.ptp(wanted)))
     for (whole, zoom), (level, errors) in zip(axes, by_level.items(), strict=True):
         here = " (design level)" if level is result.level else ""
         _draw(whole, result, errors, lambda c: c.label)
@@ -254,8 +256,9 @@ def _zoom_limit(curves: dict[str, FloatArray]) -> float:
     return 1.15 * (largest[-2] if len(largest) > 1 and largest[-1] > 2 * largest[-2] > 0 else largest[-1])
 
 
-def _zoom(panel: Axes, curves: dict[str, FloatArray]) -> None:
-    limit = _zoom_limit(curves)
+def _zoom(panel: Axes, curves: dict[str, FloatArray], least: float = 0.0) -> None:
+    """Show what is enlarged, but not rounding: at least this half-height."""
+    limit = max(_zoom_limit(curves), least)
     if limit > 0:
         panel.set_ylim(-limit, limit)
 

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tendonff.compensator.compensators.expectation import two_digits
-from tendonff.compensator.compensators.expected import robustness_table
+from tendonff.compensator.compensators.expected import CONTRIBUTIONS, robustness_table
 from tendonff.compensator.compensators.plant import FINE_REFINEMENT, FINE_SEGMENTS
 from tendonff.compensator.feedback.report import CAPTIONS as FEEDBACK_CAPTIONS
 from tendonff.compensator.reporting.colours import INK, Style
@@ -37,8 +37,7 @@ _MOVES_IN_A_HOLD = 0.05  # of the force's range: what is worth a word
 _CAPTIONS = {
     "expectation": "Output of the recommended profile over all sampled parameters (band), and of the reference "
     "applied directly with nominal ones. Below: the error; a curve that leaves the panel is larger.",
-    "contributions": "RMS error of the recommended profile at the worse end of each interval alone, all else nominal; "
-    "the line is the worst case with all of them together.",
+    "contributions": CONTRIBUTIONS,
     "tension": "Reference and output of each profile with the design's own parameters. Below: the "
     "compensated errors, enlarged; a curve that leaves the panel is larger.",
     "force": "Actuator force, its rate of change, and the travel of the actuator's end. Dashed: limits of the "

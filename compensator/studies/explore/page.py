@@ -28,7 +28,9 @@ from jinja2 import Template
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.reporting.interactive import DASHES
-from tendonff.compensator.studies.explore.subject import Curve, Exploration, Knob, Subject
+from tendonff.compensator.scenario.knobs import Knob
+from tendonff.compensator.studies.explore.result import Curve, Exploration
+from tendonff.compensator.studies.explore.run import Explorer
 from tendonff.models.errors import TendonffError
 
 ADDRESS = "127.0.0.1"  # the only address that the page is served on
@@ -47,7 +49,7 @@ link.download = name; link.click(); URL.revokeObjectURL(link.href);"""
 class ExplorerPage:
     """Page of a visitor."""
 
-    def __init__(self, subject: Subject) -> None:
+    def __init__(self, subject: Explorer) -> None:
         self._subject = subject
         self._document: Document | None = None
         self._waiting = False
@@ -146,10 +148,13 @@ class ExplorerPage:
         if asked is not None and (asked != values or self._waiting):
             return
         knows = bool(self._knows.active)
-        self._show(self._subject.explore(values, design_knows=knows, curves=wanted), fast.courses)
-        if self._worst.active:
-            stated = self._subject.worst_case(values, design_knows=knows)
-            self._scores.text += f"<p role='status'>{escape(stated)}</p>"
+        try:
+            self._show(self._subject.explore(values, design_knows=knows, curves=wanted), fast.courses)
+            if self._worst.active:
+                stated = self._subject.worst_case(values, design_knows=knows)
+                self._scores.text += f"<p role='status'>{escape(stated)}</p>"
+        except TendonffError as error:
+            self._scores.text += f"<p role='alert'>{escape(str(error))}</p>"
 
     def _show(self, shown: Exploration, before: Mapping[str, Any]) -> None:
         """Curves and scores of what was computed, beside those that were before."""
@@ -224,9 +229,8 @@ class ExplorerPage:
                 self._drawn[curve.name].append(line)
         panels["output"].line("time", "wanted", source=self._wanted, color="black", line_width=1)
         entries = [LegendItem(label=c.label, renderers=[self._drawn[c.name][0]]) for c in self._curves]
-        panels["loop"].add_layout(
-            Legend(items=entries, click_policy="hide", ncols=2, label_text_font_size="9pt"), "below"
-        )
+        legend = Legend(items=entries, click_policy="hide", ncols=2, label_text_font_size="9pt")
+        next(iter(panels.values())).add_layout(legend, "below")
         return panels
 
 
@@ -257,7 +261,7 @@ def _log_slider(knob: Knob) -> Slider:
     )
 
 
-def make_server(subject: Subject, port: int) -> Server:
+def make_server(subject: Explorer, port: int) -> Server:
     """Server of the page, on this machine only, at a port (0: any that is free); not started yet.
 
     InputError if the port is taken, TendonffError if the scenario itself cannot be computed.

@@ -1,15 +1,89 @@
-"""File of motor angles and check of the step, common to all mechanisms behind motors."""
+"""Simulation of a mechanism under motor angles from a file.
 
-from collections.abc import Callable, Sequence
+A force file of one tendon is read and simulated by `run`: a log of hours passes row by row, in bounded memory, which a
+mechanism that is judged as a whole does not; and what drives a tendon is a force or a position, in units of the file.
+"""
+
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from tendonff.compensator.compensators.every import AnyScenario, problem_of
 from tendonff.compensator.compensators.motors.drive import driven
+from tendonff.compensator.compensators.motors.response import finer
+from tendonff.compensator.compensators.motors.task import MotorTask
+from tendonff.compensator.files.progress import Progress, silent
 from tendonff.compensator.files.reading import FloatArray, InputError, read_csv
 from tendonff.compensator.files.tables import table_dialect
+from tendonff.compensator.files.writing import write_csv
+from tendonff.compensator.scenario.sampled.joint_motion import motion_by_file
+from tendonff.compensator.studies.simulate.result import SimulatedFile
+from tendonff.models.fidelity import Level
 from tendonff.models.joint.parameters import JointDrive
+from tendonff.models.turns import in_turn
+from tendonff.ocp.integrate.method import Method
 from tendonff.ocp.tendon.crosscheck import NUDGE, StepTally
+
+
+@in_turn
+def simulate_motor_file(
+    scenario: AnyScenario,
+    level: Level,
+    motors: Path,
+    out: Path,
+    *,
+    column: str | None = None,
+    joints: Path | None = None,
+    check: bool = False,
+    method: Method = Method.BDF2,
+    accept: bool = False,  # noqa: ARG001  a file of angles raises no doubt
+    progress: Progress = silent,  # noqa: ARG001  one call computes all
+) -> SimulatedFile:
+    """Simulate a mechanism under motor angles of a file, and write a table; see `door.simulate_file`.
+
+    Parameters
+    ----------
+    scenario : JointScenario or FingerScenario
+    level : Level
+    motors : Path
+        Columns time_s and motor_NAME_rad of each motor (of a profile.csv motor_NAME_inverse_rad), of a loop's only
+        motor motor_rad; straight between rows, from 0.
+    out : Path
+        CSV file: time_s, angles and torques of the motors, what the joints do, tensions at the far ends and at the
+        drums.
+    column : str, optional
+        Name of the motors' columns, where NAME stands for the motor's.
+    joints : Path, optional
+        Motion of the joints that no tendon drives.
+    check : bool, optional
+    method : Method, optional
+
+    Raises
+    ------
+    InputError
+        If a file has no meaning.
+    SolveError
+        If the simulation fails.
+    """
+    task: MotorTask = problem_of(scenario, level).without_homing
+    step, file = task.step_s, scenario.source.name
+    drums = behind(task.drives, read_motors(motors, task.columns, step, column), step)
+    time = np.arange(float(len(drums))) * step
+    if joints is not None:
+        task = task.with_motion(motion_by_file(task.sampled.motion, tuple(scenario.joints), joints, time[-1], file))
+    found = task.turned(drums, method=method)
+    response, tendons = found.response, [tendon.name for tendon in task.system.tendons]
+    names = [f"_{name}" * bool(name) for name in task.columns]
+    columns: dict[str, FloatArray] = {"time_s": time}
+    columns |= {f"motor{name}_rad": response.motor_rad[:, k] for k, name in enumerate(names)}
+    columns |= {f"motor_torque{name}_N_m": response.torque_N_m[:, k] for k, name in enumerate(names)}
+    columns |= found.columns
+    columns |= {f"tension_{name}_N": response.tension_N[:, k] for k, name in enumerate(tendons)}
+    columns |= {f"tension_{name}_at_drum_N": response.drum_N[:, k] for k, name in enumerate(tendons)}
+    tally = check_step(task, drums, found.outputs) if check else None
+    write_csv(out, columns)
+    return SimulatedFile(rows=len(time), warnings=(response.slack,) * bool(response.slack), check=tally)
 
 
 def read_motors(path: Path, motors: Sequence[str], step_s: float, column: str | None = None) -> FloatArray:
@@ -58,36 +132,9 @@ def behind(drives: Sequence[JointDrive], commands_rad: FloatArray, step_s: float
     return np.column_stack([driven(drive, column[:, None], step_s)[:, 0] for drive, column in columns])
 
 
-def finer(rows: FloatArray, parts: int) -> FloatArray:
-    """Straight lines between rows, shape (rows, ...), cut into parts each."""
-    at = np.arange((len(rows) - 1) * parts + 1) / parts
-    columns = np.asarray(rows, dtype=np.float64).reshape(len(rows), -1).T
-    found = np.column_stack([np.interp(at, np.arange(len(rows)), column) for column in columns])
-    return found.reshape(-1, *rows.shape[1:])
-
-
-def check_step(
-    respond: Callable[[FloatArray, int], FloatArray],
-    drums_rad: FloatArray,
-    outputs: FloatArray,
-    step_s: float,
-    quantity: str,
-    unit: str,
-) -> str:
-    """Discretisation error of a simulation, in words.
-
-    Parameters
-    ----------
-    respond : callable
-        Outputs, shape (rows, ...), under drums whose rows are so many parts of a step apart; SolveError if it fails.
-    drums_rad : ndarray, shape (rows, motors)
-    outputs : ndarray, shape (rows, ...)
-        Their response with the step of the run.
-    step_s : float
-    quantity, unit : str
-        Of the outputs, in words.
-    """
-    by_parts = {parts: respond(finer(drums_rad, parts), parts)[::parts] for parts in (2, 4)}
-    tally = StepTally(quantity, unit, step_s)
-    tally.add({1: outputs} | by_parts, respond(drums_rad * (1 + NUDGE), 1))
+def check_step(task: MotorTask, drums_rad: FloatArray, outputs: FloatArray) -> str:
+    """Discretisation error of a simulation, in words; `outputs`, shape (rows, n), are those of the run itself."""
+    tally = StepTally(task.goal.title.lower(), task.unit.key.replace("_", " "), task.step_s)
+    by_parts = {parts: task.turned(finer(drums_rad, parts), parts=parts).outputs[::parts] for parts in (2, 4)}
+    tally.add({1: outputs} | by_parts, task.turned(drums_rad * (1 + NUDGE)).outputs)
     return tally.result().text

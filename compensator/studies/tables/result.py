@@ -1,65 +1,40 @@
-"""Result of `table`."""
+"""Tables of a scenario: how any is made and judged; `force` and `motor` say what it holds.
 
+That differs by physics. The force for a tension depends on the way since the last reversal, some newtons long, over
+which the path turns from sticking to sliding: an axis of its own, swept through the exact inverse. A joint's motor
+crosses its lost motion there, which a table of the quasi-static law has as the distance of two branches; damping adds
+the speed of the joint.
+"""
+
+import math
 import os
+from abc import abstractmethod
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from types import MappingProxyType
+from typing import Any, ClassVar, Self
 
+from tendonff.compensator.compensators.every import AnyScenario, compensator_of, problem_of
 from tendonff.compensator.compensators.expectation import Expectation
-from tendonff.compensator.compensators.next_step import next_step
-from tendonff.compensator.compensators.score import Score
-from tendonff.compensator.compensators.table import BuiltTable
-from tendonff.compensator.files.text import as_argument
+from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.reporting.results import Result
-from tendonff.compensator.scenario.sampled.sampling import Reference
-from tendonff.compensator.scenario.scenario import Scenario
+from tendonff.compensator.scenario.sampled.joint_motion import posed
 from tendonff.models.fidelity import Level
-
-FORMULA = (
-    "(force_N + adhesion_N)/(reference_N + adhesion_N) = bilinear(reference_N, share); "
-    "share = tension_since_reversal_N/(reference_N + adhesion_N); "
-    "tension_since_reversal_N = abs(reference_N - turn_N); "
-    "branch = pull while the reference rises, release while it falls; "
-    "at a reversal turn_N is set so that the force goes on without a jump (out of full slip: the reference there); "
-    "beyond the last share the force of the last share holds"
-)
+from tendonff.models.turns import in_turn
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AngleTable:
-    """A table for one wrap angle and rate.
-
-    Attributes
-    ----------
-    built : BuiltTable
-        The table and how good it is.
-    total_angle_rad : float
-        Wrap angle [rad].
-    """
-
-    built: BuiltTable
-    total_angle_rad: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Tables(Result):
-    """Tables of a scenario: the first for its own wrap angle and rate, or for the requested axes.
+    """Tables of a scenario: the first for its own numbers, or for the requested axes.
 
     Attributes
     ----------
-    scenario : Scenario
+    scenario : Scenario or JointScenario
         The scenario it was made for.
     level : Level
-        Fidelity level of the sweeps.
-    reference : Reference
-        What was to be delivered, sampled.
-    tables : tuple of AngleTable
-        One for each wrap angle and rate.
-    axes : tuple of str
-        Further columns of the file.
-    scores : dict of Level to Score
-        What the scenario's own table delivers on each level, within the actuator's limits.
+        Fidelity level that it was made and judged on.
     expectation : Expectation
-        Of "table" beside "none" and "frictionless", over what may be the real transmission.
+        Of "table" beside others, over what may be the real plant.
     options : str
         Options of the command that would make the same, for the report.
     warnings : tuple of str
@@ -68,45 +43,77 @@ class Tables(Result):
         Why the table must not be used as it is: its error is above that of no compensation.
     """
 
-    shown_by: ClassVar[str] = "studies.tables.output"
+    beside: ClassVar[tuple[str, ...]]
+    """Compensators that it is judged with, in their order; "table" is its own."""
+    recommended: ClassVar[str | None] = None
+    """The one that the expectation is stated of; None for the best."""
 
-    scenario: Scenario
+    scenario: Any
     level: Level
-    reference: Reference
-    tables: tuple[AngleTable, ...]
-    axes: tuple[str, ...]
-    scores: dict[Level, Score]
     expectation: Expectation
     options: str
     warnings: tuple[str, ...]
     harm: tuple[str, ...] = ()
 
-    @property
-    def headline(self) -> str:
-        """Expected error on a rig, in one sentence."""
-        file = as_argument(self.scenario.source)
-        then = next_step(self.expectation, file, f"tendonff export-c {file} --out c")
-        return self.expectation.headline("compensation table", then)
+    @classmethod
+    @in_turn
+    def made(
+        cls,
+        scenario: AnyScenario,
+        *,
+        level: Level | None = None,
+        bound: float | None = None,
+        angles_rad: Sequence[float] = (),
+        rates: Sequence[float] = (),
+        pose_rad: Mapping[str, float] = MappingProxyType({}),
+    ) -> Self:
+        """Tables of a scenario, and how good they are; arguments and errors as of `tendonff.make_table`."""
+        scenario = posed(scenario, pose_rad) if pose_rad else scenario
+        for rate in rates:
+            if not 0 < rate < math.inf:
+                raise InputError(f"--rates: every value must be a finite number > 0, got {rate}")
+        problem = problem_of(scenario, level)
+        build, table = cls.tabulated(problem, bound, angles_rad, rates)
+        each = [table if name == "table" else compensator_of(problem, name) for name in cls.beside]
+        profiles = {one.name: problem.answer(one) for one in each}
+        options = {"level": level, "bound": bound, "angles": _listed(angles_rad), "rates": _listed(rates)}
+        options["pose"] = " --pose ".join(f"{name}={angle}" for name, angle in pose_rad.items())
+        return build(
+            scenario=scenario,
+            level=problem.level,
+            expectation=problem.expect(profiles, cls.recommended),
+            options=" ".join(f"--{name} {value}" for name, value in options.items() if value),
+        ).judged(problem, table, profiles)
+
+    @classmethod
+    @abstractmethod
+    def tabulated(
+        cls, problem: Any, bound: float | None, angles_rad: Sequence[float], rates: Sequence[float]
+    ) -> tuple[Callable[..., Self], Any]:
+        """The tables, and the one for the problem itself as a compensator."""
+
+    @abstractmethod
+    def judged(self, problem: Any, table: Any, profiles: Mapping[str, Any]) -> Self:
+        """The same with its scores, warnings and harm."""
 
     @property
+    @abstractmethod
     def nodes(self) -> int:
         """Of the largest table."""
-        return max(made.built.table.nodes for made in self.tables)
 
     @property
+    @abstractmethod
     def lines(self) -> tuple[str, ...]:
         """The finding in words, and the size of the table."""
-        built, own = self.tables[0].built, self.scores[self.level]
-        size = (
-            f"{sum(made.built.table.nodes for made in self.tables)} nodes, interpolation error {built.error_N:.3g} N "
-            f"(bound {built.bound_N:.3g} N); RMS error with exactly the scenario's parameters on level {self.level}: "
-            f"{own.rmse_percent_of_range:.2g} % of range"
-        )
-        return self.headline, size
 
     def write(self, folder: str | os.PathLike[str], *, prefix: str = "tff", pdf: bool = False) -> None:
-        """Write `table.csv`, `table.json`, `table.h`, a figure and `report.html`, all or nothing; makes the folder.
+        """Write `table.csv`, `table.h`, the numbers, a figure and `report.html`, all or nothing; makes the folder.
 
         The names in `table.h` begin with `prefix`.
         """
         self._views.write(self, folder, prefix=prefix, pdf=pdf)
+
+
+def _listed(values: Sequence[float]) -> str:
+    """Numbers as the command line takes them."""
+    return ",".join(str(float(value)) for value in values)

@@ -5,15 +5,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tendonff.compensator.identification.joint.log import JointLog
-from tendonff.compensator.identification.joint.mechanism_law import MechanismLaw, covariance_of
-from tendonff.compensator.identification.joint.parameters import JointNumber
 from tendonff.compensator.identification.measured import Array
+from tendonff.compensator.identification.motors.law import MechanismLaw, covariance_of
+from tendonff.compensator.identification.motors.log import MotorsLog
+from tendonff.compensator.identification.motors.parameters import Quantity
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.ocp.errors import SolveError
 
-N = JointNumber
+N = Quantity
 WINDOW_S, LEAST_S = 30.0, 8.0
 """Length of a window, and the shortest rest of a file that is one."""
 
@@ -48,7 +48,7 @@ class Window:
 
     name: str
     used_s: float
-    values: Mapping[JointNumber, float]
+    values: Mapping[Quantity, float]
     covariance: Array
     percent: float = 0.0
     why: str = ""
@@ -59,10 +59,10 @@ def ratio_of(mechanism: Mechanism, angle_rad: float) -> float:
     return mechanism.drum_radius_m[0] / (mechanism.drive.gear_ratio * abs(mechanism.arms_at(angle_rad)[0]))
 
 
-def windows_of(log: JointLog, mechanism: Mechanism, window_s: float = WINDOW_S) -> Iterator[JointLog]:
+def windows_of(log: MotorsLog, mechanism: Mechanism, window_s: float = WINDOW_S) -> Iterator[MotorsLog]:
     """Stretches of a log, one after the other."""
     rows, total = max(round(window_s / log.run.step_s), 1), len(log.torque_N_m)
-    ratio = ratio_of(mechanism, log.run.start_rad)
+    ratio = ratio_of(mechanism, float(log.run.start_rad[0]))
     for first in range(0, total, rows):
         last = total if total - first - rows < LEAST_S / log.run.step_s else first + rows
         yield log.part(slice(first, last), ratio)
@@ -70,7 +70,7 @@ def windows_of(log: JointLog, mechanism: Mechanism, window_s: float = WINDOW_S) 
             return
 
 
-def fit_window(part: JointLog, mechanism: Mechanism, used_s: float, lost_rad: float) -> Window:
+def fit_window(part: MotorsLog, mechanism: Mechanism, used_s: float, lost_rad: float) -> Window:
     """Fit a window, from the identified values: from those of the window before, a wrong minimum would be inherited."""
     nothing = Window(name=part.name, used_s=used_s, values={}, covariance=np.zeros((3, 3)))
     start = first_values(mechanism)
@@ -79,13 +79,12 @@ def fit_window(part: JointLog, mechanism: Mechanism, used_s: float, lost_rad: fl
     law = MechanismLaw(mechanism=mechanism, logs=(part,), fixed={})
     try:
         solution = law.fit(start, most=STEPS, tolerance=TOLERANCE)
-        values = {N(name): value for name, value in solution.values.items()}
-        [(torque, _)] = law.errors(values)
+        values = solution.values
+        percent = law.percent(values)
         covariance = covariance_of(law, solution)
     except (SolveError, ParameterError) as error:
         return replace(nothing, why=str(error))
     least = {n: 0.05 * start[n] for n in WATCHED}
-    percent = 100 * float(np.sqrt(np.mean(torque[part.counted] ** 2))) / max(float(np.ptp(part.torque_N_m)), 1e-300)
     if percent > MOST_PERCENT:
         return replace(nothing, percent=percent, why="something else moved the joint")
     places = [list(values).index(n) for n in WATCHED]
@@ -97,7 +96,7 @@ def fit_window(part: JointLog, mechanism: Mechanism, used_s: float, lost_rad: fl
     return replace(nothing, values=watched, covariance=own, percent=percent)
 
 
-def first_values(mechanism: Mechanism) -> dict[JointNumber, float]:
+def first_values(mechanism: Mechanism) -> dict[str, float]:
     """Start of a window's fit: what is watched, and the load, which may change."""
     coulomb = max(N.COULOMB.of(mechanism), 1e-4)
     return {

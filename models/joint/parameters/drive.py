@@ -64,7 +64,7 @@ class JointDrive:
         What the drive makes of commands between their samples; default: a straight line.
     drive_class : DriveClass, optional
         Kind of drive, "hobby servo", "dynamixel", "industrial" or "ideal": lag and delay that are not stated are those
-        of its kind, with a spread that counts in the expected error; default: an ideal drive, which reports then name.
+        of its kind, with a spread that counts in the expected error; default: errors of each kind are stated.
     backlash_rad : float, optional
         Play of the gear, in series with the drum of a loop [rad of the commanded shaft], >= 0: the drum stands, held by
         its tendons, until the motor has crossed it. A pair's tensions keep its gears on one side.

@@ -50,6 +50,6 @@ def test_a_live_reference_is_never_promised_the_optimal_profile(examples):
 def test_errors_that_are_known_are_not_simulated_again(examples, monkeypatch):
     problem = Problem.of(tf.load_scenario(examples / "finger.toml"))
     profiles = {each.name: problem.answer(each) for each in tf.COMPENSATORS if each.name in ("frictionless", "inverse")}
-    known = problem.bands(profiles)
+    known = problem.expect(profiles, "inverse").bands
     monkeypatch.setattr(Plant, "respond", None)
     assert expect_live(problem, profiles).bands == known

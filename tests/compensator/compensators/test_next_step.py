@@ -40,12 +40,15 @@ def expected(system, spreads, added, *, nominal=0.1, **others):
         scores=scores,
         worst=Score(rmse=total, rmse_percent_of_range=total, peak_error=2 * total),
         worst_sample=doubt.samples[-1],
+        expected_rmse=nominal,
+        expected_percent=nominal,
         worst_peak=2 * total,
         amplification=0.0,
         amplified_sample=doubt.samples[-1],
         slack_samples=0,
         low=np.zeros(2),
         high=np.zeros(2),
+        errors=None,
     )
     return expectation_of(doubt, Level.PRESLIDING, {"inverse": band}, **others)
 

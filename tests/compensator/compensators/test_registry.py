@@ -290,7 +290,8 @@ def test_a_folder_that_cannot_be_written_is_known_before_the_work(examples, tmp_
     def work(*_, **__):
         raise AssertionError("the work began")
 
-    for name in ("design.run.design", "compare.run.compare", "experiment.run.experiment", "tables.run.make_tables"):
+    works = ("design.run.design", "compare.run.compare", "experiment.run.experiment", "tables.force.ForceTables.made")
+    for name in works:
         monkeypatch.setattr(f"tendonff.compensator.studies.{name}", work)
     for name in ("export.c_project.export_project", "export.fmu.build_fmu"):
         monkeypatch.setattr(f"tendonff.compensator.{name}", work)

@@ -1,14 +1,16 @@
 """Samples of what is not known, and errors over them."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.compensators.expectation import two_digits, worst_corner
+from tendonff.compensator.compensators.expectation import behind_drives, two_digits
 from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.compensators.profile import Profile
+from tendonff.compensator.compensators.superposition import Superposition
 from tendonff.compensator.compensators.uncertain import Doubt, sample_systems
 from tendonff.compensator.scenario.sampled.sampling import Reference
 from tendonff.models.errors import ParameterError
@@ -176,10 +178,35 @@ def test_the_worst_case_of_numbers_measured_together_is_that_of_95_percent_of_al
     doubt, slopes = Doubt.of(generic, measured), rng.standard_normal((3, 5)) * rng.uniform(0.1, 2, (3, 1))
     together = np.array(measured.correlation.rows)
     ends = [side * together[k] @ slopes for k in range(3) for side in (-1, 1)]
-    corner = np.array(worst_corner(doubt, np.array([np.zeros(5), *ends])))
+    corner = np.array(Superposition.of(doubt, np.array([np.zeros(5), *ends])).worst_corner())
     draws = rng.multivariate_normal(np.zeros(3), together / 1.96**2, size=20_000)
     said = np.linalg.norm(corner @ slopes)
     assert 0.87 < np.mean(np.linalg.norm(draws @ slopes, axis=1) < said) < 0.97
+
+
+@pytest.mark.parametrize(("together", "radius"), [(False, np.sqrt(2 / np.pi)), (True, np.sqrt(2 * np.log(2)) / 1.96)])
+def test_the_expected_error_is_the_median_over_all_draws(generic: Transmission, together: bool, radius: float) -> None:
+    """Of two errors at different times: half of the square lies in that circle, half of a normal distribution."""
+    keys = ("tendon.stiffness_N_per_m", "load.stiffness_N_per_m")
+    known = Uncertainty(
+        spread=tuple(Spread(keys=(key,), half_width=0.1) for key in keys),
+        samples=9,
+        correlation=Correlation(keys=keys, rows=((1.0, 0.0), (0.0, 1.0))) if together else None,
+    )
+    ends = np.array([[0.0, 0.0], [-2.0, 0.0], [2.0, 0.0], [0.0, -2.0], [0.0, 2.0]])
+    found = Superposition.of(Doubt.of(generic, known), ends).median_rmse
+    assert found == pytest.approx(2 * radius / np.sqrt(2), rel=0.04)
+
+
+@pytest.mark.parametrize("goals", [1, 2])
+def test_a_drive_that_is_late_misses_a_ramp_by_its_speed_times_lag_and_delay(generic: Transmission, goals: int) -> None:
+    """Each goal starts at rest: what the one before it did last is no past of it."""
+    doubt, step, speed = Doubt.of(generic, Uncertainty(mu=0.1, samples=3)), 1e-3, 7.0
+    ramp = np.tile(speed * step * np.arange(20_000), goals)
+    band = SimpleNamespace(errors=Superposition.of(doubt, np.zeros((3, len(ramp)))), expected_rmse=0.0)
+    found = behind_drives(doubt, ramp, band, step, goals)
+    assert [each.kind for each in found] == ["industrial", "dynamixel", "hobby servo"]
+    assert [each.worst.rmse for each in found] == pytest.approx([speed * s for s in (0.006, 0.04, 0.085)], rel=3e-3)
 
 
 def test_a_correlation_that_none_can_have_is_refused() -> None:

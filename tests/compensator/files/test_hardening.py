@@ -117,7 +117,7 @@ def packed(path: Path) -> None:
         (".csv.gz", "pandas"),
         (".h5", "h5py"),
         (".mat", "scipy"),
-        (".mf4", "asammdf"),
+        pytest.param(".mf4", "asammdf", marks=pytest.mark.nightly),
         (".npz", "numpy"),
         (".parquet", "pyarrow"),
         (".xlsx", "openpyxl"),

@@ -218,6 +218,7 @@ def write_delayed(path, truth, noise, delay):
     return path
 
 
+@pytest.mark.nightly
 def test_a_delay_of_one_sample_is_seen_in_the_elongation_and_taken_out(nominal, truth, tmp_path):
     """The output hardly shows it, and the relaxing stiffness would be 10 % off."""
     found = identify(nominal, [write_delayed(tmp_path / "a.csv", truth, 0.01, 1)])

@@ -102,6 +102,7 @@ def band(scenario, measured_data):
     return identify(scenario, [folder / "dataset4_harmonic.csv"], [folder / "dataset4_step.csv"])
 
 
+@pytest.mark.nightly
 @pytest.mark.compiler
 def test_a_band_driven_by_its_drum_is_recognised_as_no_transmission(band, scenario):
     assert not band.described
@@ -110,6 +111,7 @@ def test_a_band_driven_by_its_drum_is_recognised_as_no_transmission(band, scenar
     assert band.scenario == scenario
 
 
+@pytest.mark.nightly
 @pytest.mark.compiler
 def test_an_error_that_says_nothing_is_null_in_the_file(band):
     """Friction of the chain runs to a bound here; its covariance is round-off, 1e10 and more."""
@@ -119,6 +121,7 @@ def test_an_error_that_says_nothing_is_null_in_the_file(band):
         assert estimates[name]["interval_95"] is None
 
 
+@pytest.mark.nightly
 @pytest.mark.compiler
 def test_the_ratios_of_the_band_in_gross_sliding_are_reported_for_each_direction(band):
     pull, release = (next(g for g in band.sliding if g.branch is b) for b in (Branch.PULL, Branch.RELEASE))

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import tendonff as tf
-from tendonff.compensator.identification.joint.fitted import observer_text
-from tendonff.compensator.identification.joint.log import read_logs
-from tendonff.compensator.identification.joint.sensor import fit_sensor
-from tendonff.compensator.identification.joint.torque import fit_torque, half_width
+from tendonff.compensator.identification.motors.fitted import observer_text
+from tendonff.compensator.identification.motors.log import read_logs
+from tendonff.compensator.identification.motors.sensor import fit_sensor
+from tendonff.compensator.identification.motors.torque import fit_torque, half_width
 from tendonff.compensator.scenario.driven.joint import parse_joint_scenario
 from tendonff.compensator.scenario.driven.observer_table import ObserverTable
 from tendonff.compensator.scenario.measurement import Measurement

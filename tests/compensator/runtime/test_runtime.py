@@ -18,7 +18,7 @@ from tendonff.compensator.export.host import run_on_host
 from tendonff.compensator.export.joint.text import problem_of
 from tendonff.compensator.runtime.code import tendon_runtime
 from tendonff.compensator.scenario.driven.joint import sample_joint
-from tendonff.compensator.studies.adapt.joint import inverses
+from tendonff.compensator.studies.adapt.loop import inverses
 from tendonff.models.joint.parameters import DrivenJoint
 from tendonff.ocp.adaptation.joint_tuner import JointTuner
 from tendonff.ocp.codegen.precision import Precision

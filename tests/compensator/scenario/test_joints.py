@@ -14,7 +14,7 @@ from tendonff.compensator.scenario.joints import ConstantJoint
 from tendonff.compensator.scenario.sampled.joint_motion import moved, sample_joints
 from tendonff.compensator.scenario.scenario import parse_scenario, scenario_to_toml
 from tendonff.compensator.scenarios import load_scenario
-from tendonff.compensator.studies.tables.run import make_tables
+from tendonff.compensator.studies.tables.force import ForceTables
 
 
 @pytest.fixture
@@ -162,10 +162,10 @@ def test_a_table_of_one_pose_is_that_of_the_path_in_this_pose(examples, tmp_path
     assert run(["table", str(toml), "--pose", "knuckle=0.3", "--out", str(tmp_path / "half")]) == 2  # the other moves
     assert run(["table", str(toml), "--pose", "knuckl=0.3", "--out", str(tmp_path / "wrong")]) == 2
     assert 'did you mean "knuckle"?' in capsys.readouterr().err
-    made = make_tables(load_scenario(toml), pose_rad={"knuckle": 0.3, "middle": -0.2})
-    other = make_tables(load_scenario(toml), pose_rad={"knuckle": -0.5, "middle": -0.3})
+    made = ForceTables.made(load_scenario(toml), pose_rad={"knuckle": 0.3, "middle": -0.2})
+    other = ForceTables.made(load_scenario(toml), pose_rad={"knuckle": -0.5, "middle": -0.3})
     bent = {"knuckle": ConstantJoint(angle_rad=0.3), "middle": ConstantJoint(angle_rad=-0.2)}
-    same = make_tables(replace(load_scenario(toml), joints=bent))
+    same = ForceTables.made(replace(load_scenario(toml), joints=bent))
     force = [t.tables[0].built.table.pull.force_N for t in (made, same, other)]
     np.testing.assert_array_equal(force[0], force[1])
     assert force[0].max() > 1.1 * force[2].max()  # more wrap, more friction

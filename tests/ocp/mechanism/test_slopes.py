@@ -98,7 +98,7 @@ def test_slopes_of_what_a_motor_feels_are_those_of_differences(examples):
     stopped = replace(known.joint, stop_high_rad=0.8, stop_stiffness_N_m_per_rad=20.0)
     known = replace(known, joints=(stopped,))
     motor = 0.45 * (1 - np.cos(2 * np.pi * 2.5 * TIME))
-    run = MotorRun(motor_rad=motor, step_s=STEP_S, start_rad=0.0)
+    run = MotorRun.of_one(motor, STEP_S, 0.0)
     held = 0.2 * np.sin(2 * np.pi * 2.5 * TIME)
 
     def loop(values):
@@ -116,5 +116,5 @@ def test_slopes_of_what_a_motor_feels_are_those_of_differences(examples):
         sides = [respond(each, run, segments=4, refinement=2) for each in (change.above, change.below)]
         for name in ("torque_N_m", "angle_rad"):
             expected = (getattr(sides[0], name) - getattr(sides[1], name)) / change.apart
-            off = np.abs(getattr(slopes, name)[:, k] - expected)
+            off = np.abs(getattr(slopes, name)[..., k] - expected)
             assert np.quantile(off, 0.98) <= 1e-5 * np.abs(expected).max(), (list(LOOP)[k], name)

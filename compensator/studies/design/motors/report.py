@@ -6,7 +6,7 @@ from typing import TypeAlias
 
 from matplotlib.figure import Figure
 
-from tendonff.compensator.compensators.expected import robustness_table
+from tendonff.compensator.compensators.expected import CONTRIBUTIONS, robustness_table
 from tendonff.compensator.feedback.report import CAPTIONS as FEEDBACK_CAPTIONS
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.reporting.colours import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, Style
@@ -29,7 +29,7 @@ _CAPTIONS = {
     "joint": "What was wanted, and the errors of all compensators, on the verifying mechanism.",
     "tension": "Tensions at the far ends under the exact inverse.",
     "motor": "What the motors turn beyond the ratio alone, and the torque that they give.",
-    "contributions": "RMS error of the recommended profile with one parameter at the worse end of its interval.",
+    "contributions": CONTRIBUTIONS,
     "pretension": "Left: lost motion over friction of the drive as the pre-tension rises. Right: the torque from which "
     "a tendon goes slack; the dotted line is the largest of the reference. The dot is this scenario.",
 }
@@ -69,7 +69,7 @@ def _curves(names: Sequence[str], columns: FloatArray) -> dict[str, Curve]:
 def design_report(result: MotorDesign, figures: Mapping[str, Figure], view: Interactive | None = None) -> Report:
     """The page of a design."""
     goal, scale = result.goal, result.goal.unit.factor
-    each = goal.names if goal.is_named else ()
+    each = goal.each
     unit = goal.unit.shown
     errors = Table(
         caption=f"RMS error [{unit}] on the verifying mechanism, {result.verifying}",
@@ -94,7 +94,7 @@ def design_report(result: MotorDesign, figures: Mapping[str, Figure], view: Inte
         result,
         pictures,
         view,
-        first=Section(title=goal.quantity.capitalize() + ("s" if each else ""), blocks=(pictures["joint"], errors)),
+        first=Section(title=goal.title, blocks=(pictures["joint"], errors)),
         robustness=(*_robustness(result), pictures["contributions"]),
         own=(
             *([Section(title="Data sheet", blocks=sheet)] if sheet else []),

@@ -13,13 +13,12 @@ from tendonff.compensator.compensators.motors.task import ASSUMED_SPREAD
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.identification.answer.result import Estimate
-from tendonff.compensator.identification.joint.log import read_logs as read_joint_logs
 from tendonff.compensator.identification.measured.smoothing import adaptive_low_pass, count_of
-from tendonff.compensator.identification.motors.law import MotorsLaw
-from tendonff.compensator.identification.motors.log import read_logs
-from tendonff.compensator.identification.motors.numbers import numbers_of
+from tendonff.compensator.identification.motors.fitted import fitted_text
+from tendonff.compensator.identification.motors.law import MechanismLaw, promises
+from tendonff.compensator.identification.motors.log import read_logs, read_several
+from tendonff.compensator.identification.motors.parameters import OF_TENDONS, Quantity, Role, numbers_of
 from tendonff.compensator.identification.motors.run import (
-    fitted_text,
     identify_motors,
     mechanism_of,
     suggest_motor_routine,
@@ -52,7 +51,7 @@ def log_of(scenario, true, routine, *, coulomb, tension_N, folder, encoder=True,
     rng = np.random.default_rng(5)
     columns = {"time_s": time}
     for k, (each, friction) in enumerate(zip(true.motors, coulomb, strict=True)):
-        torque = held[:, k] + friction * MotorRun(motor_rad=motor[:, k], step_s=STEP_S, start_rad=0.0).way()
+        torque = held[:, k] + friction * MotorRun.of_one(motor[:, k], STEP_S, 0.0).way()[:, 0]
         columns[f"motor_{each.name}_rad"] = np.round(motor[:, k] / COUNT_RAD) * COUNT_RAD
         columns[f"motor_torque_{each.name}_N_m"] = torque + 0.01 * np.ptp(torque) * rng.standard_normal(len(time))
     if encoder:
@@ -156,8 +155,8 @@ def test_what_a_log_does_not_identify_has_the_width_that_a_design_assumes(exampl
     """One number that is identified says nothing of the others: a design would take them as known."""
     asked = load_scenario(examples / example)
     finger, _ = mechanism_of(asked)
-    numbers = [n for n in numbers_of(finger, ["log"], {}) if not n.is_nuisance]
-    kept = [Estimate(name=n.key, value=n.start, why="too little excitation") for n in numbers]
+    numbers = [n for n in numbers_of(finger, []).values() if n.spec.role is Role.CORE]
+    kept = [Estimate(name=n.name, value=n.start, why="too little excitation") for n in numbers]
     first = f"tendons.{finger.tendons[0].name}.friction.mu_dynamic"
     one = [replace(e, interval=(0.99 * e.value, 1.01 * e.value)) if e.name == first else e for e in kept]
     for estimates in (kept, one):
@@ -169,34 +168,31 @@ def test_what_a_log_does_not_identify_has_the_width_that_a_design_assumes(exampl
 
 
 @pytest.mark.parametrize(
-    ("part", "key", "value", "name"),
-    [
-        ("tendon", "relaxing_stiffness_N_per_m", 1.2e4, "stress relaxation"),
-        ("friction", "adhesion_N", 2.0, "load-independent friction"),
-    ],
+    ("effect", "value"),
+    [(Quantity.RELAXING, 0.3), (Quantity.ADHESION, 2.0)],
 )
-def test_an_effect_of_the_tendons_that_the_law_lacks_is_named_and_widens_the_intervals(pair, part, key, value, name):
+def test_an_effect_of_the_tendons_that_the_law_lacks_is_named_and_widens_the_intervals(pair, effect, value):
     """A log of the mechanism itself with that effect; without it nothing is named."""
     _, scenario, _, file = pair
     finger, sampled = mechanism_of(scenario)
-    [log] = read_logs(finger, [file], sampled.angle_rad[0], None)
-    rows = slice(0, len(log.motor_rad) // 3)
-    log = replace(log, **{n: getattr(log, n)[rows] for n in ("motor_rad", "torque_N_m", "joint_rad", "counted")})
-    starts = {(log.name, tendon.name): 5.0 for tendon in finger.tendons}
-    law = MotorsLaw(finger=finger, logs=[log], numbers=numbers_of(finger, [log.name], starts), segments=4)
-    own = {n.key: n.start for n in law.numbers}
+    [log] = read_several(finger, [file], sampled.angle_rad[0], None)
+    log = log.part(slice(0, len(log.torque_N_m) // 3), 0.0)
+    law = MechanismLaw(mechanism=finger, logs=[log], segments=4)
+    own = {
+        n.name: 5.0 if n.of_start else n.start for n in law.numbers.values() if n.spec.role in (Role.CORE, Role.START)
+    }
     noise = 1e-4 * np.random.default_rng(1).standard_normal(log.torque_N_m.shape)
 
     def lacking(more):
-        seen = law.predict(log, {**own, **more})
+        seen = law.respond(log, {**own, **more})
         written = replace(log, torque_N_m=seen.torque_N_m + noise, joint_rad=seen.angle_rad)
         known = replace(law, logs=[written])
-        return {each.name: each for each in known.lacking(known.fit(own, most=2))}
+        return promises(known, known.fit(own, most=2), OF_TENDONS)
 
-    found = lacking({f"tendons.{tendon.name}.{part}.{key}": value for tendon in finger.tendons})
-    assert found[name].gain > 4
-    assert found[name].gain == max(each.gain for each in found.values())
-    assert np.abs(found[name].shift).max() > 0
+    found = lacking({effect: value})
+    assert found[effect].gain > 4
+    assert found[effect].gain == max(each.gain for each in found.values())
+    assert np.abs(found[effect].shift).max() > 0
     assert max(each.gain for each in lacking({}).values()) < 4
 
 
@@ -257,12 +253,11 @@ def test_a_tare_sets_the_torques_of_unloaded_motors_to_zero(examples, tmp_path, 
     columns |= {f"motor_torque{motor}_N_m": 0.03 * (k + 1) + 0.1 * swing for k, motor in enumerate(motors)}
     write_csv(tmp_path / "log.csv", {"time_s": time} | columns)
     if name == "hand_joint":
-        [log] = read_joint_logs(scenario, [tmp_path / "log.csv"], Measurement(tare_s=(0.0, 0.4), skip_s=0.0))
-        torque = log.torque_N_m[:, None]
+        [log] = read_logs(scenario, [tmp_path / "log.csv"], Measurement(tare_s=(0.0, 0.4), skip_s=0.0))
     else:
         finger = mechanism_of(scenario)[0]
-        [log] = read_logs(finger, [tmp_path / "log.csv"], np.zeros(1), None, (0.0, 0.4))
-        torque = log.torque_N_m
+        [log] = read_several(finger, [tmp_path / "log.csv"], np.zeros(1), None, (0.0, 0.4))
+    torque = log.torque_N_m
     assert torque.shape[1] == len(motors)
     assert np.abs(torque[:20]).max() < 2e-3
     assert np.ptp(torque, axis=0) == pytest.approx(0.2, rel=0.1)

@@ -10,7 +10,7 @@ import tendonff as tf
 from tendonff.compensator.cli import run
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.driven.joint import parse_joint_scenario, sample_joint
-from tendonff.compensator.studies.adapt import joint as study
+from tendonff.compensator.studies.adapt import loop as study
 from tendonff.models.parameters.numbers import with_numbers
 from tests.joint_plant import Plant
 

@@ -13,7 +13,7 @@ from tendonff.compensator.export.c_project import export_project
 from tendonff.compensator.scenario.settings import Adaptation
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.adapt.result import Scheme
-from tendonff.compensator.studies.adapt.run import adapt
+from tendonff.compensator.studies.adapt.tension import TensionTrials
 from tendonff.ocp.adaptation.tuner import SelfTuner, SimulatedRig
 from tendonff.ocp.adaptation.tuning import Sensor, Tunable
 from tendonff.ocp.codegen.compiler import find_compiler
@@ -32,14 +32,14 @@ def moving(examples):
 @pytest.mark.nightly
 def test_friction_that_is_off_is_tuned_away_while_joints_move(moving, monkeypatch):
     """On four of the study's plants: 40 masses, another step; the joints go on beyond the reference with it."""
-    from tendonff.compensator.studies.adapt import run
+    from tendonff.compensator.studies.adapt import tension as run
 
     names = ("friction \N{MINUS SIGN}20 %", "friction +20 %", "load +20 %", "friction drifts by +30 % in a minute")
     every = run.variations
     monkeypatch.setattr(
         run, "variations", lambda *given, **named: tuple(v for v in every(*given, **named) if v.name in names)
     )
-    study = adapt(moving)
+    study = TensionTrials.run(moving)
     errors = {case.variation.name: {s: t.settled_percent for s, t in case.traces.items()} for case in study.cases}
     for name in names[:2]:
         assert errors[name][Scheme.FEEDFORWARD] > 5
@@ -170,4 +170,4 @@ def test_without_a_compiler_it_is_said_what_brings_one(moving, monkeypatch):
     monkeypatch.delenv("CC", raising=False)
     monkeypatch.setattr(code, "find_compiler", lambda: None)
     with pytest.raises(CodeError, match=r"self-tuning runs as compiled C only.*ziglang"):
-        adapt(moving)
+        TensionTrials.run(moving)

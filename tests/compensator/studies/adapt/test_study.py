@@ -11,7 +11,7 @@ from without_figures import without_figures
 
 from tendonff.compensator.cli import run
 from tendonff.compensator.studies.adapt.result import Case, Scheme, variations, worst_second
-from tendonff.compensator.studies.adapt.run import _headline, _warnings
+from tendonff.compensator.studies.adapt.tension import _headline, _warnings
 from tendonff.ocp.adaptation.tuning import Sensor
 
 pytestmark = pytest.mark.compiler

@@ -169,12 +169,15 @@ def band(percent):
         scores=(worst,),
         worst=worst,
         worst_sample=nothing,
+        expected_rmse=percent,
+        expected_percent=percent,
         worst_peak=percent,
         amplification=0.0,
         amplified_sample=nothing,
         slack_samples=0,
         low=np.zeros(1),
         high=np.zeros(1),
+        errors=None,
     )
 
 

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.every import problem_of
+from tendonff.compensator.compensators.expectation import two_digits
+from tendonff.compensator.compensators.motors.registry import MOTOR_COMPENSATORS
 from tendonff.compensator.compensators.plant import Plant
-from tendonff.compensator.compensators.uncertain import Doubt
+from tendonff.compensator.compensators.uncertain import UNSTATED, Doubt
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.models.parameters.uncertainty import Spread, Uncertainty
@@ -16,6 +19,7 @@ from tendonff.ocp.tracking.held import improve_samples
 from tests.compensator.studies.design.test_drives import actuated, answer, percent
 from tests.independent_plant import respond
 
+INVERSE = next(each for each in MOTOR_COMPENSATORS if each.name == "inverse")
 pytestmark = pytest.mark.compiler
 
 
@@ -93,20 +97,62 @@ def test_times_that_are_stated_are_not_assumed(examples):
     assert scenario.transmission.actuator.servo.delay_s == pytest.approx(0.0055)
 
 
-def test_a_drive_of_which_nothing_is_stated_is_said_to_be_taken_as_ideal(examples):
-    """A time, a hold or a class states it, and so does the class "ideal", which changes no number."""
+@pytest.mark.parametrize("kind", UNSTATED)
+def test_the_headline_covers_nine_of_ten_drives_where_nothing_is_stated(examples, kind):
+    """Each class is named with its own worst case; one that is stated changes no number of the others."""
     finger = load_scenario(examples / "finger.toml")
+    problem, profile = answer(finger)
+    found = problem.expect({"inverse": profile})
+    said = next(each for each in found.behind if each.kind is kind).worst.rmse_percent_of_range
+    assert f"{two_digits(said)} % ({kind})" in found.headline("inverse", "x")
+    covered, draw = 0, np.random.default_rng(7)
+    for _ in range(10):
+        times = {key: draw.uniform(*ends) for key, ends in ASSUMED_S[kind].items()}
+        real = with_numbers(actuated(finger, **times).transmission, {"mu": draw.uniform(0.9, 1.1)})
+        output = Plant(real, problem.level, 40).respond(profile, problem.reference).output_N
+        covered += percent(output - problem.reference.tension_N, problem.reference) <= 1.001 * said
+    assert covered >= 9
 
-    def said(scenario):
-        problem, profile = answer(replace(scenario, robust=Uncertainty(mu=0.1, samples=3)))
-        found = problem.expect({"inverse": profile})
-        return "ideal drive (assumed; set drive_class)" in found.headline("inverse", "x"), found.best.worst.rmse
 
-    assumed, error = said(finger)
-    assert assumed
-    assert said(actuated(finger, drive_class=DriveClass.IDEAL)) == (False, error)
-    for stated in ({"drive_class": DriveClass.INDUSTRIAL}, {"delay_s": 0.002}, {"command_hold": CommandHold.LATE}):
-        assert not said(actuated(finger, **stated))[0]
+@pytest.mark.parametrize("stated", [{"drive_class": DriveClass.IDEAL}, {"delay_s": 0.002}, {"servo_time_s": 0.0}])
+def test_a_drive_of_which_something_is_stated_is_of_no_other_class(examples, stated):
+    finger = load_scenario(examples / "finger.toml")
+    assert Doubt.of(finger.transmission, finger.robust).drives_not_stated == ("actuator",)
+    doubt = Doubt.of(actuated(finger, **stated).transmission, finger.robust)
+    assert doubt.drives_not_stated == ()
+
+
+def drawn_errors(task, command_rad, stated, draw, times, count=10):
+    """RMS errors of motors of drawn times, friction, stiffness and tension within those that the scenario assumes."""
+    for _ in range(count):
+        numbers = {key: draw.uniform(0.8, 1.2) for key in ("mu", "stiffness")}
+        late = {f"{place}.{key}": draw.uniform(*ends) for place in stated for key, ends in times.items()}
+        output, _ = task._judged(with_numbers(task.scenario.system, numbers | late), command_rad)
+        yield float(np.sqrt(np.mean((output - task.wanted) ** 2)))
+
+
+@pytest.mark.parametrize(
+    "example",
+    ["hand_joint", pytest.param("three_joint_finger", marks=pytest.mark.nightly)],
+)
+@pytest.mark.parametrize("kind", [DriveClass.HOBBY_SERVO, None])
+def test_the_worst_case_of_joints_covers_nine_of_ten_motors(examples, tmp_path, example, kind):
+    """Of a class that is stated, and of the class that the headline names where none is."""
+    text = (examples / f"{example}.toml").read_text(encoding="utf-8")
+    places = problem_of(load_scenario(examples / f"{example}.toml")).doubt.drives_not_stated
+    if kind is not None:
+        own = f'[drive]\ndrive_class = "{kind}"\n'
+        text = text.replace("[drive]\n", own) if "[drive]" in text else f"{text}\n{own}"
+    (tmp_path / "own.toml").write_text(text, encoding="utf-8")
+    task = problem_of(load_scenario(tmp_path / "own.toml"))
+    command = task.answer(INVERSE)
+    found = task.expect({"inverse": command})
+    drawn = kind or DriveClass.DYNAMIXEL
+    said = found.best.worst.rmse if kind else next(b for b in found.behind if b.kind is drawn).worst.rmse
+    assert (kind is None) == bool(found.behind)
+    errors = list(drawn_errors(task, command, places, np.random.default_rng(3), ASSUMED_S[drawn]))
+    assert np.mean(np.array(errors) <= 1.001 * said) >= 0.9
+    assert max(errors) > 0.2 * said
 
 
 def test_motors_of_one_class_lag_alike(examples):
@@ -119,7 +165,7 @@ def test_motors_of_one_class_lag_alike(examples):
     assert lag.keys == tuple(f"motors.{motor.name}.drive.servo_time_s" for motor in motors[:3])
     slow = doubt.samples[doubt.ends(doubt.spreads.index(lag))[1]].system
     assert [motor.drive.servo_time_s for motor in slow.motors] == [0.03, 0.03, 0.03, None]
-    assert not doubt.takes_drive_as_ideal
+    assert doubt.drives_not_stated == ()
 
 
 @pytest.mark.nightly

@@ -4,14 +4,14 @@ import pytest
 
 from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.scenarios import load_scenario
-from tendonff.compensator.studies.explore.motors import MotorExplorer
+from tendonff.compensator.studies.explore.run import Explorer
 
 pytestmark = pytest.mark.compiler
 
 
 @pytest.fixture(scope="module")
 def explorer(examples):
-    return MotorExplorer(load_scenario(examples / "three_joint_finger.toml"))
+    return Explorer(load_scenario(examples / "three_joint_finger.toml"))
 
 
 def start(explorer):
@@ -20,7 +20,7 @@ def start(explorer):
 
 def test_where_the_knobs_start_the_curves_are_those_of_the_scenario(explorer):
     shown = explorer.explore(start(explorer), design_knows=False, curves=explorer.fast)
-    task = FingerTask.of(explorer._task.scenario)
+    task = FingerTask.of(explorer._scenario)
     reached = task.values_of(task.respond(task.finger, task.inversion.motor_rad))
     assert shown.courses["inverse"].score.peak_error == pytest.approx(abs(reached - task.wanted).max())
     assert {"linear", "stretch", "inverse"} <= set(shown.courses)
@@ -39,4 +39,4 @@ def test_a_design_that_knows_other_friction_stays_good_and_the_other_does_not(ex
 def test_what_is_saved_reads_back_as_what_was_explored(explorer, tmp_path):
     values = start(explorer) | {"mu": 1.5, "stiffness": 0.7, "sharing.least_tension_N": 10.0}
     (tmp_path / "explored.toml").write_text(explorer.toml(values), encoding="utf-8")
-    assert load_scenario(tmp_path / "explored.toml").mechanism == explorer._changed(values).finger
+    assert load_scenario(tmp_path / "explored.toml").mechanism == explorer.changed(values).mechanism

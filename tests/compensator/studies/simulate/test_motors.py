@@ -11,6 +11,7 @@ from tendonff.compensator import door
 from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.scenarios import load_scenario
+from tendonff.models.parameters.numbers import with_numbers
 
 pytestmark = pytest.mark.compiler
 
@@ -96,6 +97,20 @@ def test_a_joint_that_no_tendon_drives_moves_by_a_file(files: Path) -> None:
 def test_without_such_a_joint_the_file_is_refused_with_the_table_to_add(files: Path, rig: str) -> None:
     with pytest.raises(InputError, match=r"--joints moves joints that no tendon drives.*add a table \[joints.NAME\]"):
         simulated(files, rig, joints=files / "wrist.csv")
+
+
+def test_a_finger_s_log_has_the_torque_of_its_motors_with_dry_friction(files: Path) -> None:
+    """As identification reads it, and as logs of joints have it."""
+    logs = []
+    for dry in (0.0, 0.02):
+        scenario = tf.load_scenario(files / "finger.toml")
+        numbers = {"motors.m1.drive.coulomb_N_m": dry}
+        rubbing = scenario.with_system(with_numbers(scenario.system, numbers), numbers)
+        door.simulate_file(rubbing, files / "motors.csv", files / "dry.csv", column="motor_NAME_linear_rad")
+        logs.append(pd.read_csv(files / "dry.csv"))
+    way = np.sign(np.gradient(logs[0]["motor_m1_rad"]))
+    assert np.abs(way).sum() > 50
+    assert (logs[1] - logs[0])["motor_torque_m1_N_m"].to_numpy() == pytest.approx(0.02 * way, abs=1e-12)
 
 
 def test_several_motors_need_a_column_each(files: Path) -> None:

@@ -10,9 +10,9 @@ import pytest
 from tendonff.compensator.cli import run
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv, write_text
-from tendonff.compensator.identification.joint.fitted import fitted_text
-from tendonff.compensator.identification.joint.parameters import JointNumber
-from tendonff.compensator.identification.joint.routine import suggest_routine
+from tendonff.compensator.identification.motors.fitted import fitted_text
+from tendonff.compensator.identification.motors.loop_routine import suggest_routine
+from tendonff.compensator.identification.motors.parameters import Quantity
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.experiment.run import experiment
 from tendonff.compensator.studies.watch.chart import DRIFTS, courses_of
@@ -23,7 +23,7 @@ from tendonff.models.errors import ParameterError
 from tests.hand_in_use import ROW_S, HandInUse, known
 from tests.hidden_loop import hidden, scenario
 
-N = JointNumber
+N = Quantity
 WEAK = np.array([[1.0, -0.96, 0.0], [-0.96, 1.0, 0.0], [0.0, 0.0, 0.2]]) * 0.15**2
 """Free strokes: friction and pre-tension by their product alone."""
 

@@ -1,1 +1,0 @@
-"""Identification of a joint between tendons from what its motor feels."""

@@ -1,0 +1,241 @@
+"""Search for the numbers of a mechanism: of a loop with the effects that logs ask for, of several motors at once."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tendonff.compensator.identification.constants import TUNED
+from tendonff.compensator.identification.measured import Array
+from tendonff.compensator.identification.motors.alternatives import (
+    STEPS,
+    WIDER,
+    Alternative,
+    Tried,
+    spanned,
+    with_alternatives,
+)
+from tendonff.compensator.identification.motors.estimates import Found
+from tendonff.compensator.identification.motors.first_look import FirstLook
+from tendonff.compensator.identification.motors.law import FINE_MASSES, MechanismLaw, covariance_of, promises
+from tendonff.compensator.identification.motors.log import MotorsLog
+from tendonff.compensator.identification.motors.parameters import EXTRAS, OF_TENDONS, PARTNERS, Quantity, Role
+from tendonff.compensator.identification.motors.result import DESCRIBED_PERCENT
+from tendonff.models.joint.parameters import Mechanism
+from tendonff.models.joint.parameters.finger import Finger
+from tendonff.ocp.errors import SolveError
+from tendonff.ocp.fits.least_squares import Solution
+
+N = Quantity
+
+STOP_STIFFNESS_N_M_PER_RAD = 100.0
+"""Of a stop that the scenario does not have, before the fit."""
+
+_BY_REVERSALS = (N.MU, N.TENSION, N.STIFFNESS, N.BRISTLE, N.COULOMB, N.GEAR_SLIP)
+"""Numbers that only the slope of the torque at reversals separates, if neither a stop nor an encoder does."""
+
+STEEP_EXPONENT = 1.1
+"""mu theta of a second search where the first one found no slack."""
+
+HOPELESS = 2.0
+"""A law whose error is larger by this factor after its first steps is given up."""
+
+MOST_EXTRAS = 3
+FIRST_STEPS, FINE_STEPS = 5, 4
+"""Evaluations of a start, and on the finer mechanism."""
+
+FINE_PARTS = 2
+"""Steps of the last simulations in one row."""
+
+FIRST_OF_SEVERAL, STEPS_OF_SEVERAL = 8, 12
+"""The same of several motors."""
+
+
+def fit_several(finger: Finger, logs: Sequence[MotorsLog], say: Callable[[str], None]) -> Found:
+    """All numbers of a mechanism whose motors each feel their own."""
+    coarse = MechanismLaw(mechanism=finger, logs=logs)
+    say("whole mechanism")
+    start = {n.name: n.start for n in coarse.numbers.values() if n.spec.role in (Role.CORE, Role.START)}
+    solution = coarse.fit(start, most=FIRST_OF_SEVERAL)
+    say("finer mechanism")
+    law = replace(coarse, segments=FINE_MASSES, refinement=FINE_PARTS)
+    solution = law.fit(solution.values, most=STEPS_OF_SEVERAL)
+    promised = promises(law, solution, OF_TENDONS)
+    lacking = {n: each for n, each in promised.items() if each.gain >= TUNED.worth_a_constant}
+    found = Found(
+        law=law,
+        solution=solution,
+        covariance=covariance_of(law, solution),
+        tried=tuple((n, each.gain, False) for n, each in promised.items()),
+        lacking=tuple(lacking),
+    )
+    shifts = [each.shift / found.reach for each in lacking.values()]
+    wider: Array = sum((np.outer(s, s) for s in shifts), start=found.covariance)
+    return replace(found, covariance=wider)
+
+
+def with_stops(
+    mechanism: Mechanism, looks: Sequence[FirstLook], start_rad: float
+) -> tuple[Mechanism, tuple[Quantity, ...]]:
+    """The mechanism with those stops alone that were touched, and the numbers of these."""
+    ways = {push.way for found in looks for push in found.pushes}
+    joint, stops = mechanism.joint, {"stop_low_rad": -1, "stop_high_rad": 1}
+    start = next((found.start(mechanism, start_rad) for found in looks if found.pushes), {})
+    places = {
+        name: (getattr(joint, name) if getattr(joint, name) is not None else start.get(N(name), float(way)))
+        if way in ways
+        else None
+        for name, way in stops.items()
+    }
+    stiffness = (joint.stop_stiffness_N_m_per_rad or STOP_STIFFNESS_N_M_PER_RAD) if ways else 0.0
+    joint = replace(joint, **places, stop_stiffness_N_m_per_rad=stiffness)  # type: ignore[arg-type]
+    numbers = tuple(N(name) for name, way in stops.items() if way in ways)
+    return replace(mechanism, joints=(joint,)), (*numbers, N.STOP_STIFFNESS) if numbers else ()
+
+
+def fit_loop(
+    mechanism: Mechanism,
+    logs: Sequence[MotorsLog],
+    looks: Sequence[FirstLook],
+    touched: tuple[Quantity, ...],
+    say: Callable[[str], None],
+) -> Found:
+    """The law that explains the logs best."""
+    free = [N.MU, N.TENSION, N.STIFFNESS, N.BRISTLE, N.COULOMB, N.GEAR_SLIP, *touched]
+    if mechanism.joint.gravity_N_m:
+        free.append(N.GRAVITY)
+    kept, note = dict[str, float](), ""
+    if not touched:
+        kept, note = {N.MU: N.MU.of(mechanism)}, "no push against a stop in these files"
+    not_identifiable: tuple[Quantity, ...] = ()
+    if not touched and not any(log.encoders.any() for log in logs):
+        not_identifiable = _BY_REVERSALS
+        note = "neither a push against a stop nor the angle of the joint in these files"
+    law = MechanismLaw(mechanism=mechanism, logs=logs, fixed=kept)
+    say("whole mechanism")
+    if all(log.encoders.all() for log in logs) and (poor := _loaded(law, free, looks)) is not None:
+        return poor
+    some = (N.OFFSET,) if not_identifiable else EXTRAS
+    law, solution, tried = _searched(law, free, looks, some, say)
+    if touched and not _slack(law, solution):  # or the search went astray: other laws bend a push as well
+        steep = [replace(found, exponent=STEEP_EXPONENT) for found in looks]
+        again = _searched(replace(law, as_read=False), free, steep, some, say)
+        law, solution, tried = min((law, solution, tried), again, key=lambda search: search[1].cost)
+    if touched and not _slack(law, solution):
+        note = "the pushes end before a tendon is slack"
+        law = replace(law, fixed={N.MU: N.MU.of(mechanism)}, as_read=False)
+        law, solution, tried = _searched(law, free, looks, some, say)
+    alternatives: dict[Quantity, Alternative] = {}
+    if touched and N.MU not in law.fixed:
+        solution, tried, alternatives = with_alternatives(law, solution, tried, say)
+    say("finer mechanism")
+    fine = replace(law, segments=FINE_MASSES, refinement=FINE_PARTS)
+    before, solution = solution, fine.fit(solution.values, most=FINE_STEPS)
+    covariance = covariance_of(fine, solution)
+    reached = {n: spanned(solution, covariance, [each], before) for n, each in alternatives.items()}
+    return Found(
+        law=fine,
+        solution=solution,
+        covariance=spanned(solution, covariance, list(alternatives.values()), before),
+        tried=tried,
+        kept_because=note,
+        not_identifiable=not_identifiable,
+        alternatives=tuple(
+            n for n, wide in reached.items() if (np.diag(wide) > WIDER**2 * np.diag(covariance))[:3].any()
+        ),
+    )
+
+
+_Search = tuple[MechanismLaw, Solution, Tried]
+
+
+def _searched(
+    law: MechanismLaw,
+    free: Sequence[Quantity],
+    looks: Sequence[FirstLook],
+    some: Sequence[Quantity],
+    say: Callable[[str], None],
+) -> _Search:
+    """The law of a smooth motor or of one that moves in counts, with the effects that the data support."""
+    law, solution = in_counts(law, _from_starts(law, free, looks))
+    solution, tried = _with_extras(law, solution, some, say)
+    return law, solution, tried
+
+
+def in_counts(law: MechanismLaw, solution: Solution) -> tuple[MechanismLaw, Solution]:
+    """The same, or the law of a motor that goes from count to count, where that explains the logs better.
+
+    Such a motor shakes a light joint, and its tendons give friction away wherever it is slow.
+    """
+    if not any(log.run.in_counts for log in law.logs):
+        return law, solution
+    counted = replace(law, as_read=True)
+    try:
+        tried = counted.fit(solution.values, most=FIRST_STEPS)
+        if tried.cost < HOPELESS * solution.cost:
+            tried = counted.fit(tried.values, most=STEPS)
+    except SolveError:
+        return law, solution
+    return (counted, tried) if tried.cost < solution.cost else (law, solution)
+
+
+def _loaded(law: MechanismLaw, free: Sequence[Quantity], looks: Sequence[FirstLook]) -> Found | None:
+    """A fit of the first file alone, where it shows that no mechanism explains the torque; else None."""
+    one = replace(law, logs=law.logs[:1])
+    solution = _from_starts(one, free, looks, most=FIRST_STEPS)
+    if one.percent(solution.values) <= 2 * DESCRIBED_PERCENT:
+        return None
+    return Found(law=law, solution=solution, covariance=np.full((len(solution.values),) * 2, np.inf))
+
+
+def _from_starts(
+    law: MechanismLaw, free: Sequence[Quantity], looks: Sequence[FirstLook], most: int = STEPS
+) -> Solution:
+    """The best fit from the scenario's own values and from those of the first look."""
+    mechanism, start_rad = law.mechanism, float(law.logs[0].run.start_rad[0])
+    own: dict[str, float] = {n: n.of(mechanism) for n in free if n not in law.fixed}
+    if own[N.COULOMB] == 0 and looks:
+        own[N.COULOMB] = 0.1 * looks[0].drive_torque_N_m
+    starts = [own]
+    if looks and isinstance(mechanism, Mechanism):
+        starts.append({**own, **{n: v for n, v in looks[0].start(mechanism, start_rad).items() if n in own}})
+    tried = []
+    for start in starts:
+        try:
+            tried.append(law.fit(start, most=FIRST_STEPS))
+        except SolveError as error:
+            failure = error
+    if not tried:
+        raise SolveError(f"the mechanism cannot follow the log from any start: {failure}")
+    best = min(tried, key=lambda s: s.cost)
+    return law.fit(best.values, most=most)
+
+
+def _slack(law: MechanismLaw, solution: Solution) -> bool:
+    return any(law.respond(log, solution.values).slack for log in law.logs)
+
+
+def _with_extras(
+    law: MechanismLaw, solution: Solution, some: Sequence[Quantity], say: Callable[[str], None]
+) -> tuple[Solution, Tried]:
+    """Take up effects one by one as long as the data support another."""
+    tried: dict[Quantity, tuple[float, bool]] = {}
+    for _ in range(MOST_EXTRAS):
+        extras = [n for n in some if n not in solution.values]
+        if not extras:
+            break
+        blocks = len(np.unique(solution.residuals.blocks))
+        worth = {n: each.gain for n, each in promises(law, solution, extras).items()}
+        tried |= {n: (gain, False) for n, gain in worth.items()}
+        best = max(worth, key=lambda n: worth[n])
+        if worth[best] < TUNED.worth_a_constant:
+            break
+        say(f"with {best.spec.effect}")
+        start = law.fixed.get(best, best.of(law.mechanism))
+        nudged = start - best.spec.step / 2 if start >= best.spec.high else start + best.spec.step / 10
+        partners: dict[str, float] = {n: n.of(law.mechanism) for n in PARTNERS.get(best, ())}
+        more = law.fit({**solution.values, best: nudged, **partners}, most=STEPS)
+        if blocks / 2 * np.log(solution.cost / more.cost) < TUNED.worth_a_constant:
+            break
+        solution, tried[best] = more, (worth[best], True)
+    return solution, tuple((n, gain, taken) for n, (gain, taken) in tried.items())
