@@ -31,7 +31,7 @@ _WIDTHS = (
     0.1,
     0.2,
 )  # half widths of the play to try, over the range of the reference
-_NARROWER = (0.6, 0.3)  # times the width with the best shape: what may do better in the loop
+_NARROWER = (0.4, 0.15)  # times the width with the best shape: what may do better in the loop
 _WIDEST = 0.012  # of the range: in a turn the correction is inverted at once, whatever the error does
 _SHAPED = 0.5  # share of a feedforward's error that the shape of friction must explain to be used
 _DEVIATIONS = 2.0  # times the largest share of an error that the uncertainty has: what may have to be learned

@@ -18,8 +18,9 @@ The measurement is compared with what these, and the own corrections as old as i
     d = e + g u = alpha s + beta + gamma x + Delta dr/dt,
 
 by recursive least squares along strokes, where s is constant. d is free of the own corrections, so that no delay bounds
-how fast it is learned. Delta dr/dt is taken off the error, up to delay_s either way; the rest is corrected before it is
-measured. What remains is for Kp, Ki and Kf, which margins are for.
+how fast it is learned. Delta dr/dt is taken off the error, up to delay_s either way, but for what loads and stiffness
+may give a joint (rate_error_s); that and the rest are corrected before they are measured. What remains is for Kp, Ki
+and Kf, which margins are for.
 """
 
 import math
@@ -75,7 +76,7 @@ MOST_AGE = 1.0
 _AGE_DEVIATION = 0.5  # of Delta before anything is learned, over the delay
 _NOISE = 0.5  # of what the shapes leave, over the scale: samples follow each other closely, and are not independent
 _MEMORY_S = 2.0  # of sliding, which the least squares remember
-_BEFORE_TURNS = 0.99  # of the squared shape
+_SAME_WAY = 0.99  # of the product of both shapes
 _WAITING = 0.1  # share of the integrals' gains while the tendon sticks
 _FAR = 1e30  # a correction that nothing reaches
 
@@ -261,9 +262,12 @@ def feedback_step() -> Law:
 
     # least squares along strokes, where friction stands still
     stroke = _play(s["stroke"], aged, n["stroke_width"])
-    sliding = ca.fabs(aged - stroke) >= 0.9999 * n["stroke_width"]
-    turned = (reference - play) * (aged - aged_play) < _BEFORE_TURNS * n["width"] ** 2  # a younger measurement has too
-    learning = ca.if_else(ca.logic_and(sliding, ca.logic_not(turned)), fresh, 0.0)
+    sliding = ca.fabs(aged - stroke) >= 0.99 * n["stroke_width"]
+    moves = ca.fabs(aged - s["before"]) > 0
+    same_way = (reference - play) * (aged - aged_play) >= _SAME_WAY * n[
+        "width"
+    ] ** 2  # a younger measurement has turned
+    learning = ca.if_else(ca.logic_and(ca.logic_and(sliding, moves), same_way), fresh, 0.0)
     done = n["gain"] * lagged_aged
     rate, done_rate = (aged - s["before"]) / n["sample"], (done - s["done_before"]) / n["sample"]
     level, aged_level = ((at - n["middle"]) * n["per_unit"] for at in (reference, aged))
