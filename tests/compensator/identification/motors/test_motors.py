@@ -175,7 +175,7 @@ def test_an_effect_of_the_tendons_that_the_law_lacks_is_named_and_widens_the_int
     """A log of the mechanism itself with that effect; without it nothing is named."""
     _, scenario, _, file = pair
     finger, sampled = mechanism_of(scenario)
-    [log] = read_several(finger, [file], sampled.angle_rad[0], None)
+    [log] = read_several(finger, [file], sampled.angle_rad[0], Measurement())
     log = log.part(slice(0, len(log.torque_N_m) // 3), 0.0)
     law = MechanismLaw(mechanism=finger, logs=[log], segments=4)
     own = {
@@ -256,7 +256,7 @@ def test_a_tare_sets_the_torques_of_unloaded_motors_to_zero(examples, tmp_path, 
         [log] = read_logs(scenario, [tmp_path / "log.csv"], Measurement(tare_s=(0.0, 0.4), skip_s=0.0))
     else:
         finger = mechanism_of(scenario)[0]
-        [log] = read_several(finger, [tmp_path / "log.csv"], np.zeros(1), None, (0.0, 0.4))
+        [log] = read_several(finger, [tmp_path / "log.csv"], np.zeros(1), Measurement(tare_s=(0.0, 0.4)))
     torque = log.torque_N_m
     assert torque.shape[1] == len(motors)
     assert np.abs(torque[:20]).max() < 2e-3
