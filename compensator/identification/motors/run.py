@@ -196,7 +196,7 @@ def _several(
     doubts = answered_several(finger, (*logs, *judges), scenario.run, scenario.source.name, confirm)
     found = fit_several(finger, logs, say)
     say("intervals")
-    answer = _answer(scenario, finger, found, judges, (*files, *judging))
+    answer = _answer(scenario, found.law.mechanism, found, judges, (*files, *judging))
     return replace(answer, warnings=(*doubts, *answer.warnings))
 
 
