@@ -3,7 +3,8 @@
     python -m benchmarks.crossings [COUNT [FIRST_SEED]]
 
 Each seed draws a rig (a tension behind a force drive or a position servo, the load's position, a loop, a pair, a finger
-of three joints), lag, delay, interval and hold of the commands, resolution and backlash, and what is uncertain. The
+of three joints), in a third of the cases in a cycle, lag, delay, interval and hold of the commands, resolution and
+backlash, and what is uncertain. The
 exact inverse is designed for it; its commands go through a drive written here to the plants of the tests, at the
 scenario's numbers and where the worst case is stated to be. The last column is the stated worst case over the plant's.
 """
@@ -36,6 +37,8 @@ Array = NDArray[np.float64]
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 PARTS = 5
 """Rows of the plants' drives to a row of the command."""
+CYCLES = 4
+"""Periods after which plants are in their steady cycle."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,6 +46,7 @@ class Crossing:
     """A rig behind its drive, and its errors in percent of range."""
 
     rig: str
+    cycle: bool
     drive: str
     nominal_said: float
     nominal_true: float
@@ -65,6 +69,17 @@ def drawn(rng: np.random.Generator, *, resolution: float, backlash: float) -> di
     if backlash and rng.random() < 0.4:
         found["backlash"] = backlash
     return found
+
+
+def cycles(command: Array, cycle: bool) -> Array:
+    """Rows of a command, of a cycle over its periods; into the first it goes from zero."""
+    if not cycle:
+        return command
+    rows = len(command) - 1
+    rise = np.minimum(np.arange(CYCLES * rows + 1) / (0.1 * rows), 1.0)
+    found = np.concatenate([*[command[:-1]] * CYCLES, command[-1:]])
+    risen: Array = found * (rise if command.ndim == 1 else rise[:, None])
+    return risen
 
 
 def behind(servo: Servo, command: Array, step_s: float) -> Array:
@@ -100,7 +115,9 @@ def uncertain(rng: np.random.Generator, drive: dict[str, Any], key: str) -> Unce
     return Uncertainty(mu=0.1, spread=lag, samples=3)
 
 
-def tension(rng: np.random.Generator, kind: str) -> tuple[dict[str, Any], Any, Callable[[Any, Array], Array], Array]:
+def tension(
+    rng: np.random.Generator, kind: str, cycle: bool
+) -> tuple[dict[str, Any], Any, Callable[[Any, Array], Array], Array]:
     """Drive, expectation, plant by system and command, and what is wanted."""
     scenario = load_scenario(EXAMPLES / "finger.toml")
     actuator = scenario.transmission.actuator
@@ -110,9 +127,10 @@ def tension(rng: np.random.Generator, kind: str) -> tuple[dict[str, Any], Any, C
     if position:
         named |= {"drive": Drive.POSITION, "servo_stiffness_N_per_m": 2e5}
     amplitudes = tuple(np.round(rng.uniform((8.0, 2.0), (14.0, 6.0)), 1).tolist())
-    reference: Any = SineReference(
-        initial_tension_N=30.0, amplitudes_N=amplitudes, frequencies_Hz=(0.7, 1.6), duration_s=1.5, fade_in_s=0.3
-    )
+    course: dict[str, Any] = {"frequencies_Hz": (0.7, 1.6), "duration_s": 1.5, "fade_in_s": 0.3}
+    if cycle:
+        course = {"frequencies_Hz": (0.8, 1.6), "duration_s": 1.25, "fade_in_s": 0.0, "periodic": True}
+    reference: Any = SineReference(initial_tension_N=30.0, amplitudes_N=amplitudes, **course)
     if kind == "load's position":
         reference = WaypointReference(
             times_s=(0.0, 0.4, 0.8, 1.2),
@@ -120,6 +138,7 @@ def tension(rng: np.random.Generator, kind: str) -> tuple[dict[str, Any], Any, C
             shape=Shape.SMOOTH,
             quantity=Quantity.POSITION,
             initial_tension_N=30.0,
+            periodic=cycle,
         )
     scenario = replace(
         scenario,
@@ -134,17 +153,20 @@ def tension(rng: np.random.Generator, kind: str) -> tuple[dict[str, Any], Any, C
 
     def plant(system: Any, _command: Array) -> Array:
         assert given is not None
-        answered = behind(system.actuator.servo, given, sampled.step_s)
+        rest = 0.0 if position else 30.0
+        answered = behind(system.actuator.servo, rest + cycles(given - rest, cycle), sampled.step_s)
         time = np.arange(len(answered)) * (sampled.step_s / PARTS)
         seen = independent_plant.respond(system, time, answered, 30.0, masses=16, position=position)
         found: Array = (seen.load_m if sampled.position_m is not None else seen.output_N)[::PARTS]
-        return found
+        return found[-len(given) :]
 
     expectation = problem.expect({"inverse": profile})
     return drive, (expectation, problem.transmission), plant, sampled.wanted
 
 
-def joint(rng: np.random.Generator, kind: str) -> tuple[dict[str, Any], Any, Callable[[Any, Array], Array], Array]:
+def joint(
+    rng: np.random.Generator, kind: str, cycle: bool
+) -> tuple[dict[str, Any], Any, Callable[[Any, Array], Array], Array]:
     """The same of a joint: a loop or a pair."""
     loop = kind == "loop"
     scenario = load_scenario(EXAMPLES / "hand_joint.toml")
@@ -157,23 +179,27 @@ def joint(rng: np.random.Generator, kind: str) -> tuple[dict[str, Any], Any, Cal
     mechanism = scenario.mechanism
     mechanism = replace(mechanism, drive=replace(mechanism.drive, **(ideal | named)))
     scenario = replace(scenario, mechanism=mechanism, robust=uncertain(rng, drive, "drive.servo_time_s"))
+    pulls = JointTask.of(scenario).inversion.tension_N[0]  # at rest, where a cycle too is started from
+    if cycle:
+        scenario = replace(scenario, reference=replace(scenario.reference, periodic=True))
     task = JointTask.of(scenario)
     command = task.answer(compensator_of(task, "inverse"))
     start = float(task.target[0, 0])
-    pulls = task.inversion.tension_N[0]
 
     def plant(system: Any, _command: Array) -> Array:
-        answered = behind(system.drive.servo, command, task.step_s)
+        answered = behind(system.drive.servo, cycles(command, cycle), task.step_s)
         row_s, steps = task.step_s / PARTS, task.step_s / PARTS / 2e-6
         inner = row_s / max(round(steps), 1)
         seen = joint_plant.respond(system, answered, row_s, start, tensions_N=pulls, step_s=inner)
-        return np.asarray(seen.angle_rad[::PARTS])
+        return np.asarray(seen.angle_rad[::PARTS][-len(command) :])
 
     expectation = task.expect({"inverse": command})
     return drive, (expectation, mechanism), plant, task.target[:, 0]
 
 
-def finger(rng: np.random.Generator, _kind: str) -> tuple[dict[str, Any], Any, Callable[[Any, Array], Array], Array]:
+def finger(
+    rng: np.random.Generator, _kind: str, cycle: bool
+) -> tuple[dict[str, Any], Any, Callable[[Any, Array], Array], Array]:
     """The same of three joints on four tendons, one motor each."""
     scenario = load_scenario(EXAMPLES / "three_joint_finger.toml")
     drive = drawn(rng, resolution=0.001, backlash=0.0)
@@ -186,13 +212,20 @@ def finger(rng: np.random.Generator, _kind: str) -> tuple[dict[str, Any], Any, C
     tendons = tuple(replace(t, tendon=replace(t.tendon, **bare)) for t in system.tendons)
     system = replace(system, motors=motors, tendons=tendons)
     scenario = replace(scenario, mechanism=system, robust=Uncertainty(mu=0.1, samples=3))
+    pulls = FingerTask.of(scenario).inversion.tension_N[0]
+    if cycle:
+        whole = {
+            name: replace(each, frequencies_Hz=(round(3 * each.frequencies_Hz[0]) / 3,), fade_in_s=0.0)
+            for name, each in scenario.references.items()
+        }
+        scenario = replace(scenario, periodic=True, references=whole)
     task = FingerTask.of(scenario)
     command = task.answer(compensator_of(task, "inverse"))
-    start, pulls = task.target[0], task.inversion.tension_N[0]
+    start = task.target[0]
 
     def plant(system: Any, _command: Array) -> Array:
         servo: JointDrive = system.motors[0].drive
-        answered = behind(servo.servo, command, task.step_s)
+        answered = behind(servo.servo, cycles(command, cycle), task.step_s)
         by_tendon = [tendon.name for tendon in system.tendons]
         radius = np.zeros((len(system.motors), len(by_tendon)))
         for row, motor in enumerate(system.motors):
@@ -200,7 +233,7 @@ def finger(rng: np.random.Generator, _kind: str) -> tuple[dict[str, Any], Any, C
                 radius[row, by_tendon.index(name)] = winding
         row_s = task.step_s / PARTS
         seen = finger_plant.respond(system.joints, system.tendons, radius, answered, row_s, start, pulls, masses=30)
-        angles = np.vstack([start, seen.angle_rad[PARTS - 1 :: PARTS]])
+        angles = np.vstack([start, seen.angle_rad[PARTS - 1 :: PARTS]])[-len(command) :]
         return np.asarray(angles.T.ravel())
 
     expectation = task.expect({"inverse": command})
@@ -221,7 +254,8 @@ def crossing(seed: int) -> Crossing:
     """Errors of the rig of a seed; the kinds of rigs come in turn."""
     rng = np.random.default_rng(seed)
     kind = list(RIGS)[seed % len(RIGS)]
-    drive, (expectation, nominal), plant, wanted = RIGS[kind](rng, kind)
+    cycle = bool(np.random.default_rng([seed, 1]).random() < 1 / 3)
+    drive, (expectation, nominal), plant, wanted = RIGS[kind](rng, kind, cycle)
     band = expectation.best
     span = band.worst.rmse / (band.worst.rmse_percent_of_range / 100)
 
@@ -232,6 +266,7 @@ def crossing(seed: int) -> Crossing:
     words = ", ".join(f"{key.removesuffix('_s')} {value}" for key, value in drive.items()) or "ideal"
     return Crossing(
         rig=kind,
+        cycle=cycle,
         drive=words,
         nominal_said=band.nominal.rmse_percent_of_range,
         nominal_true=percent(nominal),
@@ -252,7 +287,7 @@ def main() -> None:
             print(f"| {list(RIGS)[seed % len(RIGS)]} | seed {seed}: {error} | | | | | |", flush=True)
             continue
         numbers = (c.nominal_said, c.nominal_true, c.worst_said, c.worst_true, c.worst_said / c.worst_true)
-        print(f"| {c.rig} | {c.drive} | {' | '.join(f'{x:.3g}' for x in numbers)} |", flush=True)
+        print(f"| {c.rig}{', cycle' * c.cycle} | {c.drive} | {' | '.join(f'{x:.3g}' for x in numbers)} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -117,6 +117,16 @@ class Servo:
         """The drive does what is commanded, at once."""
         return self == Servo()
 
+    def is_rough(self, step_s: float) -> bool:
+        """Its output has kinks that are not those of a smooth command: samples, steps of a resolution, or a play."""
+        sampled = self._interval_s(step_s) > step_s * (1 + _SAME) or self.command_hold is CommandHold.HOLD
+        return sampled or self.resolution > 0 or self.play > 0
+
+    def jumps(self, step_s: float) -> bool:
+        """Its output jumps: what is held or comes in steps at every row, and no lag smooths it."""
+        stepped = self.resolution > 0 and self._interval_s(step_s) <= step_s * (1 + _SAME)
+        return self.servo_time_s == 0 and (stepped or self.command_hold is CommandHold.HOLD)
+
     @property
     def turning(self) -> float:
         """Way back from where it went furthest that counts as a reversal, in the unit of the command."""

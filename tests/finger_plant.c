@@ -9,6 +9,7 @@ typedef struct {
     int masses;
     double k1, k2, tau, c, mass, sigma, viscous, p; /* whole tendon */
     double tension;                 /* at the start */
+    double growth, grown;           /* of the stiffness, as a share of k1, from this tension to twice that */
     const double *angle, *mu;       /* masses: wrap angle at zero, coefficient */
     const double *angle_by;         /* joints x masses */
     const double *share, *piece;    /* links, masses: shares of the length */
@@ -22,11 +23,30 @@ typedef struct {
     double inertia, damping, spring, rest, dry, dry_sigma;
 } joint;
 
+/* Tension over elongation of a tendon whose stiffness is k1 at the tension `grown`, a straight line over the tension up to
+ * twice that, and the same beyond; and its elongation at the start. */
+static double of_stretch(const tendon *t, double e)
+{
+    const double low = t->k1 * (1 - t->growth), rate = t->k1 * t->growth / t->grown;
+    double knee;
+    if (t->growth <= 0) {
+        return t->k1 * e;
+    }
+    knee = log(1 + 2 * t->grown * rate / low) / rate;
+    return e < knee ? low / rate * (exp(rate * e) - 1) : 2 * t->grown + (low + 2 * t->grown * rate) * (e - knee);
+}
+
+static double stretch_of_start(const tendon *t)
+{
+    const double low = t->k1 * (1 - t->growth), rate = t->k1 * t->growth / t->grown;
+    return t->growth <= 0 ? t->tension / t->k1 : log(1 + t->tension * rate / low) / rate; /* below the knee */
+}
+
 /* radius: motors x tendons; motor: (rows + 1) x motors, angles of those that are led, torques of the others, whose inertia
  * is motor_inertia; state: joints x 3 and motors x 2. out: rows x (joints + 2 tendons + motors). */
 void finger(
     int joints, const joint *j, int count, tendon *tendons, int motors, const double *radius, const double *motor_inertia,
-    const int *led, double row_s, long rows, int inner, const double *motor, const double *start, double *state, double *out)
+    const int *led, const double *stiff, double row_s, long rows, int inner, const double *motor, const double *start, double *state, double *out)
 {
     const double h = row_s / inner;
     double *q = state, *w = state + joints, *dry = state + 2 * joints, *turn = state + 3 * joints, *spin = turn + motors;
@@ -48,10 +68,10 @@ void finger(
             for (a = 0; a < joints; a++) {
                 share += t->share_by[a * (t->masses + 1) + i] * start[a];
             }
-            at += t->tension / t->k1 * share;
+            at += stretch_of_start(t) * share;
             t->u[i] = at;
             t->v[i] = 0;
-            t->z[i] = t->tension / t->k1 * share;
+            t->z[i] = stretch_of_start(t) * share;
         }
         base[k] = at;
         for (i = 0; i < t->masses; i++) {
@@ -97,7 +117,7 @@ void finger(
                         drift += t->gain[a * (n + 1) + i] * w[a];
                     }
                     e = t->u[i] - t->u[i + 1] + shift;
-                    force = (t->k1 * e + t->k2 * (e - t->z[i]) + t->c * (t->v[i] - t->v[i + 1] + drift)) / share;
+                    force = of_stretch(t, e / share) + (t->k2 * (e - t->z[i]) + t->c * (t->v[i] - t->v[i + 1] + drift)) / share;
                     t->z[i] += h / t->tau * (e - t->z[i]);
                     t->f[i] = force > 0 ? force : 0;
                     for (a = 0; a < joints; a++) {
@@ -138,7 +158,7 @@ void finger(
             for (m = 0; m < motors; m++) {
                 if (!led[m]) {
                     const double from = motor[row * motors + m], to = motor[(row + 1) * motors + m];
-                    spin[m] += h * (from + s * (to - from) - held[m]) / motor_inertia[m];
+                    spin[m] += h * (from + s * (to - from) - stiff[m] * turn[m] - held[m]) / motor_inertia[m];
                     turn[m] += h * spin[m];
                 }
             }

@@ -12,7 +12,7 @@ from tendonff.models.joint.parameters import DrivenJoint, JointTendon
 from tendonff.ocp.codegen.compiler import load_library
 
 Array = NDArray[np.float64]
-_NUMBERS = ("k1", "k2", "tau", "c", "mass", "sigma", "viscous", "p", "tension")
+_NUMBERS = ("k1", "k2", "tau", "c", "mass", "sigma", "viscous", "p", "tension", "growth", "grown")
 _ARRAYS = ("angle", "mu", "angle_by", "share", "piece", "gain", "share_by", "arm")
 _WORK = ("u", "v", "f", "z", "b", "phi")
 
@@ -68,7 +68,7 @@ def _cut(tendon: JointTendon, joints: Sequence[str], masses: int) -> dict[str, A
     }
 
 
-def respond(
+def respond(  # noqa: PLR0913
     joints: Sequence[DrivenJoint],
     tendons: Sequence[JointTendon],
     radius_m: Array,
@@ -78,11 +78,15 @@ def respond(
     tension_N: Array,
     *,
     forced: Array | None = None,
+    stiff: Array | None = None,
+    stiffening: tuple[float, float] = (0.0, 1.0),
     masses: int = 40,
     step_s: float = 2e-6,
 ) -> FingerResponse:
-    """Turn the motors, shape (rows + 1, motors); of those with an inertia in `forced` [kg m2], the torque is given.
+    """Turn the motors, shape (rows + 1, motors); of those with an inertia in `forced` [kg m2], the torque is given, and
+    those in `stiff` hang on a spring [N m/rad] from where they start.
 
+    `stiffening`: share by which every tendon's stiffness grows from its value at a tension [N] to twice that tension.
     `radius_m`, shape (motors, tendons): travel of each tendon per radian of each motor.
     """
     names = [joint.name for joint in joints]
@@ -94,7 +98,7 @@ def respond(
         work = [np.zeros(n + 2) for _ in _WORK]
         numbers = (
             *(t.stiffness_N_per_m, t.relaxing_stiffness_N_per_m, t.relaxation_time_s, t.damping_N_s_per_m, t.mass_kg),
-            *(f.soft_bristle_stiffness_N_per_m, f.viscous_N_s_per_m, f.adhesion_N, float(tension_N[k])),
+            *(f.soft_bristle_stiffness_N_per_m, f.viscous_N_s_per_m, f.adhesion_N, float(tension_N[k]), *stiffening),
         )
         records[k] = _Tendon(n, *numbers, *(each.ctypes.data for each in (*(arrays[a] for a in _ARRAYS), *work)))
         kept += [arrays, work]
@@ -110,11 +114,12 @@ def respond(
     given, radius = np.ascontiguousarray(motor, dtype=float), np.ascontiguousarray(radius_m, dtype=float)
     start, state = np.ascontiguousarray(start_rad, dtype=float), np.zeros(3 * len(joints) + 2 * motors)
     out = np.empty((len(given) - 1, len(joints) + 2 * len(tendons) + motors))
-    at = [ctypes.c_void_p(each.ctypes.data) for each in (rows, radius, inertia, led, given, start, state, out)]
+    spring = np.zeros(motors) if stiff is None else np.asarray(stiff, dtype=float)
+    at = [ctypes.c_void_p(each.ctypes.data) for each in (rows, radius, inertia, led, spring, given, start, state, out)]
     library = load_library((Path(__file__).parent / "finger_plant.c").read_text("utf-8"))
     library.finger(
-        *(ctypes.c_int(len(joints)), at[0], ctypes.c_int(len(tendons)), records, ctypes.c_int(motors), *at[1:4]),
-        *(ctypes.c_double(row_s), ctypes.c_long(len(out)), ctypes.c_int(round(row_s / step_s)), *at[4:]),
+        *(ctypes.c_int(len(joints)), at[0], ctypes.c_int(len(tendons)), records, ctypes.c_int(motors), *at[1:5]),
+        *(ctypes.c_double(row_s), ctypes.c_long(len(out)), ctypes.c_int(round(row_s / step_s)), *at[5:]),
     )
     cuts = np.cumsum([len(joints), len(tendons), len(tendons)])
     angle, tension, drum, turned = np.split(out, cuts, axis=1)

@@ -259,7 +259,8 @@ class Problem:
 
     def behind(self, band: ErrorBand) -> tuple[Behind, ...]:
         """Errors of a profile behind drives of each class, where lag and delay are not stated."""
-        return behind_drives(self.doubt, self.reference.wanted, band, self.reference.step_s)
+        reference = self.reference
+        return behind_drives(self.doubt, reference.wanted, band, reference.step_s, periodic=reference.periodic)
 
     @property
     def change(self) -> str:

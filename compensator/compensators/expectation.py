@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from tendonff.compensator.compensators.plant import FINE_SEGMENTS, Plant
+from tendonff.compensator.compensators.plant import FINE_SEGMENTS, SHAKEN_REFINEMENT, Plant
 from tendonff.compensator.compensators.profile import FloatArray, Profile
 from tendonff.compensator.compensators.score import Score, score
 from tendonff.compensator.compensators.superposition import Superposition
@@ -281,18 +281,19 @@ def expectation_of(
 
 
 def behind_drives(
-    doubt: Doubt[Any], wanted: FloatArray, band: ErrorBand, step_s: float, goals: int = 1
+    doubt: Doubt[Any], wanted: FloatArray, band: ErrorBand, step_s: float, goals: int = 1, *, periodic: bool = False
 ) -> tuple[Behind, ...]:
     """Worst errors of a profile, whose band is known, behind drives of each class where lag and delay are not stated.
 
     The output comes later by both, at the corner of the other intervals that is worst then; nothing is simulated. Of
-    several goals `wanted` has one after the other.
+    several goals `wanted` has one after the other. What comes late of a cycle is the end of the one before.
     """
     found, nominal = [], (wanted + band.errors.nominal).reshape(goals, -1)
     rows = np.arange(nominal.shape[1])
     for kind in UNSTATED if doubt.drives_not_stated and math.isfinite(band.expected_rmse) else ():
         instants = rows - doubt.latest_s(kind) / step_s
-        late = (np.array([np.interp(instants, rows, output) for output in nominal]) - nominal).ravel()
+        before = np.mod(instants, rows[-1]) if periodic else instants
+        late = (np.array([np.interp(before, rows, output) for output in nominal]) - nominal).ravel()
         error = band.errors.at(band.errors.worst_corner(late)) + late
         found.append(Behind(kind=kind, worst=score(wanted, wanted + error)))
     return tuple(found)
@@ -311,10 +312,15 @@ def error_bands(
         response = Plant(transmission, level, FINE_SEGMENTS).respond(profile, reference)
         return response.delivered(reference), response.slack is not None
 
+    def shaken(transmission: Transmission, profile: Profile) -> FloatArray:
+        plant = Plant(transmission, level, refinement=SHAKEN_REFINEMENT)
+        return plant.respond(profile, reference).delivered(reference)
+
     def given(profile: Profile) -> bytes:
         return profile.given.tobytes()
 
-    return bands_of(doubt, reference.wanted, profiles, respond, given, known)
+    rough = doubt.system.actuator.servo.is_rough(reference.step_s)
+    return bands_of(doubt, reference.wanted, profiles, respond, given, known, shaken if rough else None)
 
 
 def bands_of(
@@ -324,29 +330,43 @@ def bands_of(
     respond: Callable[[S, P], tuple[FloatArray, bool]],
     given: Callable[[P], bytes],
     known: dict[bytes, ErrorBand],
+    shaken: Callable[[S, P], FloatArray] | None = None,
 ) -> dict[K, ErrorBand]:
     """Errors of profiles over the samples of a doubt; profiles that give the actuator the same are tried once.
 
     `respond` simulates a system under a profile: the output, shape (n,), and whether a tendon went slack. `known` keeps
-    the errors by what is given, for calls to come with the same samples.
+    the errors by what is given, for calls to come with the same samples. `shaken` simulates the nominal system in steps
+    that follow the waves which a rough drive starts in a tendon; what that changes is added to every sample.
     """
     bands = {}
     for name, profile in profiles.items():
         key = given(profile)
         if key not in known:
-            known[key] = _band(doubt, wanted, lambda system, profile=profile: respond(system, profile))  # type: ignore[misc]
+            change = 0.0 if shaken is None else shaken(doubt.system, profile) - respond(doubt.system, profile)[0]
+            if not np.isfinite(change).all():
+                change = 0.0
+            known[key] = _band(doubt, wanted, lambda system, profile=profile: respond(system, profile), change)  # type: ignore[misc]
         bands[name] = known[key]
     return bands
 
 
-def _band(doubt: Doubt[S], wanted: FloatArray, respond: Callable[[S], tuple[FloatArray, bool]]) -> ErrorBand:
+def _band(
+    doubt: Doubt[S],
+    wanted: FloatArray,
+    respond: Callable[[S], tuple[FloatArray, bool]],
+    change: FloatArray | float = 0.0,
+) -> ErrorBand:
+    def changed(system: S) -> tuple[FloatArray, bool]:
+        output, slack = respond(system)
+        return output + change, slack
+
     samples = list(doubt.samples)
-    found = [respond(sample.system) for sample in samples]
+    found = [changed(sample.system) for sample in samples]
     own = len(samples)
     errors = Superposition.of(doubt, np.array([output for output, _ in found]) - wanted)
     if len(doubt.spreads) > 1:
         samples.append(doubt.at(errors.worst_corner()))
-        found.append(respond(samples[-1].system))
+        found.append(changed(samples[-1].system))
     outputs, slack = zip(*found, strict=True)
     scores = [score(wanted, output) for output in outputs]
     worst = max(range(len(scores)), key=lambda k: scores[k].rmse)

@@ -30,6 +30,9 @@ CYCLES = 3
 FINE_REFINEMENT = 10
 """Steps to a row of the profile where a design is verified."""
 
+SHAKEN_REFINEMENT = 20
+"""Steps to a row of the profile that follow what a rough drive starts between tendon and actuator."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Slack:

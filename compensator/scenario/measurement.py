@@ -75,6 +75,8 @@ class Measurement:
         Columns of tensions between the ends, scaled as the input: friction is identified by section.
     tension_angles_rad : tuple of float or None
         Wrap angle from the actuator to each of these columns [rad].
+    channels : tuple of str or None
+        "CHANNEL=COLUMN", columns by the channels' usual names: "motor_flexor_rad=motorPosition[2]".
     guide_stiffness_N_per_m, guide_zero_m : float or None
         Of a driven output (explain = "input"), as `identify` writes them: stiffness of what pulls on the near end
         beside the tendon [N/m], and position at which it does not pull [m].
@@ -114,6 +116,7 @@ class Measurement:
     explain: Explain = Explain.AUTO
     tension_columns: tuple[str, ...] | None = None
     tension_angles_rad: tuple[float, ...] | None = None
+    channels: tuple[str, ...] | None = None
     guide_stiffness_N_per_m: float | None = None
     guide_zero_m: float | None = None
     bristle_spread: float | None = None
@@ -153,8 +156,15 @@ class Measurement:
         require_given("skip_s", self.skip_s, least=0, hint="use 0 to keep every row")
         require_given("cutoff_Hz", self.cutoff_Hz, above=0, hint="leave it out to have it found from the noise")
 
+    @property
+    def named_columns(self) -> dict[str, str]:
+        """`channels` as a mapping."""
+        return {channel: name for channel, _, name in (text.partition("=") for text in self.channels or ())}
+
     def _check_cells(self) -> None:
-        """Every cell between the ends has a place of its own."""
+        """Every cell between the ends has a place of its own, every channel of a motor a column."""
+        if wrong := next((text for text in self.channels or () if not all(text.partition("="))), None):
+            raise ParameterError(f'channels must be CHANNEL=COLUMN, got "{wrong}"; "motor_flexor_rad=position[2]"')
         columns, angles = self.tension_columns or (), self.tension_angles_rad or ()
         if len(columns) != len(angles) or len(set(angles)) < len(angles):
             raise ParameterError(

@@ -11,7 +11,7 @@ import functools
 import math
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace
-from types import UnionType
+from types import NoneType, UnionType
 from typing import Any, TypeVar, get_args, get_type_hints
 
 from tendonff.models.parameters.transmission import Transmission
@@ -121,16 +121,26 @@ def _numbers(kind: type) -> tuple[str, ...]:
 
 def _inner(record: Any) -> dict[str, Any]:
     """Records inside a record, by their place in it: a field, or a field and the name of one of several."""
-    found = {}
-    for field in fields(record):
-        value = getattr(record, field.name)
-        if field.name in _NO_TABLE:
-            continue
-        if is_dataclass(value):
-            found[field.name] = value
-        elif isinstance(value, tuple):
-            found |= {f"{field.name}.{each.name}": each for each in value if hasattr(each, "name")}
+    found = dict[str, Any]()
+    for field in _tables(record.__class__):
+        value = getattr(record, field)
+        if isinstance(value, tuple):
+            found |= {f"{field}.{each.name}": each for each in value if hasattr(each, "name")}
+        elif is_dataclass(value):
+            found[field] = value
     return found
+
+
+@functools.cache
+def _tables(kind: type) -> tuple[str, ...]:
+    """Fields of a record that may hold a record, or several: not those of numbers alone."""
+    plain = {float, int, bool, str, NoneType}
+    hints = {name: hint for name, hint in _hints(kind).items() if name in {f.name for f in fields(kind)}}
+    return tuple(
+        name
+        for name, hint in hints.items()
+        if name not in _NO_TABLE and not set(get_args(hint) if isinstance(hint, UnionType) else (hint,)) <= plain
+    )
 
 
 def _places(system: object, prefix: str = "") -> dict[str, Any]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
+from scipy.linalg import solve_banded
 
 from tendonff.models.cached import cached_property
 from tendonff.models.fidelity import Level
@@ -88,15 +89,13 @@ class MotorRun:
         return functools.lru_cache(maxsize=8)(self._way)
 
     def _way(self, slip_rad: tuple[float, ...]) -> Array:
-        found = np.zeros_like(self.motor_rad)
-        for motor, (angle, slip) in enumerate(zip(self.motor_rad.T, slip_rad, strict=True)):
-            state = 0.0
-            column = [state]
-            for move in (np.diff(angle) / slip).tolist():
-                state = (state + move) / (1 + abs(move))
-                column.append(state)
-            found[:, motor] = column
-        return found
+        columns = []
+        for angle, slip in zip(self.motor_rad.T, slip_rad, strict=True):
+            move = np.diff(angle, prepend=angle[:1]) / slip
+            kept = 1 / (1 + np.abs(move))  # state = kept (state before + move): one lower band
+            bands = np.array([np.ones_like(kept), np.append(-kept[1:], 0.0)])
+            columns.append(solve_banded((1, 0), bands, kept * move))
+        return np.column_stack(columns)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

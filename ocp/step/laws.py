@@ -50,14 +50,12 @@ def twins_of(chain: Chain, *, ways_differ: bool = False) -> dict[str, str]:
 
     Those of the two directions count as different where they may be set apart.
     """
-    known = {name: value for name, value in fields_of(chain.elements.contact).items() if way_of(name)}
-
-    def equal(name: str, other: str) -> bool:
-        apart = ways_differ and way_of(name) != way_of(other)
-        return not apart and np.array_equal(known[name], known[other])
-
-    first = {name: next(other for other in known if equal(name, other)) for name in known}
-    return {name: other for name, other in first.items() if name != other}
+    first, found = dict[tuple[str, bytes], str](), dict[str, str]()
+    for name, value in fields_of(chain.elements.contact).items():
+        if way_of(name):
+            kind = (way_of(name) if ways_differ else "", (np.asarray(value) + 0.0).tobytes())  # 0.0 and -0.0 are alike
+            found[name] = first.setdefault(kind, name)
+    return {name: other for name, other in found.items() if name != other}
 
 
 def _based(names: Sequence[str]) -> tuple[ca.SX, ...]:
@@ -110,7 +108,7 @@ class ElementLaws:
         rate, e_base, *base, ratio, step = known
         e, link = e_base + step * rate, self.link.shortened(ratio)
         states = link.implicit(e, tuple(base), step)
-        return link.unclipped_force(e, rate, states), e, states
+        return link.unclipped_force(e, rate, states) + link.explicit_force(e_base), e, states
 
     def link_start(self) -> Law:
         """A link's unclipped force at zero rate of elongation: one number per link and step."""

@@ -90,3 +90,21 @@ def test_an_ideal_drive_changes_nothing():
 def test_a_bad_time_is_refused_by_name_and_value(bad):
     with pytest.raises(ParameterError, match=f"delay_s must be a finite number >= 0, got {bad}"):
         Servo(delay_s=bad)
+
+
+@pytest.mark.parametrize(
+    ("servo", "rough", "jumps"),
+    [
+        (Servo(servo_time_s=0.01, delay_s=0.003), False, False),
+        (Servo(command_interval_s=0.01), True, False),
+        (Servo(command_interval_s=0.01, resolution=1e-3), True, False),
+        (Servo(command_interval_s=0.01, command_hold=CommandHold.HOLD), True, True),
+        (Servo(command_interval_s=0.01, command_hold=CommandHold.HOLD, servo_time_s=0.01), True, False),
+        (Servo(resolution=1e-3), True, True),
+        (Servo(play=1e-3), True, False),
+    ],
+)
+def test_a_drive_is_rough_behind_samples_and_steps_and_jumps_where_no_lag_smooths_them(
+    servo: Servo, rough: bool, jumps: bool
+) -> None:
+    assert (servo.is_rough(1e-3), servo.jumps(1e-3)) == (rough, jumps)

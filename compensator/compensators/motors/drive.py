@@ -1,17 +1,26 @@
 """Drive between a controller's commands and the drums: the servo of `models.servo`, within the speed of the motor."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from tendonff.compensator.files.reading import FloatArray
+from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.models.joint.parameters import JointDrive
 from tendonff.models.servo import CommandHold
 
 
-def driven(drive: JointDrive, command_rad: FloatArray, step_s: float) -> FloatArray:
-    """Angles of the drums at the commanded shaft, shape (rows, motors), for commands; see `Servo.follow`."""
-    return drive.servo.follow(command_rad, step_s)
+def driven(
+    drive: JointDrive, command_rad: FloatArray, step_s: float, refinement: int = 1, *, periodic: bool = False
+) -> FloatArray:
+    """Angles of the drums at the commanded shaft, shape (rows, motors), for commands; see `Servo.follow`.
+
+    Of a cycle, in the steady one.
+    """
+    if not periodic:
+        return drive.servo.follow(command_rad, step_s, refinement)
+    cycles = np.vstack([command_rad[:-1], command_rad])
+    return drive.servo.follow(cycles, step_s, refinement)[-((len(command_rad) - 1) * refinement + 1) :]
 
 
 def known_by_ratio(drive: JointDrive) -> JointDrive:
@@ -32,3 +41,9 @@ def commanded(drive: JointDrive, motor_rad: FloatArray, step_s: float, *, live: 
     for row in range(1, len(command)):
         limited[row] = limited[row - 1] + np.clip(command[row] - limited[row - 1], -most, most)
     return limited
+
+
+def require_stiff_gears(file: str, drives: Sequence[JointDrive], what: str) -> None:
+    """Refuse drives whose gears give way where that is not followed; InputError with the way out."""
+    if any(drive.gear_stiffness_N_m_per_rad is not None for drive in drives):
+        raise InputError(f"{file}: gear_stiffness_N_m_per_rad is not taken into account by {what}; leave it out")

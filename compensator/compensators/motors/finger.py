@@ -154,6 +154,11 @@ class FingerTask(MotorTask):
         )
 
     @property
+    def is_periodic(self) -> bool:
+        """The reference is one period of a cycle."""
+        return self.scenario.periodic
+
+    @property
     def wanted_rad(self) -> FloatArray:
         """Angles of the joints that have a reference, shape (rows, wanted)."""
         return self.sampled.angle_rad[:, : self.scenario.wanted]
@@ -214,28 +219,27 @@ class FingerTask(MotorTask):
     ) -> MotorResponse:
         """Response of a mechanism behind its drives, of a cycle in its steady state; see `MotorTask.respond`."""
         sampled, step = self.sampled, self.step_s / refinement
-        repeats = 2 if self.scenario.periodic else 1  # the drive, too, is in its steady cycle
-        commands = np.vstack([*[command_rad[:-1]] * (repeats - 1), command_rad])
+        periodic = self.scenario.periodic
         drums = np.column_stack(
             [
-                driven(motor.drive, column[:, None], self.step_s)[-len(command_rad) :, 0]
-                for motor, column in zip(system.motors, commands.T, strict=True)
+                driven(motor.drive, column[:, None], self.step_s, refinement, periodic=periodic)[:, 0]
+                for motor, column in zip(system.motors, command_rad.T, strict=True)
             ]
         )
-        inner = np.arange((len(drums) - 1) * refinement + 1) * step
+        inner = np.arange(len(drums)) * step
 
         def fine(rows: FloatArray) -> FloatArray:
             return np.column_stack([np.interp(inner, sampled.time_s, column) for column in rows.T])
 
         problem = self.problem(system, level, masses)
         known, effort = fine(sampled.motion.angle_rad), fine(self.efforts)
-        if self.scenario.periodic:
-            cycle = steady_response(problem, fine(drums), step, known=known, effort=effort, method=method)
+        if periodic:
+            cycle = steady_response(problem, drums, step, known=known, effort=effort, method=method)
             found = cycle.run
             if not cycle.is_steady and found.status is not MechanismStatus.FAILED:
                 raise SolveError(f"after {cycle.cycles} cycles the joints still change from one to the next")
         else:
-            found = simulate_mechanism(problem, fine(drums), step, known=known, effort=effort, method=method)
+            found = simulate_mechanism(problem, drums, step, known=known, effort=effort, method=method)
         return self._response(found, refinement)
 
     def turned(self, drums_rad: FloatArray, *, parts: int = 1, method: Method = Method.BDF2) -> Turned:

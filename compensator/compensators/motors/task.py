@@ -1,5 +1,6 @@
 """A reference of driven joints and the mechanism that designs know, as compensators and studies see them."""
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, replace
@@ -45,6 +46,9 @@ ASSUMED_SPREAD = 0.2
 
 VERIFYING_MASSES = 40
 """Masses of each tendon of the mechanism that commands are judged on, at least."""
+
+_WAVE_STEP = 0.14
+"""Largest step that follows waves, as an angle of the slowest wave between the ends of a tendon [rad]."""
 
 UNSETTLED = "the cycle still changes"
 """Begin of the message of a run whose last two cycles differ."""
@@ -179,6 +183,11 @@ class MotorTask(ABC):
     def lead(self) -> int:
         """Rows of a homing stroke, which come first."""
         return 0
+
+    @property
+    @abstractmethod
+    def is_periodic(self) -> bool:
+        """The reference is one period of a cycle."""
 
     @property
     @abstractmethod
@@ -351,12 +360,25 @@ class MotorTask(ABC):
 
     def behind(self, band: ErrorBand) -> tuple[Behind, ...]:
         """Errors of commands behind drives of each class, where lag and delay are not stated."""
-        return behind_drives(self.doubt, self.wanted, band, self.step_s, self.target.shape[1])
+        return behind_drives(
+            self.doubt, self.wanted, band, self.step_s, self.target.shape[1], periodic=self.is_periodic
+        )
 
     def bands(self, commands: Mapping[K, FloatArray]) -> dict[K, ErrorBand]:
         """Errors of commands on all mechanisms that may be the real one."""
         given = np.ndarray.tobytes
-        return bands_of(self.doubt, self.wanted, commands, self._judged, given, self._known_bands)
+        jumps = any(drive.servo.jumps(self.step_s) for drive in self.drives)
+        shaken = self._shaken if jumps else None
+        return bands_of(self.doubt, self.wanted, commands, self._judged, given, self._known_bands, shaken)
+
+    def _shaken(self, system: Any, command_rad: FloatArray) -> FloatArray:
+        """Output of commands in steps that follow the waves of the tendons; NaN where it cannot be simulated."""
+        fastest = max(math.pi * math.sqrt(t.tendon.stiffness_N_per_m / t.tendon.mass_kg) for t in system.tendons)
+        refinement = math.ceil(self.step_s * fastest / _WAVE_STEP)
+        try:
+            return self.values_of(self.respond(system, command_rad, refinement=refinement))
+        except (SolveError, ParameterError, InputError):
+            return np.full_like(self.wanted, np.nan)
 
     def _judged(self, system: Any, command_rad: FloatArray) -> tuple[FloatArray, bool]:
         """Output of commands on a mechanism that may be the real one, and whether a tendon went slack."""

@@ -26,7 +26,7 @@ class Reader:
     magic : tuple of bytes
         What its files begin with.
     folder : str
-        File by which a folder of this format is known.
+        Pattern of a file by which a folder of this format is known.
     """
 
     name: str

@@ -12,9 +12,10 @@ from tendonff.compensator.files.formats.reader import Reader
 from tendonff.compensator.files.formats.rosbag import ROSBAG
 from tendonff.compensator.files.formats.spreadsheet import XLS, XLSX
 from tendonff.compensator.files.formats.table import Table
+from tendonff.compensator.files.formats.yarp import YARP
 from tendonff.compensator.files.text import InputError, require_file
 
-READERS: tuple[Reader, ...] = (XLSX, XLS, PARQUET, MATLAB, HDF5, NPZ, MDF4, ROSBAG)
+READERS: tuple[Reader, ...] = (XLSX, XLS, PARQUET, MATLAB, HDF5, NPZ, MDF4, ROSBAG, YARP)
 
 READABLE = "text with a header (separated by commas, semicolons, tabs, bars or blanks; also .gz), " + ", ".join(
     reader.name for reader in READERS
@@ -30,7 +31,7 @@ def reader_of(path: Path) -> Reader | None:
     InputError for a binary file of another kind, with the list of what is read.
     """
     if path.is_dir():
-        found = next((r for r in READERS if r.folder and (path / r.folder).is_file()), None)
+        found = next((r for r in READERS if r.folder and any(path.glob(r.folder))), None)
         if found is None:
             raise InputError(f"{path} is a folder, and no measured file; what can be read: {READABLE}")
         return found

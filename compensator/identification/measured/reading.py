@@ -1,6 +1,6 @@
 """Measured files as they are: columns found, units made SI, rows that cannot be used taken out and reported."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -17,7 +17,7 @@ from tendonff.compensator.files.quantities import (
     unit_of,
     with_unit,
 )
-from tendonff.compensator.files.reading import InputError, nearest_column
+from tendonff.compensator.files.reading import InputError, nearest_column, suggestion
 from tendonff.compensator.files.tables import Table, read_table
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.preparation import slack_rows, switched_on_s
@@ -260,6 +260,12 @@ def _zeroed(name: str, data: dict[str, Array], how: Measurement, findings: Findi
     return {key: (values - offsets.get(key, 0.0)) / gains.get(key, 1.0) for key, values in data.items()}
 
 
+def require_channels(how: Measurement, known: Iterable[str]) -> None:
+    """Refuse columns that were named for channels which a log does not have."""
+    if unknown := next((channel for channel in how.named_columns if channel not in known), None):
+        raise InputError(f'channels: unknown channel "{unknown}"{suggestion(unknown, tuple(known))}')
+
+
 def read_measurement(path: Path, how: Measurement, joints: Sequence[str] = ()) -> RawMeasurement:
     """Read one measured file, tolerant of data issues but never silent about them.
 
@@ -269,6 +275,9 @@ def read_measurement(path: Path, how: Measurement, joints: Sequence[str] = ()) -
     path = Path(path)
     columns = {key: getattr(how, f"{key}_column") or usual.name for key, usual in _USUAL.items()}
     columns |= {f"joint {name}": f"{name}_rad" for name in joints}
+    usual = {q.name: key for key, q in _USUAL.items()} | {f"{name}_rad": f"joint {name}" for name in joints}
+    require_channels(how, usual)
+    columns |= {usual[channel]: name for channel, name in how.named_columns.items()}
     for key, name in columns.items():
         if twin := next((k for k, n in columns.items() if n == name and k != key), None):
             raise InputError(f'"{name}" is named as the column of {key} and of {twin}; each needs its own')

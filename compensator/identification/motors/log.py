@@ -1,6 +1,6 @@
 """Measured files of motors: read, cleaned, evenly sampled, smoothed."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,8 +18,20 @@ from tendonff.compensator.identification.measured.reading import (
     Findings,
     MissingColumnError,
     read_measurement,
+    require_channels,
 )
 from tendonff.compensator.identification.measured.smoothing import adaptive_low_pass, count_of, low_pass_piece, noise_of
+from tendonff.compensator.identification.motors.columns import (
+    TIME,
+    Channel,
+    Column,
+    find,
+    find_time,
+    joint_angle,
+    motor_angle,
+    motor_current,
+    motor_torque,
+)
 from tendonff.compensator.scenario.doubts import UnitDoubt
 from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenario.measurement import Measurement
@@ -129,14 +141,17 @@ def how_to_read(scenario: JointScenario, given: Measurement) -> Measurement:
     constant = given.torque_constant_N_m_per_A or scenario.mechanism.drive.torque_constant_N_m_per_A
     names = {"input_column": TORQUE, "input_position_column": MOTOR, "output_position_column": JOINT}
     changed = {key: name for key, name in names.items() if getattr(given, key) == getattr(usual, key)}
-    return replace(given, **changed, drum_radius_m=1.0, torque_constant_N_m_per_A=constant)  # type: ignore[arg-type]
+    of = {name: key for key, name in (names | {"time_column": usual.time_column}).items()}
+    require_channels(given, of)
+    changed |= {of[channel]: name for channel, name in given.named_columns.items()}
+    return replace(given, **changed, channels=None, drum_radius_m=1.0, torque_constant_N_m_per_A=constant)  # type: ignore[arg-type]
 
 
 def read_logs(scenario: JointScenario, files: Sequence[Path], given: Measurement) -> list[MotorsLog]:
     """Read measured files; InputError where one cannot be used."""
     how = how_to_read(scenario, given)
     start = scenario.reference_start_rad()
-    return [_read(Path(file), how, start) for file in files]
+    return [_read(Path(file), how, start, scenario.mechanism.joint.name) for file in files]
 
 
 def answered_logs(
@@ -151,11 +166,12 @@ def answered_logs(
     return answered(found, scenario.run, confirm, file=scenario.source.name)
 
 
-def _read(file: Path, how: Measurement, start_rad: float) -> MotorsLog:
+def _read(file: Path, how: Measurement, start_rad: float, joint: str) -> MotorsLog:
     motor = (
         f'{file.name}: column "{how.input_position_column}" is missing: the motor angle says where the drum is (choose '
         "one with --input-position-column)"
     )
+    how, notes = _trade(file, how, joint)
     try:
         raw = read_measurement(file, how)
     except MissingColumnError as error:
@@ -163,17 +179,45 @@ def _read(file: Path, how: Measurement, start_rad: float) -> MotorsLog:
             raise InputError(motor) from None
         if error.key != "input" or how.input_column != TORQUE:
             raise
-        if CURRENT not in error.present or how.torque_constant_N_m_per_A is None:
-            raise InputError(_no_torque(file.name, error.present)) from None
-        how = replace(how, input_column=CURRENT)
-        raw = read_measurement(file, how)
+        raise InputError(_no_torque(file.name, error.present)) from None
     if raw.input_m is None:
         raise InputError(motor)
-    if raw.output_m is None and how.output_position_column == JOINT and SIMULATED_JOINT in raw.unread:
-        raw = read_measurement(file, replace(how, output_position_column=SIMULATED_JOINT))
+    raw = replace(raw, findings=(*notes, *raw.findings))
     record = clean(raw, how)
     piece = max(record.pieces, key=lambda p: len(p.time_s))
     return _log(piece, record, start_rad)
+
+
+def _trade(file: Path, how: Measurement, joint: str) -> tuple[Measurement, tuple[Finding, ...]]:
+    """Columns of a loop that are called otherwise, where the user named none, and what they were read as."""
+    table, names = read_table(file, (TORQUE, CURRENT, MOTOR, JOINT, SIMULATED_JOINT), how.columns or ()), ("", joint)
+    constant = how.torque_constant_N_m_per_A
+    found = {
+        "time": None if how.time_column != Measurement().time_column else find_time(table, file),
+        "input_position": None
+        if how.input_position_column != MOTOR
+        else find(table, motor_angle((MOTOR,), names), file),
+        "output_position": None
+        if how.output_position_column != JOINT
+        else find(table, joint_angle((JOINT, SIMULATED_JOINT), names[1:]), file),
+    }
+    if how.input_column == TORQUE:
+        found["input"] = find(table, motor_torque((TORQUE,), names), file)
+        if found["input"] is None and constant is not None:
+            current = find(table, motor_current((CURRENT,), names), file)
+            found["input"] = current and replace(current, factor=current.factor * constant * (how.gear_ratio or 1.0))
+    findings = Findings()
+    for key, column in found.items():
+        if column is None or column.name == getattr(how, f"{key}_column"):
+            continue
+        scale = getattr(how, f"{key}_scale")
+        how = replace(
+            how,
+            **{f"{key}_column": column.name, f"{key}_scale": column.factor if scale == 1 else scale},  # type: ignore[arg-type]
+        )
+        if column.note:
+            findings.note(DataIssue.UNITS, f"{column.note} (--scale overrides)", count=1)
+    return how, tuple(findings)
 
 
 def _no_torque(name: str, present: Sequence[str]) -> str:
@@ -247,21 +291,15 @@ def _turned(motor_rad: Array, back: float) -> int:
     return len(motor_rad) // 5
 
 
-def read_several(
-    finger: Finger,
-    files: Sequence[Path],
-    start_rad: Array,
-    skip_s: float | None,
-    tare_s: tuple[float, float] | None = None,
-) -> list[MotorsLog]:
+def read_several(finger: Finger, files: Sequence[Path], start_rad: Array, how: Measurement) -> list[MotorsLog]:
     """Read measured files; InputError where one cannot be used.
 
-    Torques are set to zero over `tare_s`, from and to after the first row [s], and `skip_s` is left out at the start.
+    Of `how`, what is left out at the start, when torques are zero and columns that the user named are taken.
     """
     names = [Path(file).name for file in files]
     if twice := next((name for name in names if names.count(name) > 1), None):
         raise InputError(f"{twice} is given twice; name each measured file once")
-    return [_read_several(finger, Path(file), start_rad, skip_s or 0.0, tare_s) for file in files]
+    return [_read_several(finger, Path(file), start_rad, how) for file in files]
 
 
 def answered_several(
@@ -282,35 +320,46 @@ def answered_several(
     return answered(found, run, confirm, file=file)
 
 
-def _read_several(
-    finger: Finger, file: Path, start_rad: Array, skip_s: float, tare_s: tuple[float, float] | None
-) -> MotorsLog:
-    motors = [f"motor_{motor.name}_rad" for motor in finger.motors]
-    torques = [(f"motor_torque_{m.name}_N_m", f"motor_current_{m.name}_A") for m in finger.motors]
+def _read_several(finger: Finger, file: Path, start_rad: Array, how: Measurement) -> MotorsLog:
+    names = [motor.name for motor in finger.motors]
     alone = ("joint_rad",) if len(finger.joints) == 1 else ()
-    joints = [(f"joint_{name}_rad", f"{name}_rad", *alone) for name in finger.names]
-    expected = ("time_s", *motors, *(name for pair in (*torques, *joints) for name in pair))
-    table = read_table(file, expected)
-    for name in ("time_s", *motors):
-        if name not in table.columns:
+    angles = [motor_angle((f"motor_{n}_rad",), (n,)) for n in names]
+    torques = [motor_torque((f"motor_torque_{n}_N_m",), (n,)) for n in names]
+    currents = [motor_current((f"motor_current_{n}_A",), (n,)) for n in names]
+    joints = [joint_angle((f"joint_{n}_rad", f"{n}_rad", *alone), (n,)) for n in finger.names]
+    usual = [*TIME.usual, *(n for channel in (*angles, *torques, *currents, *joints) for n in channel.usual)]
+    require_channels(how, usual)
+    named = how.named_columns
+    table = read_table(file, [*usual, *named.values()])
+    columns = [find_time(table, file), *(find(table, channel, file, named) for channel in angles)]
+    for channel, column in zip((TIME, *angles), columns, strict=True):
+        if column is None:
+            name = channel.usual[0]
             near = nearest_column(name, (*table.columns, *table.offered))
             raise InputError(f'{file.name}: column "{name}" is missing{near}; the log needs the angle of each motor')
-    time, _ = table.seconds("time_s")
-    found = [table.numbers(name) for name in motors]
-    felt = [_torque(table, names, motor, file.name) for names, motor in zip(torques, finger.motors, strict=True)]
-    found += felt if tare_s is None else [_tared(values, time, tare_s, file.name) for values in felt]
-    blank = np.full(len(time), np.nan)
-    angles = [next((table.numbers(n) for n in names if n in table.columns), blank) for names in joints]
+    clock, *turned = [column for column in columns if column is not None]
+    time = clock.factor * table.seconds(clock.name)[0]
+    found = [column.of(table) for column in turned]
+    felt = [_torque(table, *of, file, named) for of in zip(torques, currents, finger.motors, strict=True)]
+    found += [
+        x if how.tare_s is None else _tared(x, time, how.tare_s, file.name)
+        for x in (column.of(table) for column in felt)
+    ]
+    seen = [find(table, channel, file, named) for channel in joints]
+    encoders = [np.full(len(time), np.nan) if column is None else column.of(table) for column in seen]
     needed = np.column_stack([time, *found])
     good = np.isfinite(needed).all(axis=1)
     good &= np.concatenate([[True], np.diff(np.maximum.accumulate(np.where(good, time, -np.inf))) > 0])
-    good &= time >= time[good][0] + skip_s if good.any() else good
+    good &= time >= time[good][0] + (how.skip_s or 0.0) if good.any() else good
     findings = Findings()
+    for column in (clock, *turned, *felt, *seen):
+        if column is not None and column.note:
+            findings.note(DataIssue.UNITS, column.note, count=1)
     if (left_out := int((~good).sum())) > 0:
         findings.note(DataIssue.MISSING, "no number, a clock that does not rise, or skipped: left out", count=left_out)
     if good.sum() < LEAST_ROWS:
         raise InputError(f"{file.name}: {good.sum()} usable rows, at least {LEAST_ROWS} are needed; log longer")
-    time, values = time[good], np.column_stack([*found, *angles])[good]
+    time, values = time[good], np.column_stack([*found, *encoders])[good]
     if (gap := float(np.diff(time).max())) > LONGEST_GAP_S:
         at = float(time[int(np.argmax(np.diff(time)))])
         raise InputError(
@@ -333,20 +382,23 @@ def _tared(torque: Array, time: Array, tare_s: tuple[float, float], file: str) -
     return zeroed
 
 
-def _torque(table: Table, names: tuple[str, str], motor: Motor, file: str) -> Array:
-    torque, current = names
-    if torque in table.columns:
-        return table.numbers(torque)
+def _torque(
+    table: Table, torque: Channel, current: Channel, motor: Motor, file: Path, named: Mapping[str, str]
+) -> Column:
+    if (found := find(table, torque, file, named)) is not None:
+        return found
     constant = motor.drive.torque_constant_N_m_per_A
-    if current in table.columns and constant is not None:
-        return constant * table.numbers(current)
-    if current in table.columns:
+    if (found := find(table, current, file, named)) is not None and constant is not None:
+        return replace(found, factor=constant * found.factor)
+    if found is not None:
         raise InputError(
-            f'{file}: {current} needs the torque constant: torque_constant_N_m_per_A in [[motors]] "{motor.name}"'
+            f"{file.name}: {found.name} needs the torque constant: torque_constant_N_m_per_A in [[motors]] "
+            f'"{motor.name}"'
         )
+    name = torque.usual[0]
     raise InputError(
-        f'{file}: column "{torque}" is missing{nearest_column(torque, tuple(table.columns))}; log the torque of each '
-        f"motor, or its current as {current}"
+        f'{file.name}: column "{name}" is missing{nearest_column(name, tuple(table.columns))}; log the torque of each '
+        f"motor, or its current as {current.usual[0]}"
     )
 
 

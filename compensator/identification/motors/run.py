@@ -9,6 +9,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from tendonff.compensator.compensators.every import problem_of
+from tendonff.compensator.compensators.motors.drive import require_stiff_gears
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.motors.estimates import DERIVED, Found, correlation_of, estimates_of
 from tendonff.compensator.identification.motors.first_look import look
@@ -92,6 +93,7 @@ def identify_motors(
     >>> fit = tf.identify(scenario, ["log.csv"])  # doctest: +SKIP
     >>> print(fit.headline)  # doctest: +SKIP
     """
+    require_stiff_gears(scenario.source.name, problem_of(scenario).drives, "identify, whose tendons then are as soft")
     files, judging = tuple(map(Path, data)), tuple(map(Path, validate))
     identified = _loop if is_loop(scenario.mechanism) else _several
     with threadpool_limits(limits=1, user_api="blas"):
@@ -177,10 +179,11 @@ def _several(
 ) -> MotorsIdentification:
     """Several motors, each of which feels its own tendons."""
     given = how or scenario.measurement
-    if replace(given, skip_s=None, tare_s=None) != replace(scenario.measurement, skip_s=None, tare_s=None):
+    taken = {"skip_s": None, "tare_s": None, "channels": None}
+    if replace(given, **taken) != replace(scenario.measurement, **taken):  # type: ignore[arg-type]
         raise InputError(
             f"{scenario.source.name}: of several motors every column has its name (motor_NAME_rad, "
-            "motor_torque_NAME_N_m, joint_NAME_rad) and SI units; of options on the files --skip and --tare are taken"
+            "motor_torque_NAME_N_m, joint_NAME_rad); of options on the files --channel, --skip and --tare go"
         )
     finger, sampled = mechanism_of(scenario)
     for tendon in finger.tendons:
@@ -189,13 +192,11 @@ def _several(
                 f'{scenario.source.name}: mu_dynamic of tendon "{tendon.name}" must be > 0 to begin with, got '
                 f"{tendon.friction.mu_dynamic:g}; 0.15 is a usual value"
             )
-    logs, judges = (
-        read_several(finger, some, sampled.angle_rad[0], given.skip_s, given.tare_s) for some in (files, judging)
-    )
+    logs, judges = (read_several(finger, some, sampled.angle_rad[0], given) for some in (files, judging))
     doubts = answered_several(finger, (*logs, *judges), scenario.run, scenario.source.name, confirm)
     found = fit_several(finger, logs, say)
     say("intervals")
-    answer = _answer(scenario, finger, found, judges, (*files, *judging))
+    answer = _answer(scenario, found.law.mechanism, found, judges, (*files, *judging))
     return replace(answer, warnings=(*doubts, *answer.warnings))
 
 

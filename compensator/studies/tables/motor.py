@@ -178,7 +178,7 @@ def _command(
     return found
 
 
-def motor_columns(scenario: JointScenario) -> list[str]:
+def channels(scenario: JointScenario) -> list[str]:
     """Names of the motors' columns."""
     names = motor_names(scenario.mechanism)
     return ["motor_rad"] if names == ("motor",) else [f"motor_{name}_rad" for name in names]

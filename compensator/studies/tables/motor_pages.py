@@ -17,13 +17,13 @@ from tendonff.compensator.reporting.page import (
     summary_head,
 )
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure
-from tendonff.compensator.studies.tables.motor import MotorTables, motor_columns
+from tendonff.compensator.studies.tables.motor import MotorTables, channels
 from tendonff.compensator.studies.tables.output import Pages
 
 
 def table_columns(result: MotorTables) -> dict[str, list[object]]:
     """The columns of `table.csv`: one row per node."""
-    motors, by_speed = motor_columns(result.scenario), len(result.speeds_rad_per_s) > 1
+    motors, by_speed = channels(result.scenario), len(result.speeds_rad_per_s) > 1
     rows = [
         (float(angle), branch, *((speed,) if by_speed else ()), *motor)
         for branch, every in result.motor_rad.items()
@@ -47,7 +47,7 @@ def summary(result: MotorTables) -> dict[str, object]:
 def table_header(result: MotorTables, prefix: str) -> str:
     """The table as constants of C."""
     guard, joint = f"{prefix.upper()}_JOINT_TABLE", result.scenario.mechanism.joint.name
-    motors, speeds = motor_columns(result.scenario), result.speeds_rad_per_s
+    motors, speeds = channels(result.scenario), result.speeds_rad_per_s
     by_speed = len(speeds) > 1
     shape = f"[{guard}_SPEEDS][{guard}_NODES][{guard}_MOTORS]" if by_speed else f"[{guard}_NODES][{guard}_MOTORS]"
 

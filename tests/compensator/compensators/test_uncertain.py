@@ -209,6 +209,18 @@ def test_a_drive_that_is_late_misses_a_ramp_by_its_speed_times_lag_and_delay(gen
     assert [each.worst.rmse for each in found] == pytest.approx([speed * s for s in (0.006, 0.04, 0.085)], rel=3e-3)
 
 
+def test_what_comes_late_of_a_cycle_is_the_end_of_the_one_before(generic: Transmission) -> None:
+    """A sine that is late by t differs from itself by 2 sin(w t/2) at all times, its first rows included."""
+    doubt, step, rows = Doubt.of(generic, Uncertainty(mu=0.1, samples=3)), 1e-3, 501
+    sine = 3.0 * np.sin(2 * np.pi * np.arange(rows) / (rows - 1))
+    band = SimpleNamespace(errors=Superposition.of(doubt, np.zeros((3, rows))), expected_rmse=0.0)
+    found = [each.worst.rmse for each in behind_drives(doubt, sine, band, step, periodic=True)]
+    wave = 2 * np.pi / (rows - 1) / step
+    assert found == pytest.approx(
+        [3.0 / np.sqrt(2) * 2 * np.sin(wave * late / 2) for late in (0.006, 0.04, 0.085)], rel=2e-3
+    )
+
+
 def test_a_correlation_that_none_can_have_is_refused() -> None:
     with pytest.raises(ParameterError, match="symmetric, with 1 on the diagonal"):
         Correlation(keys=("a", "b", "c"), rows=((1, 0.9, 0.9), (0.9, 1, -0.9), (0.9, -0.9, 1)))

@@ -36,6 +36,7 @@ _OFFSET = (
     "Default: found from slack samples."
 )
 _CELLS = "Column of a tension between the ends, and the wrap angle from the actuator to it"
+_CHANNEL = "Column of a channel by its usual name: motor_flexor_rad=motorPosition[2]"
 _TARE = "Seconds of every file in which the tendon is slack, or no motor loaded: cells and torques are zero there."
 _SKIP = "Leave out the start of every file; default: until the start-up transient has decayed."
 _COLUMNS = "Names of the columns, for a text file without a header"
@@ -72,6 +73,7 @@ def identify(
     output_position_column: Annotated[str | None, _column("output-position", "the far end's position")] = None,
     actuator_force_column: Annotated[str | None, _column("actuator-force", "the actuator's force")] = None,
     tension_column: Annotated[list[str] | None, _several("--tension-column", "NAME=ANGLE_RAD", _CELLS)] = None,
+    channel: Annotated[list[str] | None, _several("--channel", "CHANNEL=COLUMN", _CHANNEL)] = None,
     columns: Annotated[str | None, option("--columns", "A,B,C", _COLUMNS)] = None,
     torque_constant: Annotated[float | None, option("--torque-constant", "N_M_PER_A", _TORQUE_CONSTANT)] = None,
     drum_radius: Annotated[float | None, option("--drum-radius", "M", _DRUM_RADIUS)] = None,
@@ -86,8 +88,9 @@ def identify(
     ] = None,
     static_only: Annotated[bool, typer.Option("--static", help="Fit the quasi-static laws only.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help=_YES)] = False,
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 where no law explains the files.")] = False,
     pdf: PdfOption = False,
-) -> None:
+) -> int:
     """Fit the parameters to measured data.
 
     The data are tensions, and optionally positions, at both ends of the tendon. For a joint between tendons: angle
@@ -103,7 +106,7 @@ def identify(
         with atomic_directory(out) as folder:
             routine = works.function_of("write_suggestion", loaded)(loaded, folder, pdf=pdf)
         say(*routine.lines(out))
-        return
+        return 0
     if not data:
         raise InputError(
             "no measured file given; name at least one with --data, or ask for an excitation with --suggest"
@@ -123,6 +126,7 @@ def identify(
         "drum_radius_m": drum_radius,
         "gear_ratio": gear_ratio,
         "explain": explain,
+        "channels": None if channel is None else tuple(channel),
     }
     works.require_options("identify", loaded, {**names, "tension_columns": tension_column, "tare_s": tare})
 
@@ -131,7 +135,7 @@ def identify(
 
     with atomic_directory(out) as folder:
         if _identify_servo(loaded, out, folder, data, header=header or loaded.measurement.columns or ()):
-            return
+            return 0
         try:
             how = replace(loaded.measurement, **{k: v for k, v in names.items() if v is not None})  # type: ignore[arg-type]
             how = _of_columns(how, "--scale", scale or [], SCALED, "input=9.81 turns kg into N")
@@ -155,6 +159,7 @@ def identify(
             found.write(folder, pdf=pdf)
     warn(*found.warnings)
     say(*found.lines(str(out)))
+    return int(strict and found.status.is_unexplained)
 
 
 def _identify_servo(loaded: "AnyScenario", out: Path, folder: Path, data: list[Path], *, header: Sequence[str]) -> bool:

@@ -41,14 +41,14 @@ def profile_columns(result: MotorDesign) -> dict[str, FloatArray]:
     driven = [joint.name for joint in task.system.joints]
     if goal.is_named:
         columns |= {f"joint_{n}_rad": found.position_rad[:, driven.index(n)] for n in driven if n not in goal.names}
-    columns |= _motor_columns(result)
+    columns |= _channels(result)
     columns |= {f"tension_{t.name}_N": found.tension_N[:, k] for k, t in enumerate(task.system.tendons)}
     if goal.unit.key != "rad":
         columns["angle_rad"] = found.position_rad[:, 0]
     return columns
 
 
-def _motor_columns(result: MotorDesign) -> dict[str, FloatArray]:
+def _channels(result: MotorDesign) -> dict[str, FloatArray]:
     """Motors: of a loop by compensator, of a pair with the exact inverse, of several joints by both."""
     task, profiles, torque = result.task, result.profiles, result.inversion.torque_N_m
     columns: dict[str, FloatArray] = {}
