@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import tendonff as tf
+from benchmarks.crossings import PARTS, behind
 from tendonff.compensator.compensators.every import compensator_of
 from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.compensators.motors.joint import JointTask
@@ -61,6 +62,17 @@ def test_the_motor_of_a_joint_is_ahead_by_what_its_gear_gives(kind: DriveKind, g
     assert said.motor_rad == pytest.approx(unknown)
 
 
+def test_a_joint_behind_a_lag_of_20_ms_is_within_0_05_deg_on_a_plant_of_its_own() -> None:
+    """The drive, too, is written without the package: a trapezoidal rule."""
+    task = joint_of(DriveKind.LOOP, servo_time_s=0.02)
+    command = task.answer(compensator_of(task, "inverse"))
+    drums = behind(task.mechanism.drive.servo, command, task.step_s)
+    row_s, start, pulls = task.step_s / PARTS, float(task.target[0, 0]), task.inversion.tension_N[0]
+    stiff = replace(task.mechanism, drive=replace(task.mechanism.drive, gear_stiffness_N_m_per_rad=GEAR))
+    seen = joint_plant.respond(stiff, drums, row_s, start, tensions_N=pulls, step_s=row_s / 100)
+    assert rms_deg(seen.angle_rad[::PARTS] - task.target[:, 0]) < 0.05
+
+
 def test_the_motors_of_a_finger_are_ahead_by_what_their_gears_give() -> None:
     scenario = tf.load_scenario(EXAMPLES / "three_joint_finger.toml")
     system = scenario.mechanism
@@ -90,6 +102,13 @@ def test_the_motors_of_a_finger_are_ahead_by_what_their_gears_give() -> None:
     assert rms_deg(seen.angle_rad - task.target[1 : rows + 1]) < 0.05
     said = task.respond(task.finger, command, masses=24).output[1 : rows + 1]
     assert rms_deg(said - seen.angle_rad) < 0.05
+
+
+@pytest.mark.parametrize("stiffness", [50.0, 5e4])
+def test_simulations_through_a_gear_undo_its_inverse_however_stiff_it_is(stiffness: float) -> None:
+    task = joint_of(DriveKind.PAIR, stiffness)
+    command = task.answer(compensator_of(task, "inverse"))
+    assert rms_deg(task.respond(task.mechanism, command).output - task.target) < 1e-3
 
 
 @pytest.mark.parametrize("kind", list(DriveKind))
