@@ -288,7 +288,6 @@ LONG = {
     "export of a joint": ("export-c", "hand_joint"),
     "export of a finger": ("export-c", "three_joint_finger"),
     "unit of a finger": ("export-fmu", "three_joint_finger"),
-    "table of a pair": ("table", "instrument_pair"),
 }
 
 

@@ -86,17 +86,17 @@ MUTANTS = {
         "(self->lost != 0) || (stuck != 0)) {",
         "(self->lost != 0)) {",
     ),
-    "a lost reference not noted": ("tff_entry_lose(&self->entry, 1);", ""),
+    "a lost reference not noted": (
+        "tff_lose(&self->output, &self->entry, reference)",
+        "tff_output_hold(&self->output, TFF_INPUT_HELD)",
+    ),
     "missed calls not noted": ("tff_entry_lose(&self->entry, samples);", ""),
     "bad starts taken": (
-        "tension = (tension > TFF_REFERENCE_MAX_N)",
-        "tension = (1) ? tension : (tension > TFF_REFERENCE_MAX_N)",
+        "initial_tension, TFF_REFERENCE_MIN_N, TFF_REFERENCE_MAX_N)",
+        "initial_tension, -1e9, 1e9)",
     ),
-    "bad forces of a start taken": (
-        "(tff_is_within(force, TFF_FORCE_MIN_N",
-        "(1 + tff_is_within(force, TFF_FORCE_MIN_N",
-    ),
-    "bad limits taken": ("if (good != 0) {\n        tff_output_use", "if (good >= 0) {\n        tff_output_use"),
+    "bad forces of a start taken": ("if ((tff_begin_at(", "if ((1 + tff_begin_at("),
+    "limits not taken": ("return tff_output_use(&self->output, given);", "return 0;"),
     "bad estimates restored": ("!= 0) ? good : 0;", ">= 0) ? good : 0;"),
 }
 
