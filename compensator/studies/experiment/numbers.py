@@ -139,7 +139,7 @@ def transient(run: ExperimentRun, done: StatePass) -> Transient | None:
 
 
 def largest_switch(run: ExperimentRun) -> float:
-    """How far any tension leaves its course as a motor changes its mode, in % of the range.
+    """Largest departure of any tension from its course as a motor changes its mode, in % of the range.
 
     One step after the change, from the straight line through the two rows before.
     """
