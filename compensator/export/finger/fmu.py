@@ -2,6 +2,7 @@
 
 from tendonff._version import __version__
 from tendonff.compensator.compensators.motors.finger import FingerTask
+from tendonff.compensator.export.driven.kinds import why_none
 from tendonff.compensator.export.finger.golden import followed_course
 from tendonff.compensator.export.finger.text import finger_module
 from tendonff.compensator.export.kinds import FmiVersion, Kind
@@ -30,9 +31,9 @@ def build_finger_fmu(
 ) -> Fmu:
     """Wrap the exported C of a finger; arguments and errors as of `tendonff.export_fmu`."""
     check_prefix(prefix)
-    if kind is not Kind.INVERSE:
-        raise InputError(f"{scenario.source.name}: no {kind} serves this drive and path; use --kind inverse")
     task = FingerTask.of(scenario, level)
+    if reason := why_none(kind, task):
+        raise InputError(f"{scenario.source.name}: no unit of the kind {kind}: {reason}; use --kind inverse")
     task.check_reach()
     module = finger_module([task], [task.problem(task.finger)], Precision.DOUBLE, prefix)
     [described] = module.context["fingers"]
