@@ -1,5 +1,6 @@
 """Task of one driven joint: its reference, and the engine of its mechanism, which inverts and simulates it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -234,6 +235,22 @@ class JointTask(MotorTask):
         position = np.column_stack([angle, sampled.motion.angle_rad[:, 1:]])
         found = _response(run, output, position, keep)
         return replace(found, message=_settled(run, rows)) if repeats > 1 else found
+
+    @property
+    def without(self) -> Mapping[str, str]:
+        """Modules of exported C that it cannot have; see `MotorTask.without`."""
+        found, sampled, mechanism = dict(super().without), self.sampled, self.mechanism
+        others = sampled.others(mechanism.joint.name)
+        moved = {name for name, angle in others.items() if np.ptp(angle) > 0}
+        if self.scenario.reference.quantity is JointQuantity.TORQUE:
+            found["table"] = "a table over the angle has no room for a torque"
+        elif any(tendon.follows(name) for name in moved for tendon in mechanism.tendons):
+            found["table"] = "no table can hold a path that other joints move"
+        if not self.problem.loop and len(self.motors) > 1:
+            found |= dict.fromkeys(
+                ("plant", "observer"), "one motor of a loop tells where its joint is; those of a pair set tensions too"
+            )
+        return found
 
     @property
     def without_homing(self) -> "JointTask":

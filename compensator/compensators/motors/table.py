@@ -8,7 +8,6 @@ import numpy as np
 from tendonff.compensator.compensators.motors.joint import JointTask
 from tendonff.compensator.compensators.motors.task import MotorTask
 from tendonff.compensator.files.reading import FloatArray, InputError
-from tendonff.compensator.scenario.driven.reference import JointQuantity
 from tendonff.models.errors import require
 from tendonff.models.joint.quasi_static import directions, static_motor_rad
 
@@ -60,17 +59,6 @@ class JointTable:
         return found
 
 
-def table_refusal(task: JointTask) -> str:
-    """Why no table over the angle can serve a joint; empty where one can."""
-    sampled, mechanism = task.sampled, task.mechanism
-    if task.scenario.reference.quantity is JointQuantity.TORQUE:
-        return "a table over the angle has no room for a torque"
-    others = sampled.others(mechanism.joint.name)
-    if any(np.ptp(angle) > 0 for name, angle in others.items() if any(t.follows(name) for t in mechanism.tendons)):
-        return "no table can hold a path that other joints move"
-    return ""
-
-
 def tabulated(
     task: JointTask, bound_rad: float | None = None, angles_rad: Sequence[float] = (), rates: Sequence[float] = ()
 ) -> JointTable:
@@ -84,7 +72,7 @@ def tabulated(
     angles_rad, rates : sequence of float
         Nodes [rad], and speeds by which damping acts [rad/s]; empty for those that are needed, and for slow motion.
     """
-    if reason := table_refusal(task):
+    if reason := task.without.get("table"):
         held = "hold them by --pose, or " if "joints" in reason else ""
         raise InputError(f"{task.scenario.source.name}: {reason}; {held}export the inverse by export-c")
     sampled, mechanism, speeds = task.sampled, task.mechanism, tuple(sorted(rates)) or (0.0,)

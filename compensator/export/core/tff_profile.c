@@ -1,13 +1,4 @@
 /* tff_profile.c: see tff_profile.h. Fixed text; its numbers stand in tff_profile_data.h. */
-#include "tff_profile.h"
-
-typedef struct {
-    uint32_t rows;
-    int32_t motors;
-    int32_t loops; /* 1: after the last row comes the first */
-    const tff_real *command_rad; /* by row, then by motor */
-} tff_profile_record;
-
 #include "tff_profile_data.h"
 
 static void tff_profile_show(tff_profile *self, uint32_t row)
@@ -23,19 +14,22 @@ static void tff_profile_show(tff_profile *self, uint32_t row)
 
 int32_t tff_profile_init(tff_profile *self, int32_t which)
 {
-    const int32_t ready = ((which >= 0) && (which < TFF_PROFILE_NUMBER)) ? 1 : 0;
+    int32_t ready = 0;
     int32_t m;
 
     for (m = 0; m < TFF_PROFILE_MOTORS; m++) {
         self->command_rad[m] = (tff_real)0;
     }
-    self->which = (ready != 0) ? which : -1;
+    self->which = -1;
     self->index = 0u;
-    self->status = (ready != 0) ? TFF_OK : TFF_FAILED;
-    self->seen = self->status;
-    if (ready != 0) {
+    self->status = TFF_FAILED;
+    if ((which >= 0) && (which < TFF_PROFILE_NUMBER)) {
+        ready = 1;
+        self->which = which;
+        self->status = TFF_OK;
         tff_profile_show(self, 0u);
     }
+    self->seen = self->status;
     return ready;
 }
 

@@ -1,17 +1,4 @@
 /* tff_table.c: see tff_table.h. Fixed text; its numbers stand in tff_table_data.h. */
-#include "tff_table.h"
-
-typedef struct {
-    int32_t nodes;        /* on a branch, at equal distances */
-    int32_t motors;
-    tff_real low_rad;     /* angles of the joint: the first node, */
-    tff_real high_rad;    /* the last one, */
-    tff_real nodes_per_rad;
-    tff_real turning_rad; /* and the way back that counts as a reversal */
-    tff_real change_rad;  /* largest change of a command in a sample */
-    const tff_real *branch_rad[3]; /* down, at rest, up: by node, then by motor */
-} tff_table_record;
-
 #include "tff_table_data.h"
 
 /* Motor angle on a branch (-1 down, 0 at rest, 1 up). */
@@ -30,19 +17,16 @@ static tff_real tff_table_at(const tff_table_record *r, int32_t way, int32_t mot
     return below + ((above - below) * (place - (tff_real)node));
 }
 
-static int32_t tff_table_within(tff_real value, tff_real low, tff_real high)
+static int tff_table_within(tff_real value, tff_real low, tff_real high)
 {
     return ((value >= low) && (value <= high)) ? 1 : 0; /* 0 for NaN too */
 }
 
 int32_t tff_table_init(tff_table *self, int32_t which, tff_real angle_rad)
 {
-    int32_t ready = ((which >= 0) && (which < TFF_TABLE_NUMBER)) ? 1 : 0;
+    int32_t ready = 0;
     int32_t m;
 
-    if (ready != 0) {
-        ready = tff_table_within(angle_rad, tff_table_records[which].low_rad, tff_table_records[which].high_rad);
-    }
     for (m = 0; m < TFF_TABLE_MOTORS; m++) {
         self->command_rad[m] = (tff_real)0;
         self->zero_rad[m] = (tff_real)0;
@@ -50,14 +34,19 @@ int32_t tff_table_init(tff_table *self, int32_t which, tff_real angle_rad)
     self->which = -1;
     self->way = 0;
     self->furthest_rad = angle_rad;
-    self->status = (ready != 0) ? TFF_OK : TFF_FAILED;
-    self->seen = self->status;
-    if (ready != 0) {
-        self->which = which;
-        for (m = 0; m < tff_table_records[which].motors; m++) {
-            self->zero_rad[m] = tff_table_at(&tff_table_records[which], 0, m, angle_rad);
+    self->status = TFF_FAILED;
+    if ((which >= 0) && (which < TFF_TABLE_NUMBER)) {
+        const tff_table_record *const r = &tff_table_records[which];
+        if (tff_table_within(angle_rad, r->low_rad, r->high_rad) != 0) {
+            ready = 1;
+            self->which = which;
+            self->status = TFF_OK;
+            for (m = 0; m < r->motors; m++) {
+                self->zero_rad[m] = tff_table_at(r, 0, m, angle_rad);
+            }
         }
     }
+    self->seen = self->status;
     return ready;
 }
 
@@ -85,10 +74,13 @@ uint32_t tff_table_step(tff_table *self, tff_real angle_rad)
         self->status = TFF_FAILED;
     } else {
         const tff_table_record *const r = &tff_table_records[self->which];
-        int32_t m;
         if (tff_table_within(angle_rad, r->low_rad, r->high_rad) == 0) {
-            self->status = (tff_table_within(angle_rad, (tff_real)-1e30, (tff_real)1e30) != 0) ? TFF_RANGE : TFF_INPUT_HELD;
+            self->status = TFF_INPUT_HELD;
+            if (tff_table_within(angle_rad, (tff_real)-1e30, (tff_real)1e30) != 0) {
+                self->status = TFF_RANGE;
+            }
         } else {
+            int32_t m;
             tff_table_turn(self, r->turning_rad, angle_rad);
             for (m = 0; m < r->motors; m++) {
                 const tff_real wanted = tff_table_at(r, self->way, m, angle_rad) - self->zero_rad[m];

@@ -81,10 +81,10 @@ class Content:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Module:
-    """A module whose output is a command of every motor.
+    """A module whose output is a command of every motor; `MotorTask.without` says who has none.
 
     Header, test, README, build files and the unit for co-simulation are made from this record; the fixed text of its
-    functions is `core/tff_NAME.c`.
+    functions is `core/tff_NAME.c`, that of its record `core/tff_NAME_record.h`.
 
     Attributes
     ----------
@@ -96,8 +96,6 @@ class Module:
     inputs : tuple of Port
     state : tuple of str
         Private members of its state in C, with {prefix} and {guard}.
-    refusal : callable
-        Physical reason why a joint or finger has none; empty where it has one.
     build : callable
         Its content for a joint or finger; arrays go into the constant data.
     """
@@ -107,7 +105,6 @@ class Module:
     about: tuple[str, ...]
     inputs: tuple[Port, ...] = ()
     state: tuple[str, ...]
-    refusal: Callable[[MotorTask], str]
     build: Callable[[Designed, ConstantData], Content]
 
     @property

@@ -16,7 +16,7 @@ from tendonff.ocp.codegen.templates import environment
 from tendonff.ocp.joint.target import ConstantData
 
 MODULES: tuple[Module, ...] = (PROFILE, TABLE)
-"""A further module is one entry here, its record, and its fixed text `core/tff_NAME.c`."""
+"""A further module is one entry here, with its record and its fixed text `core/tff_NAME.c`, `core/tff_NAME_record.h`."""
 
 _TEMPLATES = environment("tendonff.compensator.export", "templates/driven")
 
@@ -45,11 +45,11 @@ def modules_beside(
     provenance : str
         Lines of the comment on top.
     """
-    written, kept, refused = dict[str, str](), list[Module](), dict[str, str]()
+    refused = {name: reason for each in designed for name, reason in each.task.without.items()}
+    written, kept = dict[str, str](), list[Module]()
     errors, harmful = dict[str, str](), list[str]()
     for module in MODULES:
-        if reason := next((why for each in designed if (why := module.refusal(each.task))), ""):
-            refused[module.name] = reason
+        if module.name in refused:
             continue
         data = ConstantData(f"{prefix}_{module.name}", precision)
         contents = [module.build(each, data) for each in designed]
@@ -85,7 +85,7 @@ def prefixed(text: str, prefix: str) -> str:
 
 def core_file(name: str, prefix: str) -> str:
     """Fixed text of a module."""
-    return prefixed(files("tendonff.compensator.export").joinpath(f"core/tff_{name}.c").read_text("utf-8"), prefix)
+    return prefixed(files("tendonff.compensator.export").joinpath(f"core/tff_{name}").read_text("utf-8"), prefix)
 
 
 def module_files(
@@ -110,8 +110,8 @@ def module_files(
     head = f"{prefix}_{module.name}"
     return {
         f"{head}.h": _TEMPLATES.get_template("module.h.j2").render(context),
-        f"{head}.c": core_file(module.name, prefix),
-        f"{head}_data.h": top + "\n".join(data.lines) + "\n",
+        f"{head}.c": core_file(f"{module.name}.c", prefix),
+        f"{head}_data.h": f"{top}{core_file(f'{module.name}_record.h', prefix)}\n" + "\n".join(data.lines) + "\n",
         f"{head}_test.c": _TEMPLATES.get_template("module_test.c.j2").render(context),
     }
 

@@ -28,6 +28,5 @@ PROFILE = Module(
         "the first command before.",
     ),
     state=("uint32_t index; /* of the sample that the next step plays */",),
-    refusal=lambda task: "",  # noqa: ARG005
     build=_content,
 )

@@ -1,12 +1,12 @@
 """The quasi-static law of a joint, to be looked up over its angle and the way it turns."""
 
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
 from tendonff.compensator.compensators.motors.joint import JointTask
-from tendonff.compensator.compensators.motors.table import BRANCHES, branch_rad, looked_up, table_refusal, tabulated
-from tendonff.compensator.compensators.motors.task import MotorTask
+from tendonff.compensator.compensators.motors.table import BRANCHES, branch_rad, looked_up, tabulated
 from tendonff.compensator.export.driven.module import SPEED_LIMITED, Content, Designed, Module, Port
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.files.reading import FloatArray
@@ -83,15 +83,8 @@ class LiveTable:
         return command, binds
 
 
-def _refusal(task: MotorTask) -> str:
-    if isinstance(task, JointTask):
-        return table_refusal(task)
-    return "the angle of each motor hangs on all joints and the way of each, and tendons share what they carry"
-
-
 def _content(designed: Designed, data: ConstantData) -> Content:
-    assert isinstance(designed.task, JointTask)  # noqa: S101
-    return table_content(designed.task, data)
+    return table_content(cast(JointTask, designed.task), data)  # others are refused
 
 
 def table_content(task: JointTask, data: ConstantData) -> Content:
@@ -130,6 +123,5 @@ TABLE = Module(
         "{prefix}_real furthest_rad; /* angle that it turned to on its way */",
         "{prefix}_real zero_rad[{guard}_TABLE_MOTORS]; /* motors on the branch at rest at init */",
     ),
-    refusal=_refusal,
     build=_content,
 )

@@ -2,7 +2,6 @@
 
 from tendonff._version import __version__
 from tendonff.compensator.compensators.motors.finger import FingerTask
-from tendonff.compensator.export.driven.kinds import why_none
 from tendonff.compensator.export.finger.golden import followed_course
 from tendonff.compensator.export.finger.text import finger_module
 from tendonff.compensator.export.kinds import FmiVersion, Kind
@@ -32,7 +31,7 @@ def build_finger_fmu(
     """Wrap the exported C of a finger; arguments and errors as of `tendonff.export_fmu`."""
     check_prefix(prefix)
     task = FingerTask.of(scenario, level)
-    if reason := why_none(kind, task):
+    if reason := task.without.get(kind.value):
         raise InputError(f"{scenario.source.name}: no unit of the kind {kind}: {reason}; use --kind inverse")
     task.check_reach()
     module = finger_module([task], [task.problem(task.finger)], Precision.DOUBLE, prefix)

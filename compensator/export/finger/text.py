@@ -83,7 +83,7 @@ def finger_module(
     return FingerModule(
         files={
             f"{prefix}_finger.h": render("finger.h.j2", context),
-            f"{prefix}_finger.c": core_file("finger", prefix),
+            f"{prefix}_finger.c": core_file("finger.c", prefix),
             f"{prefix}_core.h": core_text(prefix),
             f"{prefix}_finger_laws.h": laws,
             f"{prefix}_finger_data.h": data,

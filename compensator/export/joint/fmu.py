@@ -4,7 +4,6 @@ from dataclasses import replace
 
 from tendonff._version import __version__
 from tendonff.compensator.compensators.motors.joint import JointTask
-from tendonff.compensator.export.driven.kinds import why_none
 from tendonff.compensator.export.driven.modules import module_files
 from tendonff.compensator.export.driven.table import TABLE, table_content
 from tendonff.compensator.export.joint.golden import followed_course
@@ -47,7 +46,7 @@ def build_joint_fmu(
     problem = problem_of(scenario, sampled)
     mechanism, name = scenario.mechanism, harmless(scenario.name)
     task = JointTask(scenario=scenario, sampled=sampled, mechanism=mechanism, level=scenario.run.level)
-    if reason := why_none(kind, task):
+    if reason := task.without.get(kind.value):
         raise InputError(f"{scenario.source.name}: no unit of the kind {kind}: {reason}; use --kind inverse")
     looks_up, sources = kind is Kind.TABLE, joint_sources((scenario,), prefix=prefix)
     provenance = f' * Scenario "{name}", hash {scenario.digest()}, level {scenario.run.level}; tendonff {__version__}.'
