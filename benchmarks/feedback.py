@@ -1,8 +1,9 @@
-"""Feedback beside the feedforward on drawn joints, judged on the independent plant: python -m benchmarks.feedback [N].
+"""Feedback beside the feedforward on drawn joints, on the independent plant: python -m benchmarks.feedback [N] [SEED].
 
 Loops and pairs with drawn inertia, damping, friction, tension, stiffness, servo lag and delay; gains are designed for
 +-20 % of friction and stiffness, the plant differs by 20 % in friction, stiffness and tension, each either way. Per
-joint: RMS error of feedforward, feedback and both, peaks, and swing at rest with friction +-50 % and twice the delay.
+joint: RMS error of feedforward, feedback and both, peaks, and swing at rest (without drift) with friction +-50 % and
+twice the delay.
 """
 
 import math
@@ -11,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import detrend
 
 from tendonff.compensator.compensators.motors.joint import JointTask
 from tendonff.compensator.feedback.joint import JointFeedbackTask
@@ -144,9 +146,9 @@ def rms(error: Array) -> float:
     return math.degrees(float(np.sqrt(np.mean(error**2))))
 
 
-def main(count: int) -> None:
+def main(count: int, seed: int) -> None:
     """Print a row a joint and the worst of all."""
-    rng = np.random.default_rng(50)
+    rng = np.random.default_rng(seed)
     rows = []
     for number in range(count):
         scenario = drawn(rng, number)
@@ -162,7 +164,7 @@ def main(count: int) -> None:
         for factor in (0.5, 1.5):
             other = with_numbers(scenario.mechanism, {"mu": factor})
             error = closed(task, other, command, law, 2 * delay, HOLD_S)
-            swings.append(math.degrees(float(np.ptp(error[-round(HOLD_S / 3 / task.feedforward.step_s) :]))))
+            swings.append(math.degrees(float(np.ptp(detrend(error[-round(HOLD_S / 3 / task.feedforward.step_s) :])))))
         rows.append((both / forward, both / back, peaks[2] / peaks[0], max(swings)))
         kind = scenario.mechanism.drive.kind
         print(
@@ -180,4 +182,5 @@ def main(count: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 20)
+    given = [int(value) for value in sys.argv[1:]]
+    main(*given, *(20, 50)[len(given) :])

@@ -128,7 +128,7 @@ def tracking_deg(rig: Rig, fitted: Path) -> dict[str, float]:
     design = design_motors(load_scenario(fitted))
     time, found = design.task.target_time_s, {}
     fine = np.arange(round(time[-1] / ROW_S) + 1) * ROW_S
-    wanted = np.column_stack([np.interp(fine, time, q) for q in np.atleast_2d(design.task.wanted.T)])
+    wanted = np.column_stack([np.interp(fine, time, q) for q in design.task.wanted.reshape(-1, len(time))])
     plant = replace(rig, tension_N=design.profiles["inverse"].tension_N[0])
     for name in ("inverse", "linear"):
         motor = np.column_stack([np.interp(fine, time, x) for x in design.profiles[name].motor_rad.T])

@@ -46,7 +46,7 @@ static double stretch_of_start(const tendon *t)
  * is motor_inertia; state: joints x 3 and motors x 2. out: rows x (joints + 2 tendons + motors). */
 void finger(
     int joints, const joint *j, int count, tendon *tendons, int motors, const double *radius, const double *motor_inertia,
-    const int *led, double row_s, long rows, int inner, const double *motor, const double *start, double *state, double *out)
+    const int *led, const double *stiff, double row_s, long rows, int inner, const double *motor, const double *start, double *state, double *out)
 {
     const double h = row_s / inner;
     double *q = state, *w = state + joints, *dry = state + 2 * joints, *turn = state + 3 * joints, *spin = turn + motors;
@@ -158,7 +158,7 @@ void finger(
             for (m = 0; m < motors; m++) {
                 if (!led[m]) {
                     const double from = motor[row * motors + m], to = motor[(row + 1) * motors + m];
-                    spin[m] += h * (from + s * (to - from) - held[m]) / motor_inertia[m];
+                    spin[m] += h * (from + s * (to - from) - stiff[m] * turn[m] - held[m]) / motor_inertia[m];
                     turn[m] += h * spin[m];
                 }
             }

@@ -78,11 +78,13 @@ def respond(  # noqa: PLR0913
     tension_N: Array,
     *,
     forced: Array | None = None,
+    stiff: Array | None = None,
     stiffening: tuple[float, float] = (0.0, 1.0),
     masses: int = 40,
     step_s: float = 2e-6,
 ) -> FingerResponse:
-    """Turn the motors, shape (rows + 1, motors); of those with an inertia in `forced` [kg m2], the torque is given.
+    """Turn the motors, shape (rows + 1, motors); of those with an inertia in `forced` [kg m2], the torque is given, and
+    those in `stiff` hang on a spring [N m/rad] from where they start.
 
     `stiffening`: share by which every tendon's stiffness grows from its value at a tension [N] to twice that tension.
     `radius_m`, shape (motors, tendons): travel of each tendon per radian of each motor.
@@ -112,11 +114,12 @@ def respond(  # noqa: PLR0913
     given, radius = np.ascontiguousarray(motor, dtype=float), np.ascontiguousarray(radius_m, dtype=float)
     start, state = np.ascontiguousarray(start_rad, dtype=float), np.zeros(3 * len(joints) + 2 * motors)
     out = np.empty((len(given) - 1, len(joints) + 2 * len(tendons) + motors))
-    at = [ctypes.c_void_p(each.ctypes.data) for each in (rows, radius, inertia, led, given, start, state, out)]
+    spring = np.zeros(motors) if stiff is None else np.asarray(stiff, dtype=float)
+    at = [ctypes.c_void_p(each.ctypes.data) for each in (rows, radius, inertia, led, spring, given, start, state, out)]
     library = load_library((Path(__file__).parent / "finger_plant.c").read_text("utf-8"))
     library.finger(
-        *(ctypes.c_int(len(joints)), at[0], ctypes.c_int(len(tendons)), records, ctypes.c_int(motors), *at[1:4]),
-        *(ctypes.c_double(row_s), ctypes.c_long(len(out)), ctypes.c_int(round(row_s / step_s)), *at[4:]),
+        *(ctypes.c_int(len(joints)), at[0], ctypes.c_int(len(tendons)), records, ctypes.c_int(motors), *at[1:5]),
+        *(ctypes.c_double(row_s), ctypes.c_long(len(out)), ctypes.c_int(round(row_s / step_s)), *at[5:]),
     )
     cuts = np.cumsum([len(joints), len(tendons), len(tendons)])
     angle, tension, drum, turned = np.split(out, cuts, axis=1)

@@ -91,15 +91,32 @@ static void slide(tendon *t, int n, double h) /* the masses are u[1] .. u[n] */
     move_masses(n, h, t, t->f, t->to, t->fro, t->s0, t->inverse, t->piece, t->u + 1, t->v + 1, t->b);
 }
 
-/* motor: (rows + 1) * count angles of the drums, contact: rows + 1; out: rows * (2 + 3 count) of q, w, tension at the
+/* Where a drum without inertia stands, behind a gear of a stiffness: its torque and what the tendons take are equal. */
+static double drum_behind(
+    const tendon *t, int first, int last, double gear, double at, double before, double held, const double *stretch, double h)
+{
+    double torque = gear * at + held, slope = gear;
+    int k;
+    for (k = first; k < last; k++) {
+        const double r = t[k].radius, s = t[k].stiff[0];
+        const double e = stretch[k] - t[k].u[1] + t[k].shift[0];
+        const double rest = (t[k].k1 + t[k].k2) * e - t[k].k2 * t[k].z[0] + t[k].c * (t[k].drift[0] - t[k].v[1] - r * before / h);
+        torque -= r * s * rest;
+        slope += r * r * s * (t[k].k1 + t[k].k2 + t[k].c / h);
+    }
+    return torque / slope;
+}
+
+/* gear: stiffness between motors and drums [N m/rad of the drum], 0 for none; loop: one drum. motor: (rows + 1) * count angles of the drums, contact: rows + 1; out: rows * (2 + 3 count) of q, w, tension at the
  * joint, at the drum, least of each tendon. led: the joint's motion or null. state: the joint's angle, speed and dry
  * friction, and whether this goes on from an earlier call with the same tendons. */
 void plant(
-    const joint *j, tendon *tendons, int count, double row_s, long rows, int inner, const double *motor,
-    const double *contact, const double *led, double start, double *state, double *out)
+    const joint *j, tendon *tendons, int count, double gear, int loop, double row_s, long rows, int inner,
+    const double *motor, const double *contact, const double *led, double start, double *state, double *out)
 {
     const double h = row_s / inner;
     double q = state[3] > 0 ? state[0] : start, w = state[1], dry = state[2];
+    double *const drum = state + 4;
     double stretch[2] = { 0, 0 }; /* of the whole tendon at the start: where the drum then stands */
     long row;
     int k, i, step;
@@ -160,6 +177,18 @@ void plant(
                 t->v[0] = t->radius * (m1 - m0) / row_s;
                 t->u[n + 1] = far;
                 t->v[n + 1] = far_v;
+                if (gear > 0) {
+                    const int first = loop ? 0 : k, last = loop ? count : k + 1;
+                    const double before = drum[k];
+                    double held = 0;
+                    int j2;
+                    for (j2 = first; j2 < last; j2++) {
+                        held += tendons[j2].radius * tendons[j2].tension;
+                    }
+                    drum[k] = loop && k > 0 ? drum[0] : drum_behind(tendons, first, last, gear, m0 + s * (m1 - m0), before, held, stretch, h);
+                    t->u[0] = stretch[k] + t->radius * drum[k];
+                    t->v[0] = t->radius * (drum[k] - before) / h;
+                }
                 if (t->moves) {
                     for (i = 0; i <= n; i++) {
                         t->shift[i] = t->gain[i] * (q - start);

@@ -114,7 +114,9 @@ class Plant:
             ]
         )
         self._row_s, self._inner, self._start = row_s, round(row_s / step_s), start_rad
-        self._gear, self._state = mechanism.drive.gear_ratio, np.zeros(4)
+        self._gear, self._state = mechanism.drive.gear_ratio, np.zeros(6)
+        self._stiff = (mechanism.drive.gear_stiffness_N_m_per_rad or 0.0) * self._gear**2
+        self._loop = mechanism.drive.kind == "loop"
         self._library = load_library((Path(__file__).parent / "joint_plant.c").read_text("utf-8"))
 
     def turn(self, motor_rad: Array, contact_N_m: Array | float = 0.0, led_rad: Array | None = None) -> Array:
@@ -130,6 +132,7 @@ class Plant:
         out = np.empty((rows, 2 + 3 * self._count))
         self._library.plant(
             *(pointer(self._numbers.ctypes.data), self._records, ctypes.c_int(self._count)),
+            *(ctypes.c_double(self._stiff), ctypes.c_int(self._loop)),
             *(ctypes.c_double(self._row_s), ctypes.c_long(rows), ctypes.c_int(self._inner)),
             *(pointer(motor.ctypes.data), pointer(contact.ctypes.data)),
             *(pointer(None if led is None else led.ctypes.data), ctypes.c_double(self._start)),

@@ -9,7 +9,7 @@ from tendonff.ocp.codegen.partial_evaluation import PartialEvaluator
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal
 from tendonff.ocp.codegen.templates import environment
-from tendonff.ocp.feedback.law import AGE_STATES, NUMBERS, STATES, FeedbackController, FeedbackLaw, feedback_step
+from tendonff.ocp.feedback.law import LEARNED, NUMBERS, STATES, FeedbackController, FeedbackLaw, feedback_step
 from tendonff.ocp.step.render import law_calls
 
 _TEMPLATES = environment("tendonff.compensator.export", "templates/feedback")
@@ -87,7 +87,7 @@ def feedback_files(
         "started": started,
         "code": folded.code,
         "call": law_calls(f"{prefix}_feedback", {"feedback_step": folded})("feedback_step", given, states, found),
-        "age_state": AGE_STATES[2],
+        "age_state": LEARNED[3],
         "golden": golden,
         "references": numbers([row[0] for row in golden]),
         "measurements": numbers([row[1] for row in golden]),

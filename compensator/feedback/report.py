@@ -41,11 +41,12 @@ def feedback_section(result: FeedbackResult, pictures: Mapping[str, Picture]) ->
         columns=("friction", "delay", f"peak to peak [{unit}]", "hunts"),
         rows=[(c.friction, c.delay, factor * c.swing, c.hunts) for c in result.cycles],
     )
-    note = (
-        "The measurement is compared with the reference as old as itself. Part of the integral turns with the "
-        "reference, as friction does."
-    )
-    if result.design.laws[0].learns_age:
+    note = "The measurement is compared with the reference as old as itself."
+    if any(law.friction_share for law in laws):
+        note += " Part of the integral turns with the reference, as friction does."
+    if any(law.error_scale for law in laws):
+        note += " What friction, loads and stiffness leave is learned along strokes, and turns with the reference."
+    if laws[0].learns_age:
         note += " The age of the measurement is learned on the way, up to twice the stated delay."
     return Section(
         title="Feedback beside the feedforward",

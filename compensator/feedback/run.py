@@ -70,7 +70,7 @@ def tune_feedback(task: FeedbackTask) -> Tuned:
             sensor,
             requirement,
             scored=task.scored,
-            learns_age=coarse[0].quantity is Quantity.POSITION,
+            learns=coarse[0].quantity is Quantity.POSITION,
             scales_with_reference=task.scales_with_reference,
         )
     except ParameterError as error:

@@ -13,7 +13,7 @@ from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters.finger import Motor
 from tendonff.ocp.mechanism.compiled import CompiledMechanism
 from tendonff.ocp.mechanism.problem import rest
-from tendonff.ocp.mechanism.response import motors_of
+from tendonff.ocp.mechanism.response import ahead_of_drums, efforts_of, motors_of
 
 
 class FingerRuntime:
@@ -120,7 +120,8 @@ class FingerRuntime:
             self.status = (RuntimeStatus.FAILED,)
             return
         call.position[0], call.effort[0] = call.position[1], call.effort[1]
-        limited = self._answer.to(motors_of(self._problem, call.travel_m, call.slack_m)[0])
+        drums = motors_of(self._problem, call.travel_m, call.slack_m)
+        limited = self._answer.to(ahead_of_drums(self._problem, drums, efforts_of(self._problem, call.drum_N))[0])
         said = {
             RuntimeStatus.SPEED_LIMITED: limited,
             RuntimeStatus.WOULD_PUSH: call.lowest_N[0] <= 0,

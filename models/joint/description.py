@@ -5,6 +5,7 @@ import numpy as np
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters import DriveKind
 from tendonff.models.joint.parameters import Mechanism as JointMechanism
+from tendonff.models.joint.parameters.finger import DRUM_INERTIA_KG_M2, turning
 from tendonff.models.mechanism.mechanism import Mechanism, led_joints
 from tendonff.models.mechanism.parts import Arm, Body, Force, Lead, Unit
 from tendonff.models.path import JointMotion
@@ -16,8 +17,8 @@ MOTOR = "motor"
 def describe(mechanism: JointMechanism, motion: JointMotion) -> Mechanism:
     """The mechanism of a driven joint: a loop is two tendons on one led motor with opposite windings, a pair has two.
 
-    The joint is free, with an input for the torque of its surroundings on it; motors and all other joints are led.
-    Motor angles count from the start.
+    The joint is free, with an input for the torque of its surroundings on it; motors and all other joints are led. A
+    motor whose gear gives way is a drum on a servo of that stiffness. Motor angles count from the start.
 
     Parameters
     ----------
@@ -41,14 +42,20 @@ def describe(mechanism: JointMechanism, motion: JointMotion) -> Mechanism:
     )
     loop = mechanism.drive.kind is DriveKind.LOOP
     motors = [MOTOR] if loop else [tendon.name for tendon in mechanism.tendons]
-    led = (*(Body(name=name, unit=Unit.RADIAN, inertia=1.0) for name in motors), *led_joints(motion, others))
+    gives = mechanism.drive.gear_stiffness_N_m_per_rad is not None
+    inertia, known = DRUM_INERTIA_KG_M2 if gives else 1.0, led_joints(motion, others)
+    drums = tuple(Body(name=name, unit=Unit.RADIAN, inertia=inertia) for name in motors)
     windings = zip(mechanism.drum_radius_m, mechanism.windings(start), strict=True)
     per_rad = [radius * way / mechanism.drive.gear_ratio for radius, way in windings]
     return Mechanism(
-        bodies=(driven, *led),
+        bodies=(driven, *drums, *known),
         tendons=tuple(
             tendon.wound_on(Arm(body=MOTOR if loop else tendon.name, metres_per_unit=winding))
             for tendon, winding in zip(mechanism.tendons, per_rad, strict=True)
         ),
-        drives=(Force(body=joint.name), *(Lead(body=body.name) for body in led)),
+        drives=(
+            Force(body=joint.name),
+            *(turning(name, mechanism.drive) for name in motors),
+            *(Lead(body=body.name) for body in known),
+        ),
     )

@@ -217,12 +217,13 @@ def static_motor_rad(
     fixed = fixed and all(tendon.arm.lengths is None for tendon in mechanism.tendons)
     law = GrossSliding.of(mechanism, start, {name: float(values[0]) for name, values in others.items()})
     rest = _rest_elongations(law, float(torque[0]))
-    out = np.empty((len(angle), len(travels)))
+    out, drum = np.empty((len(angle), len(travels))), np.empty((len(angle), len(travels)))
     for row, (q, tau, way) in enumerate(zip(angle, torque, ways, strict=True)):
         if not fixed:
             law = GrossSliding.of(mechanism, float(q), {name: float(values[row]) for name, values in others.items()})
         now = law if way else _frictionless(law)
         found = now.slide(float(tau), int(way) or 1, float(longer[row]) if law.loop else 0.0)
+        drum[row] = found.drum_N
         for k, (travel, stretch) in enumerate(zip(travels, found.elongation_m, strict=True)):
             out[row, k] = travel[row] + stretch - rest[k]
         if law.loop:  # a tendon that hangs says nothing about the drum
@@ -230,7 +231,10 @@ def static_motor_rad(
             turn = out[row, tight] / radii[tight] * math.copysign(1.0, law.tendons[tight].arm_m)
             out[row] = [turn * math.copysign(radius, t.arm_m) for radius, t in zip(radii, law.tendons, strict=True)]
     motor = mechanism.motor_rad(out, start)
-    return motor[:, :1] if law.loop else motor
+    each = drum * np.array(radii) * np.array(mechanism.windings(start)) / mechanism.drive.gear_ratio
+    held = each.sum(axis=1, keepdims=True) if law.loop else each
+    turned: Array = (motor[:, :1] if law.loop else motor) + (held - held[:1]) * mechanism.drive.gives_rad_per_N_m
+    return turned
 
 
 def directions(angle_rad: Array) -> Array:

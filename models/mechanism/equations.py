@@ -202,7 +202,7 @@ def _tendon(tendon: CutTendon, q: Places, every_q: ca.SX, every_w: ca.SX, pose: 
     e_rate = ca.vertcat(near, v) - ca.vertcat(v, far)
     if pose is not None:
         e_rate = e_rate + pose.gained_rate
-    f = tendon_force(link.unclipped_force(e, e_rate, links))
+    f = tendon_force(link.unclipped_force(e, e_rate, links) + link.explicit_force(e))
     f_f = friction.state_force(masses) + friction.viscous_force(v)
     mass = elements.piece.mass_kg
     acceleration = path_force(f[:-1], f[1:], f_f) / (ca.DM(mass) if isinstance(mass, np.ndarray) else mass)

@@ -70,6 +70,9 @@ class Tendon:
         Viscous damping c in parallel [N s/m], >= 0.
     second_relaxing_stiffness_N_per_m, second_relaxation_time_s : float, optional
         Stiffness k3 [N/m], >= 0, and time tau3 [s], > 0, of a second part that relaxes; default: none.
+    stiffening, stiffening_tension_N : float, optional
+        Share s [-], 0 <= s < 1, by which k1 grows from a tension T_0 [N], > 0, at which it is stiffness_N_per_m, to
+        2 T_0; default: none. Not beside a second part that relaxes.
     """
 
     mass_kg: float
@@ -79,6 +82,8 @@ class Tendon:
     damping_N_s_per_m: float
     second_relaxing_stiffness_N_per_m: float | None = None
     second_relaxation_time_s: float | None = None
+    stiffening: float | None = None
+    stiffening_tension_N: float | None = None
 
     def __post_init__(self) -> None:
         require("mass_kg", self.mass_kg, above=0, hint="weigh the tendon; a light one is fine")
@@ -95,6 +100,23 @@ class Tendon:
         if stiffness is not None and time is not None:
             require("second_relaxing_stiffness_N_per_m", stiffness, least=0, hint="leave both keys out for none")
             require("second_relaxation_time_s", time, above=0, hint="ten times relaxation_time_s is a start")
+        self._check_stiffening()
+
+    def _check_stiffening(self) -> None:
+        """A share below 1, at a tension."""
+        share, tension = self.stiffening, self.stiffening_tension_N
+        if (share is None) != (tension is None):
+            raise ParameterError(
+                f"stiffening and stiffening_tension_N go together, got {share} and {tension}; give both, or none"
+            )
+        if share is None or tension is None:
+            return
+        require("stiffening", share, least=0, hint="0.3 for 30 % more at twice the tension")
+        require("stiffening_tension_N", tension, above=0, hint="a usual tension of the tendon")
+        if share >= 1 or (share and self.second_relaxing_stiffness_N_per_m is not None):
+            raise ParameterError(
+                f"stiffening must be < 1 and without second_relaxing_stiffness_N_per_m, got {share:g}; 0.3 is usual"
+            )
 
     @property
     def quick_stiffness_N_per_m(self) -> float:

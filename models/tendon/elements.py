@@ -17,6 +17,7 @@ from tendonff.models.path import CutPath, JointMotion, Section, cut_path
 from tendonff.models.tendon.assembly import Piece
 from tendonff.models.tendon.friction import FrictionLaw, LoadedBristle, LuGreBristle
 from tendonff.models.tendon.link import LinkLaw, TwoTimesLink, ZenerLink
+from tendonff.models.tendon.stiffening import StiffeningLink
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -208,6 +209,10 @@ def _link_of(tendon: Tendon, *, relaxes: bool) -> ZenerLink:
         relaxation_time_s=tendon.relaxation_time_s,
         damping_N_s_per_m=tendon.damping_N_s_per_m,
     )
+    if tendon.stiffening and tendon.stiffening_tension_N:
+        return StiffeningLink(
+            **fields_of(link), stiffening=tendon.stiffening, stiffening_tension_N=tendon.stiffening_tension_N
+        )
     if not relaxes or second is None or time is None:
         return link
     return TwoTimesLink(**fields_of(link), second_relaxing_stiffness_N_per_m=second, second_relaxation_time_s=time)

@@ -24,7 +24,8 @@ class LinkLaw(Protocol):
 
     What an implementer owes: (1) a frozen dataclass whose fields are its parameters, of the whole tendon or, after
     `shortened`, of a link; (2) `states`; (3) their rate; (4) the same states under the implicit rule
-    x = base + H dx/dt; (5) a force that is then affine in the rate of elongation; (6) the state at rest.
+    x = base + H dx/dt; (5) a force that is then affine in the rate of elongation, and beside it `explicit_force`;
+    (6) the state at rest.
     """
 
     states: ClassVar[tuple[str, ...]]
@@ -37,6 +38,9 @@ class LinkLaw(Protocol):
 
     def unclipped_force(self, e: ca.SX, e_rate: ca.SX, states: States) -> ca.SX:
         """Tension of a link that also carries compression [N]."""
+
+    def explicit_force(self, e: ca.SX) -> ca.SX | float:
+        """Part that is not affine in the elongation [N]; an implicit step takes it where it goes on from."""
 
     def implicit(self, e: ca.SX, base: States, step_s: ca.SX) -> States:
         """States at the end of a step of weight H that ends at elongation e."""
@@ -82,6 +86,10 @@ class ZenerLink:
         for z, (stiffness, _) in zip(states, self.branches, strict=True):
             force = force + stiffness * (e - z)
         return force + self.damping_N_s_per_m * e_rate
+
+    def explicit_force(self, _e: ca.SX) -> ca.SX | float:
+        """None [N]."""
+        return 0.0
 
     def implicit(self, e: ca.SX, base: States, step_s: ca.SX) -> States:
         """Each relaxing branch over an implicit step, solved from its own `rate`, which contains no other."""

@@ -31,9 +31,13 @@ _WIDTHS = (
     0.1,
     0.2,
 )  # half widths of the play to try, over the range of the reference
-_NARROWER = (0.3,)  # times the width with the best shape: what may do better in the loop
+_NARROWER = (0.4, 0.15)  # times the width with the best shape: what may do better in the loop
 _WIDEST = 0.012  # of the range: in a turn the correction is inverted at once, whatever the error does
 _SHAPED = 0.5  # share of a feedforward's error that the shape of friction must explain to be used
+_DEVIATIONS = 2.0  # times the largest share of an error that the uncertainty has: what may have to be learned
+_LEAST_DEVIATION = 0.1  # of the errors' size
+_RATE_ERROR = 1.5  # times the largest that the uncertainty has: beyond it is an age
+_STICKS, _WAITS = 8.0, 20.0  # widths of the play in which a turn slides again, where errors are learned and where not
 _TURNED = 0.5  # share of the integral that then turns with the reference
 _PEAK = 1.05  # of the feedforward's peak, above which a peak has a price
 _PEAK_PRICE = 2.0
@@ -117,7 +121,7 @@ def design_loops(
     requirement: Requirement,
     *,
     scored: slice = slice(None),
-    learns_age: bool = True,
+    learns: bool = True,
     scales_with_reference: bool = False,
 ) -> LoopDesign:
     """Gains, filter, clamp and shape of the feedback beside a feedforward.
@@ -133,8 +137,8 @@ def design_loops(
         Margins on every branch of every system.
     scored : slice, optional
         Rows whose errors count.
-    learns_age : bool, optional
-        The age of the measurement is learned.
+    learns : bool, optional
+        Errors of the feedforward and the age of the measurement are learned: at joints, which follow their motors.
     scales_with_reference : bool, optional
         Friction is proportional to the reference: a tension.
 
@@ -166,9 +170,7 @@ def design_loops(
     sliding = np.max([np.abs(b.response(slow, sensor.sample_s, 0.0)[0].diagonal()) for b in found], axis=0)
     laws = tuple(
         replace(
-            _shape(
-                goal, course, [error[:, goal] for error in errors], sensor, scored, learns_age, scales_with_reference
-            ),
+            _shape(goal, course, [error[:, goal] for error in errors], sensor, scored, learns, scales_with_reference),
             gain=float(sliding[goal]),
             lag_s=systems[0].lag_s,
         )
@@ -226,12 +228,14 @@ def _narrowed(
     laws: tuple[FeedbackLaw, ...], cost: Callable[[tuple[FeedbackLaw, ...]], float]
 ) -> tuple[FeedbackLaw, ...]:
     """The laws with the width of their plays that costs least."""
-    if not any(law.friction_share for law in laws):
+    if not any(law.friction_share or law.error_scale for law in laws):
         return laws
     tried = [
-        tuple(replace(law, width=width * law.width, friction_share=share) for law in laws)
+        tuple(
+            replace(law, width=width * law.width, friction_share=share if law.friction_share else 0.0) for law in laws
+        )
         for width in (1.0, *_NARROWER)
-        for share in (_TURNED, 1.0)
+        for share in ((_TURNED, 1.0) if any(law.friction_share for law in laws) else (0.0,))
     ]
     return min(tried, key=cost)
 
@@ -268,44 +272,63 @@ def _shape(
     own: Sequence[Array],
     sensor: Sensor,
     scored: slice,
-    learns_age: bool,
+    learns: bool,
     scales: bool,
 ) -> FeedbackLaw:
-    """Law of a goal without gains: the play whose shape the errors of the feedforward, shape (rows,), have."""
+    """Law of a goal without gains: the shapes that the errors of the feedforward, shape (rows,), have."""
     reference = course.reference[:, goal]
     span = float(np.ptp(reference)) or max(float(np.abs(reference).max()), 1e-9)
     size = float(np.abs(reference).max()) if scales else 0.0
-    best, width = 0.0, _WIDTHS[1] * span
+    middle = float(reference.max() + reference.min()) / 2
+    others = [np.ones_like(reference), *([(reference - middle) / (span / 2)] if learns else [])]
+    best, width, columns = 0.0, _WIDTHS[1] * span, np.column_stack(others)
     for share in _WIDTHS:
         play = np.empty_like(reference)
         now = reference[0]
         for row, value in enumerate(reference):
             play[row] = now = min(max(now, value - share * span), value + share * span)
         shape = (reference - play) / (share * span) * (reference / size if scales else 1.0)
-        columns = np.column_stack([shape, np.ones_like(shape)])[scored]
-        explained = [_explained(columns, error) for error in own if np.abs(error).max() > 1e-6 * span]
+        tried = np.column_stack([shape, *others])
+        explained = [_explained(tried[scored], error) for error in own if np.abs(error).max() > 1e-6 * span]
         if explained and (fit := float(np.median(explained))) > best:
-            best, width = fit, share * span
+            best, width, columns = fit, share * span, tried
     shaped = best > _SHAPED
     width = min(width, _WIDEST * span)
     scale = max((float(np.sqrt(np.mean(error**2))) for error in own), default=0.0)
-    return FeedbackLaw(
+    law = FeedbackLaw(
         sample_s=sensor.sample_s,
         delay_s=sensor.delay_s,
         proportional=1.0,
         integral_per_s=1.0,
         deadband=sensor.resolution / 2,
-        friction_share=_TURNED if shaped else 0.0,
         width=max(width, sensor.resolution),
         scales_with_reference=size,
-        stroke=max(20 * width, 4 * scale) if shaped else 0.0,
-        error_scale=max(scale, sensor.resolution) if learns_age and shaped else 0.0,
+        stroke=max((_STICKS if learns else _WAITS) * width, 4 * scale) if shaped else 0.0,
     )
+    if not learns or not shaped:
+        return replace(law, friction_share=_TURNED if shaped else 0.0)
+    scale = max(scale, sensor.resolution)
+    rate: Array = np.gradient(reference, course.step_s)[:, None]
+    *shares, late_s = np.abs([_fit(np.hstack([columns, rate])[scored], error) for error in own]).max(axis=0).tolist()
+    friction, constant, level = (max(_DEVIATIONS * share / scale, _LEAST_DEVIATION) for share in shares)
+    return replace(
+        law,
+        error_scale=scale,
+        deviations=(friction, constant, level),
+        rate_error_s=_RATE_ERROR * late_s,
+        middle=middle,
+        half_range=span / 2,
+    )
+
+
+def _fit(columns: Array, values: Array) -> Array:
+    """Least squares of values by columns."""
+    return np.asarray(np.linalg.lstsq(columns, values, rcond=None)[0], dtype=np.float64)
 
 
 def _explained(columns: Array, values: Array) -> float:
     """Share of the variance of values that columns explain [-]."""
-    fitted = columns @ np.linalg.lstsq(columns, values, rcond=None)[0]
+    fitted = columns @ _fit(columns, values)
     spread = float(np.mean((values - values.mean()) ** 2))
     return 1 - float(np.mean((values - fitted) ** 2)) / spread if spread > 0 else 0.0
 

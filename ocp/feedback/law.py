@@ -1,26 +1,31 @@
-r"""Law of the feedback: proportional and integral action on the error against the reference as old as the measurement.
+r"""Law of the feedback: PI action, and errors that are learned, against the reference as old as the measurement.
 
 ::
 
     reference --[ delay_s ]--> (+) --[ deadband ]--[ 1/(filter_s s + 1) ]--> e
     measured, delay_s old ----> (-)
-    correction = Kp e + Ki int e + s Kf int s e, within +-clamp
+    correction = Kp e + Ki int e + s Kf int s e + (alpha s + beta + gamma x) / g, within +-clamp
 
 The correction is added to the command that the feedforward computes. s is the shape that friction gives to the error of
 a feedforward: reference less its play, over the half width of the play, -1 to 1. What was learned while pulling is
 thus inverted, without delay, where the reference turns. In steady sliding, either way, Ki + Kf is the integral gain,
 which margins are for.
 
-An error that is proportional to the rate of the reference is an age of the measurement that differs from delay_s. It
-is separated from friction by recursive least squares along strokes, where s is constant,
+What a feedforward leaves is known in shape: friction's s; a constant; x, the reference about its middle, -1 to 1, for
+loads, stiffness and tension; and the rate of the reference, for an age of the measurement that differs from delay_s.
+The measurement is compared with what these, and the own corrections as old as itself, explain,
 
-    e + g u = alpha s + beta + Delta dr/dt,     g u: what the own correction does, as old as the measurement,
+    d = e + g u = alpha s + beta + gamma x + Delta dr/dt,
 
-and Delta dr/dt is taken off the error, up to delay_s either way.
+by recursive least squares along strokes, where s is constant. d is free of the own corrections, so that no delay bounds
+how fast it is learned. Delta dr/dt is taken off the error, up to delay_s either way, but for what loads and stiffness
+may give a joint (rate_error_s); that and the rest are corrected before they are measured. What remains is for Kp, Ki
+and Kf, which margins are for.
 """
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -34,25 +39,44 @@ from tendonff.ocp.codegen.printer import Law
 MOST_SAMPLES = 255
 """Age of a measurement in samples that the delay line of the reference holds."""
 
-AGE_STATES = tuple(f"age_{k}" for k in range(9))
+LEARNED = tuple(f"learned_{k}" for k in range(4))
+COVARIANCE = tuple(f"covariance_{k}" for k in range(10))
 STATES = (
-    *("filtered", "integral", "friction", "correction", "lagged", "play", "aged_play", "stroke", "before"),
-    *AGE_STATES,
+    *(
+        "filtered",
+        "integral",
+        "friction",
+        "correction",
+        "lagged",
+        "done_before",
+        "play",
+        "aged_play",
+        "stroke",
+        "before",
+        "reference_before",
+    ),
+    *LEARNED,
+    *COVARIANCE,
 )
 """Memory of the law beside its delay lines: filtered error, integrals, correction and how far the drive has
 followed it, play of the reference and of the aged one, its stroke, the aged reference one sample before, and of the
-least squares three estimates and the lower triangle of their covariance."""
+least squares four estimates (friction, constant, level, age) and the lower triangle of their covariance."""
+_VARIANCES = ("friction_variance", "constant_variance", "level_variance", "age_variance")
 NUMBERS = (
     *("kp", "ki_h", "kf_h", "clamp", "filter_share", "deadband", "width", "shape_constant", "shape_per_unit"),
-    *("stroke_width", "lag_share", "gain", "delay", "sample", "scale", "noise"),
+    *("stroke_width", "lag_share", "gain", "delay", "sample", "scale", "noise", "middle", "per_unit", "forgotten"),
+    *_VARIANCES,
+    "rate_error",
 )
 """Constants of the law, in the order of `FeedbackLaw.numbers`."""
 _SEEN = 5  # inputs of the law before its states
 MOST_AGE = 1.0
 """Share of the stated delay by which a measurement may be older or younger."""
 
-_PRIOR = (3.0, 3.0, 0.5)  # standard deviations of alpha and beta over the scale, of Delta over the delay
-_NOISE = 0.25  # of the residual, over the scale
+_AGE_DEVIATION = 0.5  # of Delta before anything is learned, over the delay
+_NOISE = 0.5  # of what the shapes leave, over the scale: samples follow each other closely, and are not independent
+_MEMORY_S = 2.0  # of sliding, which the least squares remember
+_SAME_WAY = 0.99  # of the product of both shapes
 _WAITING = 0.1  # share of the integrals' gains while the tendon sticks
 _FAR = 1e30  # a correction that nothing reaches
 
@@ -91,7 +115,13 @@ class FeedbackLaw:
         Way of the reference after a turn, either way, in which the tendon still sticks [unit of the goal], >= 0. There
         integrals wait, with a tenth of their gains, and no age is learned.
     error_scale : float, optional
-        Size of errors that friction makes [unit of the goal]; 0: the age of the measurement is not learned.
+        Size of errors that the feedforward leaves [unit of the goal]; 0: nothing is learned.
+    deviations : tuple of 3 float, optional
+        Standard deviations of alpha, beta and gamma before anything is learned, over `error_scale` [-], >= 0.
+    rate_error_s : float, optional
+        Error per rate of the reference up to which it is one of the joint, and no age [s], >= 0.
+    middle, half_range : float, optional
+        Of the reference [unit of the goal]: where x is 0, and over what way it is 1, > 0.
     """
 
     sample_s: float
@@ -108,10 +138,15 @@ class FeedbackLaw:
     lag_s: float = 0.0
     stroke: float = 0.0
     error_scale: float = 0.0
+    deviations: tuple[float, float, float] = (1.0, 0.3, 1.0)
+    rate_error_s: float = 0.0
+    middle: float = 0.0
+    half_range: float = 1.0
 
     def __post_init__(self) -> None:
         require("sample_s", self.sample_s, above=0, hint="the time between two calls of the controller")
         require("width", self.width, above=0, hint="a hundredth of the reference's range")
+        require("half_range", self.half_range, above=0, hint="half of the reference's range")
         for name in (
             "delay_s",
             "proportional",
@@ -121,6 +156,7 @@ class FeedbackLaw:
             "lag_s",
             "stroke",
             "error_scale",
+            "rate_error_s",
         ):
             require(name, getattr(self, name), least=0, hint="0 for none")
         if not self.clamp > 0:
@@ -172,20 +208,30 @@ class FeedbackLaw:
             self.sample_s,
             self.error_scale or 1.0,
             _NOISE**2,
+            self.middle,
+            1 / self.half_range,
+            (self.sample_s / _MEMORY_S) ** 2 * _NOISE**2,
+            *self._variances,
+            self.rate_error_s,
         )
+
+    @property
+    def _variances(self) -> tuple[float, ...]:
+        """Of what is learned, before."""
+        errors = self.deviations if self.error_scale else (0.0, 0.0, 0.0)
+        return tuple(each**2 for each in (*errors, _AGE_DEVIATION if self.learns_age else 0.0))
 
     def start(self, reference: float) -> tuple[float, ...]:
         """Values of `STATES` at rest under a reference."""
-        prior = _PRIOR if self.learns_age else (0.0, 0.0, 0.0)
-        covariance = [a**2 if i == j else 0.0 for i, a in enumerate(prior) for j in range(i + 1)]
-        return (*([0.0] * 5), *([reference] * 4), *([0.0] * 3), *covariance)
+        covariance = [value if i == j else 0.0 for i, value in enumerate(self._variances) for j in range(i + 1)]
+        return (*([0.0] * 6), *([reference] * 5), *([0.0] * len(LEARNED)), *covariance)
 
     def scaled(self, gain: float) -> "FeedbackLaw":
         """The same with both gains times a factor [-]."""
         return replace(self, proportional=gain * self.proportional, integral_per_s=gain * self.integral_per_s)
 
     def plain(self) -> "FeedbackLaw":
-        """The same gains as a plain PI: nothing turns with the reference, and no age is learned."""
+        """The same gains as a plain PI: nothing turns with the reference, and nothing is learned."""
         return replace(self, friction_share=0.0, error_scale=0.0)
 
 
@@ -214,20 +260,30 @@ def feedback_step() -> Law:
     size, aged_size = (n["shape_constant"] + n["shape_per_unit"] * at for at in (reference, aged))
     shape, aged_shape = size * (reference - play) / n["width"], aged_size * (aged - aged_play) / n["width"]
 
-    # age: least squares along strokes, where friction stands still
+    # least squares along strokes, where friction stands still
     stroke = _play(s["stroke"], aged, n["stroke_width"])
     sliding = ca.fabs(aged - stroke) >= 0.99 * n["stroke_width"]
-    rate = (aged - s["before"]) / n["sample"]
-    x = ca.vertcat(aged_shape, 1, rate * n["delay"] / n["scale"])
-    age = ca.vertcat(*(s[name] for name in AGE_STATES[:3]))
-    p11, p21, p22, p31, p32, p33 = (s[name] for name in AGE_STATES[3:])
-    p = ca.vertcat(ca.horzcat(p11, p21, p31), ca.horzcat(p21, p22, p32), ca.horzcat(p31, p32, p33))
+    moves = ca.fabs(aged - s["before"]) > 0
+    same_way = (reference - play) * (aged - aged_play) >= _SAME_WAY * n[
+        "width"
+    ] ** 2  # a younger measurement has turned
+    learning = ca.if_else(ca.logic_and(ca.logic_and(sliding, moves), same_way), fresh, 0.0)
+    done = n["gain"] * lagged_aged
+    rate, done_rate = (aged - s["before"]) / n["sample"], (done - s["done_before"]) / n["sample"]
+    level, aged_level = ((at - n["middle"]) * n["per_unit"] for at in (reference, aged))
+    x = ca.vertcat(aged_shape, 1, aged_level, (rate + done_rate) * n["delay"] / n["scale"])
+    learned, p = ca.vertcat(*(s[name] for name in LEARNED)), _symmetric([s[name] for name in COVARIANCE])
+    prior = ca.diag(ca.vertcat(*(n[name] for name in _VARIANCES)))
+    p = p + learning * n["forgotten"] * (prior - p)
     px = p @ x
-    seen = (aged - measured + n["gain"] * lagged_aged) / n["scale"]
-    off = seen - ca.dot(x, age)
-    gain = ca.if_else(sliding, fresh, 0.0) / (n["noise"] + at_least(ca.dot(x, px), 0.0))
-    age_new, p_new = age + gain * off * px, p - gain * px @ px.T
-    older = n["delay"] * _within(age_new[2], MOST_AGE) * rate
+    seen = (aged - measured + done) / n["scale"]
+    gain = learning / (n["noise"] + at_least(ca.dot(x, px), 0.0))
+    learned_new, p_new = learned + gain * (seen - ca.dot(x, learned)) * px, p - gain * px @ px.T
+    late = n["delay"] * learned_new[3]
+    real = _within(late, n["rate_error"])
+    rate_now = (reference - s["reference_before"]) / n["sample"]
+    known = (n["scale"] * ca.dot(learned_new[:3], ca.vertcat(shape, 1, level)) + real * rate_now) / n["gain"]
+    older = _within(late - real, MOST_AGE * n["delay"]) * rate
 
     # error, its filter, and the integrals
     error = aged - measured - older
@@ -236,14 +292,14 @@ def feedback_step() -> Law:
     heard = ca.if_else(sliding, fresh, _WAITING * fresh)
     integral = s["integral"] + heard * n["ki_h"] * filtered
     friction = s["friction"] + heard * n["kf_h"] * aged_shape * filtered
-    wanted = n["kp"] * filtered + integral + friction * shape
+    wanted = n["kp"] * filtered + integral + friction * shape + known
     correction = _within(wanted, n["clamp"])
     outward = (wanted - correction) * filtered > 0
-    lower = [p_new[i, j] for i in range(3) for j in range(i + 1)]
+    lower = [p_new[i, j] for i in range(len(LEARNED)) for j in range(i + 1)]
     found = (
         *(filtered, ca.if_else(outward, s["integral"], integral), ca.if_else(outward, s["friction"], friction)),
         *(correction, s["lagged"] + n["lag_share"] * (correction - s["lagged"])),
-        *(play, aged_play, stroke, aged, *ca.vertsplit(age_new), *lower),
+        *(done, play, aged_play, stroke, aged, reference, *ca.vertsplit(learned_new), *lower),
     )
     return Law(
         name="feedback_step",
@@ -251,6 +307,15 @@ def feedback_step() -> Law:
         inputs=(*given, *states, *numbers),
         outputs=dict(zip((f"{name}_new" for name in STATES), found, strict=True)),
     )
+
+
+def _symmetric(lower: Sequence[ca.SX]) -> ca.SX:
+    """Matrix of its lower triangle, row by row."""
+    found = ca.SX(len(LEARNED), len(LEARNED))
+    places = ((i, j) for i in range(len(LEARNED)) for j in range(i + 1))
+    for (i, j), value in zip(places, lower, strict=True):
+        found[i, j] = found[j, i] = value
+    return found
 
 
 def _within(value: ca.SX, most: ca.SX) -> ca.SX:
@@ -302,7 +367,7 @@ class FeedbackController:
     @property
     def age_s(self) -> float:
         """Age of the measurement as it has been learned [s]."""
-        share = float(self._states[STATES.index(AGE_STATES[2])])
+        share = float(self._states[STATES.index(LEARNED[3])])
         return self.law.delay_s * (1 + min(max(share, -MOST_AGE), MOST_AGE))
 
     def step(self, reference: float, measured: float) -> float:

@@ -57,7 +57,7 @@ class JointInversion:
     time_s : ndarray, shape (n,)
         Rows at 0, h, 2 h ...
     motor_rad : ndarray, shape (n, motors)
-        Angle of each motor since the start.
+        Angle of each motor since the start, ahead of its drum by what the gear gives way.
     motor_torque_N_m : ndarray, shape (n, motors)
         Torque that each gives, inertia and dry friction of the drive included.
     tension_N, drum_N : ndarray, shape (n, tendons)
@@ -176,8 +176,9 @@ def invert_joint(
     # A drum that holds a loose end holds nothing.
     slack = np.concatenate([[first.closure_rad * min(map(abs, problem.windings_m))], rows.slack_m])
     held = np.maximum(drum, 0.0)
+    gives = held_torques(problem, held - first.rest_N) * problem.mechanism.drive.gives_rad_per_N_m
     lowest = np.concatenate([[float(first.tension_N.min())], rows.lowest_N])
-    motor = motor_angles(problem, travel)
+    motor = motor_angles(problem, travel) + gives
     status, message = _status(problem, len(angle), lowest, slack, step_s)
     return JointInversion(
         status=status,
@@ -234,11 +235,15 @@ def motor_angles(problem: JointProblem, travel_m: Array) -> Array:
     return each[:, :1] if problem.loop else each
 
 
+def held_torques(problem: JointProblem, drum_N: Array) -> Array:
+    """Torque that the tendons take at each motor's shaft for tensions at the drums, shape (rows, motors) [N m]."""
+    each: Array = drum_N * np.array(problem.windings_m) / problem.mechanism.drive.gear_ratio
+    return each.sum(axis=1, keepdims=True) if problem.loop else each
+
+
 def motor_torques(problem: JointProblem, motor_rad: Array, drum_N: Array, step_s: float) -> Array:
     """Torque of each motor, shape (rows, motors) [N m]: tendons, inertia and dry friction of the drive."""
-    drive = problem.mechanism.drive
-    each: Array = drum_N * np.array(problem.windings_m) / drive.gear_ratio
-    held: Array = each.sum(axis=1, keepdims=True) if problem.loop else each
+    drive, held = problem.mechanism.drive, held_torques(problem, drum_N)
     if len(motor_rad) < 3:
         return held
     speed = np.gradient(motor_rad, step_s, axis=0)

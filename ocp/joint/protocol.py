@@ -68,6 +68,8 @@ class JointMemory:
         Position of each near end from which travels count.
     tension_N : ndarray, shape (tendons,)
         At the joint.
+    rest_N : ndarray, shape (tendons,)
+        At the start, the same along each tendon.
     closure_rad : float
         Of a loop: by how much more tendon the drum holds at the start than there is, as an angle of the drum.
     """
@@ -80,6 +82,7 @@ class JointMemory:
     fresh: bool
     start_m: Array
     tension_N: Array
+    rest_N: Array
     closure_rad: float
 
     def copy(self) -> "JointMemory":
@@ -93,6 +96,7 @@ class JointMemory:
             fresh=self.fresh,
             start_m=self.start_m.copy(),
             tension_N=self.tension_N.copy(),
+            rest_N=self.rest_N.copy(),
             closure_rad=self.closure_rad,
         )
 

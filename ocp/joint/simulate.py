@@ -142,6 +142,10 @@ def simulate_joint(
     True
     """
     require_step(step_s)
+    if problem.mechanism.drive.gear_stiffness_N_m_per_rad is not None:
+        raise ParameterError(
+            "the motor's gear gives way: simulate the scenario, or describe(mechanism, motion), whose drums are free"
+        )
     accuracy = Accuracy(rtol=rtol, atol=atol)
     runner: JointRunner = (
         engine_of(problem, step_s, engine)

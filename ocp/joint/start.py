@@ -131,6 +131,7 @@ def start_memory(problem: JointProblem, contact_N_m: float = 0.0, *, hanging: bo
         fresh=True,
         start_m=np.array([state.near_position_m for state in states]),
         tension_N=tensions,
+        rest_N=tensions.copy(),
         closure_rad=slack_rad,
     )
 

@@ -22,6 +22,7 @@ from tendonff.ocp.joint.protocol import Array, JointProblem
 from tendonff.ocp.step.folding import scheme_rows
 from tendonff.ocp.step.laws import ElementLaws, twins_of
 from tendonff.ocp.step.render import Roots, StepCode
+from tendonff.ocp.step.target import require_linear
 
 MOVES = {Precision.DOUBLE: 60, Precision.FLOAT: 30}
 """Most moves of one search for a tension in exported code: where friction kinks, it halves a bracket."""
@@ -227,6 +228,7 @@ def _tendons(
         stretch, own = chain.link.rest(1.0)
         if any(state != stretch for state in own):
             raise CodeError("a link whose own states rest elsewhere than its elongation cannot be exported yet")
+        require_linear(chain)
         common = [data.number(float(stretch)), of_masses, data.array(ends, integers=True)]
         rows = [
             [

@@ -1,5 +1,6 @@
 """Any mechanism advanced by CasADi's integrators on its page of equations; no compiler needed."""
 
+import math
 from dataclasses import replace
 
 import casadi as ca
@@ -7,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.models.mechanism.equations import MechanismEquations, equations_of
+from tendonff.models.mechanism.loads import Spring
 from tendonff.models.mechanism.mechanism import CutMechanism
 from tendonff.models.mechanism.parts import Force, Lead
 from tendonff.ocp.integrate.integrator import Integrator, evaluated
@@ -18,7 +20,15 @@ from tendonff.ocp.mechanism.problem import Array, MechanismMemory, MechanismProb
 def cut_problem(problem: MechanismProblem, led: NDArray[np.bool_]) -> CutMechanism:
     """The mechanism of a problem at its level: a place for each body that is led, an effort on each that is free."""
     drives = (Lead(body=name) if leads else Force(body=name) for name, leads in zip(problem.names, led, strict=True))
-    return replace(problem.mechanism.cut(problem.level, problem.segments), drives=tuple(drives))
+    cut = problem.mechanism.cut(problem.level, problem.segments)
+    springs = dict(zip(problem.names[problem.known :], problem.stiffness.tolist(), strict=True))
+    bodies = tuple(  # a servo is a spring to where its motor is, which comes as an effort
+        replace(body, loads=(*body.loads, Spring(stiffness=springs[body.name])))
+        if math.isfinite(springs.get(body.name, math.inf))
+        else body
+        for body in cut.bodies
+    )
+    return replace(cut, bodies=bodies, drives=tuple(drives))
 
 
 def page_state(cut: CutMechanism, memory: MechanismMemory, led: NDArray[np.bool_]) -> Array:

@@ -10,7 +10,7 @@ from tendonff.models.cached import cached_property
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.joint.balance import JointLaw
-from tendonff.models.mechanism import Arm, Body, Damper, DryFriction, Gravity, Mechanism, Spring, Stops, Tendon
+from tendonff.models.mechanism import Arm, Body, Damper, DryFriction, Gravity, Mechanism, Servo, Spring, Stops, Tendon
 from tendonff.models.mechanism.geometry import moment_arms
 from tendonff.models.mechanism.loads import NOWHERE, LoadLaw
 from tendonff.models.mechanism.sharing import Sharing
@@ -79,6 +79,19 @@ class MechanismProblem:
         return tuple(name in led for name in self.names)
 
     @cached_property
+    def stiffness(self) -> Array:
+        """Of the servo or gear of each motor, shape (motors,) [N m/rad or N/m]; infinite of those that are led."""
+        known = {drive.body: float(drive.stiffness) for drive in self.mechanism.drives if isinstance(drive, Servo)}
+        return np.array([known.get(name, np.inf) for name in self.names[self.known :]])
+
+    @cached_property
+    def held(self) -> Array:
+        """Effort of the tendons on each motor at the start, positive where they pull it back, shape (motors,)."""
+        found = np.zeros(self.motors)
+        np.add.at(found, np.array(self.motor_of), self.tension_N * self.winding_m)
+        return found
+
+    @cached_property
     def motor_of(self) -> tuple[int, ...]:
         """Motor that winds each tendon, counted from the first motor."""
         return tuple(self.names.index(winding(tendon).body) - self.known for tendon in self.mechanism.tendons)
@@ -124,7 +137,11 @@ class MechanismProblem:
 
     def laws(self) -> tuple[JointLaw, ...]:
         """Numbers of each body's balance."""
-        return tuple(_law_of(body.at(self.level)) for body in self.mechanism.bodies)
+        laws = [_law_of(body.at(self.level)) for body in self.mechanism.bodies]
+        for k in np.flatnonzero(np.isfinite(self.stiffness)).tolist():  # a servo is a spring to where its motor is
+            motor = self.known + k
+            laws[motor] = replace(laws[motor], stiffness_N_m_per_rad=float(self.stiffness[k]))
+        return tuple(laws)
 
     def scale_m(self) -> Array:
         """A moment arm of each body, shape (bodies,): torques over it are compared with forces."""

@@ -46,7 +46,7 @@ class MechanismRun:
     position : ndarray, shape (n, known)
         Of all bodies but the motors [rad or m].
     motor : ndarray, shape (n, motors)
-        Of each motor since the start [rad or m].
+        Of each motor since the start, before a servo or gear that gives way [rad or m].
     effort : ndarray, shape (n, motors)
         Of the tendons on each motor, positive where they pull it back [N m or N].
     tension_N, drum_N : ndarray, shape (n, tendons)
@@ -129,8 +129,8 @@ def invert_mechanism(
         message=message,
         time_s=np.arange(good, dtype=np.float64) * step_s,
         position=np.vstack([given[:1], rows.position]),
-        motor=motors_of(problem, travel, slack),
-        effort=_efforts(problem, drum),
+        motor=ahead_of_drums(problem, motors_of(problem, travel, slack), efforts_of(problem, drum)),
+        effort=efforts_of(problem, drum),
         tension_N=np.vstack([first.tension_N, rows.tension_N]),
         drum_N=drum,
         slack_m=slack,
@@ -160,7 +160,7 @@ def simulate_mechanism(
     ----------
     problem : MechanismProblem
     command : ndarray, shape (n, motors)
-        Coordinate of each motor that a drive leads [rad or m], torque or force of each other one [N m or N].
+        Coordinate of each motor that a drive or a servo leads [rad or m], torque or force of each other [N m or N].
     step_s : float
         h [s], > 0.
     known : ndarray, shape (n, known), optional
@@ -194,14 +194,19 @@ def simulate_mechanism(
     forced = ~leads[problem.known :]
     memory = rest(problem) if memory is None else memory.copy()
     first = memory.copy()
-    efforts = np.hstack([touched, np.where(forced, -given, 0.0)])
+    gives = forced & np.isfinite(problem.stiffness)
+    pushed = np.where(gives, np.where(gives, problem.stiffness, 0.0) * given + problem.held, given)
+    efforts = np.hstack([touched, np.where(forced, -pushed, 0.0)])
     engine = (
         CompiledMechanism(problem, step_s)
         if method is Method.BDF2
         else IntegratedMechanism(problem, step_s, Method(method), Accuracy(rtol=rtol, atol=atol))
     )
     rows = engine.run(memory, np.hstack([at, given]), efforts, leads)
-    return response_of(problem, first, rows, memory, count, step_s, Method(method))
+    found = response_of(problem, first, rows, memory, count, step_s, Method(method))
+    if gives.any():
+        found.motor[:, gives] = given[: len(found.motor), gives]
+    return found
 
 
 def response_of(
@@ -225,7 +230,7 @@ def response_of(
         time_s=np.arange(good, dtype=np.float64) * step_s,
         position=position[:, : problem.known],
         motor=position[:, problem.known :],
-        effort=_efforts(problem, drum),
+        effort=efforts_of(problem, drum),
         tension_N=np.vstack([first.tension_N, rows.tension_N]),
         drum_N=drum,
         slack_m=np.zeros_like(drum),
@@ -263,7 +268,14 @@ def motors_of(problem: MechanismProblem, travel_m: Array, slack_m: Array) -> Arr
     return found
 
 
-def _efforts(problem: MechanismProblem, drum_N: Array) -> Array:
+def ahead_of_drums(problem: MechanismProblem, drums: Array, effort: Array) -> Array:
+    """Coordinates of motors for those of their drums since the start: ahead by what servo or gear give way."""
+    found: Array = drums + (effort - problem.held) / problem.stiffness
+    return found
+
+
+def efforts_of(problem: MechanismProblem, drum_N: Array) -> Array:
+    """Effort of the tendons on each motor for tensions at the drums, shape (rows, motors)."""
     found = np.zeros((len(drum_N), problem.motors))
     for t, motor in enumerate(problem.motor_of):  # a drum that holds a loose end holds nothing
         found[:, motor] += np.maximum(drum_N[:, t], 0.0) * problem.winding_m[t]

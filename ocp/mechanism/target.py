@@ -25,6 +25,7 @@ from tendonff.ocp.mechanism.problem import Array, MechanismProblem
 from tendonff.ocp.step.folding import scheme_rows
 from tendonff.ocp.step.laws import ElementLaws, twins_of
 from tendonff.ocp.step.render import Core, StepCode
+from tendonff.ocp.step.target import require_linear
 
 _SINGLE = {"tolerance": 2e-6, "nudge_rad": 1e-3, "moves": 15, "evaluations": 30}
 _DOUBLE = {"evaluations": 60}
@@ -175,6 +176,7 @@ def _tendon(
     stretch, own = chain.link.rest(1.0)
     if any(state != stretch for state in own):
         raise CodeError("a link whose own states rest elsewhere than its elongation cannot be exported yet")
+    require_linear(chain)
     common = [data.number(float(stretch)), data.array(np.concatenate(list(chain.of_masses().values())))]
     common += [data.array(ends, integers=True), data.number(path.total_angle_rad)]
     common += [data.number(float(numbers[name])) for name in record]

@@ -70,7 +70,7 @@ def step_expressions(chain: Chain) -> StepExpressions:
     rate, on_path = v[:-1] - v[1:] + drift[: n + 1], v[1:-1]
     e = e_base + H * rate
     links = link.implicit(e, tuple(links), H)
-    unclipped = link.unclipped_force(e, rate, links)
+    unclipped = link.unclipped_force(e, rate, links) + link.explicit_force(e_base)
     force = tendon_force(unclipped)
     rubbing = near.implicit(v[0], rubbing, H, force[0])
     f_n = normal_force(force[:-1], force[1:], piece.adhesion_N)

@@ -80,7 +80,8 @@ def inverse_step(chain: Chain, H: float, carry: float, *, cut_off: bool = True) 
     for i in range(n, -1, -1):
         base, link = tuple(part[i] for part in own[:border]), links[i]
         e = e_base[i] + H * unknown
-        rate = root(link.unclipped_force(e, unknown, link.implicit(e, base, H)) - f)
+        explicit = link.explicit_force(e_base[i])
+        rate = root(link.unclipped_force(e, unknown, link.implicit(e, base, H)) + explicit - f)
         stretches.append(e_base[i] + H * rate)
         link_ends.append(link.implicit(stretches[-1], base, H))
         v = v + rate - drift[i]

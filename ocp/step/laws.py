@@ -108,7 +108,7 @@ class ElementLaws:
         rate, e_base, *base, ratio, step = known
         e, link = e_base + step * rate, self.link.shortened(ratio)
         states = link.implicit(e, tuple(base), step)
-        return link.unclipped_force(e, rate, states), e, states
+        return link.unclipped_force(e, rate, states) + link.explicit_force(e_base), e, states
 
     def link_start(self) -> Law:
         """A link's unclipped force at zero rate of elongation: one number per link and step."""

@@ -6,9 +6,11 @@ from dataclasses import dataclass, replace
 from tendonff.models.layout import INPUT_NAMES, fields_of
 from tendonff.models.tendon.chain import Chain
 from tendonff.models.tendon.friction import COEFFICIENT_FLOOR
+from tendonff.models.tendon.stiffening import StiffeningLink
 from tendonff.ocp.codegen.partial_evaluation import FoldedLaw, PartialEvaluator
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import literal
+from tendonff.ocp.errors import CodeError
 from tendonff.ocp.step.c_engine import link_ratios
 from tendonff.ocp.step.folding import (
     Weights,
@@ -324,7 +326,14 @@ def _record(folder: PartialEvaluator, weights: Weights) -> str:
     return "{}\n{}\n{}".format(comment, *record_code(folder, columns))
 
 
+def require_linear(chain: Chain) -> None:
+    """Refuse a tendon whose elongation at rest is not in proportion to its tension: C code starts by one number."""
+    if isinstance(chain.link, StiffeningLink):
+        raise CodeError("a tendon with `stiffening` cannot be exported yet; leave it out, at the stiffness there")
+
+
 def _rest(chain: Chain, precision: Precision, *, relative: bool = False, array: str = "self->x") -> str:
     """Statements for the state at rest: affine in the tension, so two evaluations of `rest_state` say it all."""
+    require_linear(chain)
     slopes = chain.rest_state(1.0).vector() - chain.rest_state(0.0).vector()
     return rest_statements(slopes * (0.0 if relative else 1.0), precision, array)

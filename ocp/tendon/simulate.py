@@ -140,7 +140,8 @@ def tensions_of(chain: Chain, states: Array, time_s: Array | float = 0.0) -> Arr
     layout, x = chain.layout, np.atleast_2d(states)
     v, own = x[:, layout.part("v")], tuple(x[:, layout.part(name)] for name in layout.link_states)
     link = chain.link.shortened(chain.path_at(np.atleast_1d(time_s)).ratio)
-    force: Array = tendon_force(link.unclipped_force(x[:, layout.part("e")], v[:, :-1] - v[:, 1:], own))
+    e = x[:, layout.part("e")]
+    force: Array = tendon_force(link.unclipped_force(e, v[:, :-1] - v[:, 1:], own) + np.asarray(link.explicit_force(e)))
     return force
 
 

@@ -1,10 +1,11 @@
 """Drive between a controller's commands and the drums: the servo of `models.servo`, within the speed of the motor."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from tendonff.compensator.files.reading import FloatArray
+from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.models.joint.parameters import JointDrive
 from tendonff.models.servo import CommandHold
 
@@ -40,3 +41,9 @@ def commanded(drive: JointDrive, motor_rad: FloatArray, step_s: float, *, live: 
     for row in range(1, len(command)):
         limited[row] = limited[row - 1] + np.clip(command[row] - limited[row - 1], -most, most)
     return limited
+
+
+def require_stiff_gears(file: str, drives: Sequence[JointDrive], what: str) -> None:
+    """Refuse drives whose gears give way where that is not followed; InputError with the way out."""
+    if any(drive.gear_stiffness_N_m_per_rad is not None for drive in drives):
+        raise InputError(f"{file}: gear_stiffness_N_m_per_rad is not taken into account by {what}; leave it out")

@@ -17,6 +17,7 @@ from tendonff.compensator.scenario.goal import Given
 from tendonff.models.cached import cached_property
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
+from tendonff.models.joint.description import MOTOR, describe
 from tendonff.models.joint.parameters import DriveKind, JointDrive, Mechanism
 from tendonff.models.joint.parameters.finger import Finger, Motor
 from tendonff.models.joint.quasi_static import static_motor_rad
@@ -28,7 +29,10 @@ from tendonff.ocp.integrate.method import Method
 from tendonff.ocp.joint.invert import JointInversion, JointStatus, invert_joint, steady_joint_inverse
 from tendonff.ocp.joint.protocol import JointProblem
 from tendonff.ocp.joint.simulate import JointSimulation, simulate_joint
-from tendonff.ocp.joint.start import joint_problem
+from tendonff.ocp.joint.start import joint_problem, start_tensions
+from tendonff.ocp.mechanism.problem import MechanismProblem
+from tendonff.ocp.mechanism.response import MechanismRun, MechanismStatus, simulate_mechanism
+from tendonff.ocp.mechanism.start import mechanism_problem
 
 _SETTLING_CYCLES = 4
 _STEADY = 1e-3  # of the motion's range, by which the last two cycles may differ
@@ -220,6 +224,16 @@ class JointTask(MotorTask):
         if repeats > 1:  # from rest: the motor starts where it stands
             columns = [column * np.minimum(inner / (0.1 * span), 1.0) for column in columns]
         contact = np.interp(within, time, sampled.contact_N_m)
+        keep = slice(rows * (repeats - 1), None, refinement)
+        if system.drive.gear_stiffness_N_m_per_rad is not None:
+            known = np.column_stack([np.interp(within, time, column) for column in sampled.motion.angle_rad.T])
+            given = np.column_stack(columns)
+            problem = self._on_drums(system, level, masses)
+            turned = turned_through_gear(problem, given, step / refinement, known, contact, method)
+            position = turned.position[keep]
+            found = _of_gear(system, turned, position[:, :1], step, keep)
+            said = _settled(turned.message, rows, rad=turned.position[:, 0])
+            return replace(found, message=said) if repeats > 1 else found
         torque = spec.quantity is JointQuantity.TORQUE
         run = simulate_joint(
             joint_problem(system, level or self.level, sampled.motion, segments=masses),
@@ -229,12 +243,29 @@ class JointTask(MotorTask):
             led_rad=np.interp(within, time, sampled.angle_rad) if torque else None,
             method=method,
         ).require()
-        keep = slice(rows * (repeats - 1), None, refinement)
         angle = run.angle_rad[keep]
         output = run.torque_N_m[keep] - joint_load(system, sampled, step) if torque else angle
         position = np.column_stack([angle, sampled.motion.angle_rad[:, 1:]])
         found = _response(run, output, position, keep)
-        return replace(found, message=_settled(run, rows)) if repeats > 1 else found
+        said = _settled(run.message, rows, rad=run.angle_rad, N_m=run.torque_N_m)
+        return replace(found, message=said) if repeats > 1 else found
+
+    def _on_drums(self, system: Mechanism, level: Level | None, masses: int | None) -> MechanismProblem:
+        """A mechanism whose drums are free behind gears that give way, at rest where the reference starts."""
+        sampled = self.sampled
+        start = dict(zip(sampled.motion.names, sampled.motion.angle_rad[0].tolist(), strict=True))
+        contact = float(sampled.contact_N_m[0])
+        found = mechanism_problem(
+            describe(system, sampled.motion),
+            level or self.level,
+            start,
+            effort={system.joint.name: contact},
+            pretension_N={MOTOR: system.drive.pretension_N or 0.0},
+            sharing=Sharing(least_tension_N=system.drive.least_tension_N or 0.0),
+            segments=masses,
+        )
+        rest = start_tensions(joint_problem(system, level or self.level, sampled.motion, segments=masses), contact)[0]
+        return found.starting(rest)
 
     @property
     def without(self) -> Mapping[str, str]:
@@ -266,8 +297,17 @@ class JointTask(MotorTask):
     def turned(self, drums_rad: FloatArray, *, parts: int = 1, method: Method = Method.BDF2) -> Turned:
         """Motion under drums; where a torque is wanted, the joint is led; see `MotorTask.turned`."""
         sampled, led = self.sampled, self.scenario.motion is not None
-        time = np.arange((len(drums_rad) - 1) // parts + 1) * self.step_s
+        time: FloatArray = np.arange((len(drums_rad) - 1) // parts + 1, dtype=np.float64) * self.step_s
         contact, angle = (np.interp(time, sampled.time_s, x) for x in (sampled.contact_N_m, sampled.angle_rad))
+        if self.mechanism.drive.gear_stiffness_N_m_per_rad is not None:
+            known, step = finer(sampled.motion.at(time), parts), self.step_s / parts
+            problem = self._on_drums(self.mechanism, None, None)
+            turned = turned_through_gear(problem, drums_rad, step, known, finer(contact, parts), method)
+            return Turned(
+                response=_of_gear(self.mechanism, turned, turned.position[:, :1], step),
+                columns={"angle_rad": turned.position[:, 0]},
+                judged=("angle_rad",),
+            )
         run = simulate_joint(
             self.problem,
             drums_rad,
@@ -281,6 +321,44 @@ class JointTask(MotorTask):
             columns={"angle_rad": run.angle_rad, "torque_N_m": run.torque_N_m},
             judged=("torque_N_m" if led else "angle_rad",),
         )
+
+
+def turned_through_gear(
+    problem: MechanismProblem,
+    motor_rad: FloatArray,
+    step_s: float,
+    known: FloatArray,
+    contact: FloatArray,
+    method: Method,
+) -> MechanismRun:
+    """Motion of a joint under motors whose gears give way; SolveError where it fails."""
+    effort = np.zeros_like(known)
+    effort[:, 0] = contact
+    found = simulate_mechanism(problem, motor_rad, step_s, known=known, effort=effort, method=method)
+    if found.status is MechanismStatus.FAILED:
+        raise SolveError(found.message)
+    return found
+
+
+def _of_gear(
+    system: Mechanism, run: MechanismRun, output: FloatArray, step_s: float, kept: slice = slice(None)
+) -> MotorResponse:
+    """A run of free drums at the rows that are kept, those of the output, `step_s` apart."""
+    motor = run.motor[kept]
+    speed = np.gradient(motor, step_s, axis=0)
+    torque = system.drive.torque_N_m(run.effort[kept], np.gradient(speed, step_s, axis=0), np.sign(speed))
+    return MotorResponse(
+        status=run.status,
+        message=run.message,
+        output=output,
+        position_rad=run.position[kept],
+        motor_rad=motor,
+        torque_N_m=torque,
+        tension_N=run.tension_N[kept],
+        drum_N=run.drum_N[kept],
+        lowest_N=run.lowest_N[kept],
+        work=run.work,
+    )
 
 
 def _response(
@@ -342,15 +420,16 @@ def linear_motor_rad(scenario: JointScenario, sampled: SampledJoint) -> FloatArr
     return motor.mean(axis=1, keepdims=True) if mechanism.drive.kind is DriveKind.LOOP else motor
 
 
-def _settled(run: JointSimulation, rows: int) -> str:
-    """The message of a run over cycles of so many rows, or by how much the last two differ."""
+def _settled(message: str, rows: int, **outputs: FloatArray) -> str:
+    """The message of a run over cycles of so many rows, or by how much the last two differ, in the unit of the name."""
     apart = [
         (float(np.abs(each[-rows:] - each[-2 * rows : -rows]).max()), float(np.ptp(each[-rows:])), unit)
-        for each, unit in ((run.angle_rad, "rad"), (run.torque_N_m, "N m"))
+        for unit, each in outputs.items()
     ]
-    change, whole, unit = max(apart, key=lambda each: each[0] / max(each[1], 1e-12))
+    change, whole, name = max(apart, key=lambda each: each[0] / max(each[1], 1e-12))
     if change <= _STEADY * whole:
-        return run.message
+        return message
+    unit = name.replace("_", " ")
     share = 100 * change / max(whole, 1e-12)
     return f"{UNSETTLED} by {change:.2g} {unit} ({share:.2g} %) after {_SETTLING_CYCLES} periods"
 

@@ -13,6 +13,7 @@ typedef struct {
     tff_real lag;          /* of its servo, in samples */
     tff_real play_rad;     /* half the play of its gear, */
     tff_real turning_rad;  /* and the way back that counts as a reversal */
+    tff_real gives;        /* angle by which gear and servo give way to a torque [rad/(N m)] */
 } tff_finger_motor;
 
 typedef struct {
@@ -132,7 +133,7 @@ static void tff_finger_anchor(const tff_finger *self, const tff_strand *s, int k
 
 /* Commands of the motors after a step: its play and lag taken back, within its speed. After a loss of the reference they
  * set out from where they were. `samples`: time since the last one, `ratio` that over the time before. */
-static void tff_finger_tell(tff_finger *self, const tff_real *motor_rad, tff_real samples, tff_real ratio, int again)
+static void tff_finger_tell(tff_finger *self, const tff_real *drum_rad, tff_real samples, tff_real ratio, int again)
 {
     const tff_finger_record *const r = &tff_finger_records[self->which];
     const tff_real now = (1 + (ratio + ratio)) / (1 + ratio);
@@ -147,8 +148,9 @@ static void tff_finger_tell(tff_finger *self, const tff_real *motor_rad, tff_rea
     for (k = 0; k < r->motors; k++) {
         const tff_finger_motor *const own = &r->motor[k];
         const tff_real change_rad = own->change_rad * samples;
-        const tff_real lead = (own->lag / samples) * ((now * (motor_rad[k] - self->motor_rad[k])) - (then * (self->motor_rad[k] - self->before_rad[k])));
-        const tff_real gone = motor_rad[k] - self->furthest[k];
+        const tff_real motor_rad = drum_rad[k] + (own->gives * (self->motor_torque_N_m[k] - self->rest_N_m[k]));
+        const tff_real lead = (own->lag / samples) * ((now * (motor_rad - self->motor_rad[k])) - (then * (self->motor_rad[k] - self->before_rad[k])));
+        const tff_real gone = motor_rad - self->furthest[k];
         const int ahead = ((gone * self->side[k]) > 0) ? 1 : 0;
         const int turned = (TFF_FABS(gone) > own->turning_rad) ? 1 : 0;
         tff_real command;
@@ -156,9 +158,9 @@ static void tff_finger_tell(tff_finger *self, const tff_real *motor_rad, tff_rea
             self->side[k] = (gone > 0) ? (tff_real)1 : (tff_real)-1;
         }
         if ((turned != 0) || (ahead != 0)) {
-            self->furthest[k] = motor_rad[k];
+            self->furthest[k] = motor_rad;
         }
-        command = motor_rad[k] + (self->side[k] * own->play_rad) + lead;
+        command = motor_rad + (self->side[k] * own->play_rad) + lead;
         self->apart_rad[k] = (again != 0) ? (self->command_rad[k] - command) : self->apart_rad[k];
         command += self->back * self->apart_rad[k];
         if ((command - self->command_rad[k]) > change_rad) {
@@ -171,7 +173,7 @@ static void tff_finger_tell(tff_finger *self, const tff_real *motor_rad, tff_rea
             /* within its speed */
         }
         self->before_rad[k] = self->motor_rad[k];
-        self->motor_rad[k] = motor_rad[k];
+        self->motor_rad[k] = motor_rad;
         self->command_rad[k] = command;
         if (tff_finger_within(self->motor_torque_N_m[k], -own->torque_max_N_m, own->torque_max_N_m) == 0) {
             self->status |= TFF_TORQUE_LIMITED;
@@ -200,6 +202,7 @@ static void tff_finger_blank(tff_finger *self)
         self->motor_rad[k] = 0;
         self->motor_torque_N_m[k] = 0;
         self->before_rad[k] = 0;
+        self->rest_N_m[k] = 0;
         self->furthest[k] = 0;
         self->side[k] = 0;
         self->apart_rad[k] = 0;
@@ -307,6 +310,7 @@ int32_t tff_finger_init_at(tff_finger *self, int which, const tff_real joint_rad
             self->past[k] = self->last[k];
             self->tension_N[k] = self->last[k];
             self->drum_N[k] = self->last[k];
+            self->rest_N_m[v.record->motor_of[k]] += self->last[k] * v.record->sharing.winding_m[k];
             self->least_N = (self->last[k] < self->least_N) ? self->last[k] : self->least_N;
         }
         for (b = 0; b < v.record->bodies; b++) {

@@ -156,7 +156,7 @@ def _motor(drive: JointDrive, step_s: float) -> tuple[float, ...]:
     speed, torque = drive.speed_max_rad_per_s, drive.torque_max_N_m
     return (
         *(_NO_LIMIT if speed is None else speed * step_s, _NO_LIMIT if torque is None else torque),
-        *(drive.servo.servo_time_s / step_s, drive.play_rad / 2, drive.turning_rad),
+        *(drive.servo.servo_time_s / step_s, drive.play_rad / 2, drive.turning_rad, drive.gives_rad_per_N_m),
     )
 
 

@@ -214,7 +214,7 @@ def _described(
         *(text(change), text(drive.torque_max_N_m or 1e30), text(drive.servo.servo_time_s / step)),
         *(text(scale[0] / mechanism.arms_at(float(sampled.angle_rad[0]))[0]),),
         *(text(observed.observed_motor(scenario, sampled.angle_rad)[1]),),
-        *(text(drive.play_rad / 2), text(drive.turning_rad)),
+        *(text(drive.play_rad / 2), text(drive.turning_rad), text(drive.gives_rad_per_N_m)),
     ]
     if others:
         numbers.append("{ " + ", ".join(others if len(others) > 1 else [*others, *others]) + " }")

@@ -5,6 +5,7 @@ import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from enum import StrEnum
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -21,6 +22,20 @@ from tendonff.models.capstan import CapstanLaw
 
 EXPONENTS = {"mu_dynamic": "mu_theta", "mu_dynamic_release": "mu_theta_release"}
 """Friction as ln(T_in/T_out) in gross sliding, which follows from the coefficients."""
+
+
+class FitStatus(StrEnum):
+    """Outcome of an identification."""
+
+    DESCRIBED = "described"
+    SENSOR = "virtual sensor"  # no law of the mechanism explains the files, a virtual sensor does
+    UNEXPLAINED = "no law explains the files"
+
+    @property
+    def is_unexplained(self) -> bool:
+        """Nothing in `fitted.toml` comes from the files."""
+        return self is FitStatus.UNEXPLAINED
+
 
 RULE = (
     "the simplest law whose error on held-out data is within 2 % of the least; a further value is kept where it "
@@ -269,6 +284,11 @@ class Identification(Result):
     replay_validation_percent: float | None = None
 
     @property
+    def status(self) -> FitStatus:
+        """Whether a law explains the files."""
+        return FitStatus.DESCRIBED if self.described else FitStatus.UNEXPLAINED
+
+    @property
     def headline(self) -> str:
         """The answer in one line."""
         return headline(self)
@@ -289,6 +309,7 @@ class Identification(Result):
             "explains": str(self.explain),
             "law": self.law,
             "law_describes_the_device": self.described,
+            "status": str(self.status),
             "fit_percent_of_range": self.fit_percent,
             "validation_percent_of_range": self.validation_percent,
             "fitted_toml_percent_of_range": self.replay_percent,

@@ -179,7 +179,7 @@ class MechanismLaw:
         """Residuals of what is known before."""
         return np.array([np.log(values[n.name] / n.start) / n.prior for n in self._known(values)])
 
-    def _weighted(self, values: Values) -> Array:
+    def weighted(self, values: Values) -> Array:
         """Residuals in units of their expected size, then those of what is known before."""
         rows = [each for log in self.logs for each in self._scaled(log, *self.errors(log, self.respond(log, values)))]
         return np.concatenate([*rows, self._before(values)])
@@ -243,7 +243,7 @@ class MechanismLaw:
         start, numbers = np.array([values[n] for n in over]), [self.numbers[n] for n in over]
 
         def predict(x: Array) -> Array:
-            return self._weighted({**values, **dict(zip(over, x.tolist(), strict=True))})
+            return self.weighted({**values, **dict(zip(over, x.tolist(), strict=True))})
 
         steps = []
         for number, at in zip(numbers, start.tolist(), strict=True):
@@ -257,7 +257,7 @@ class MechanismLaw:
         found, columns = solution.residuals, [solution.residuals.slopes]
         for name, value in changed.items():
             start = self.fixed.get(name, self.numbers[name].start)
-            off = self._weighted({**solution.values, name: value}) - found.values
+            off = self.weighted({**solution.values, name: value}) - found.values
             columns.append(off[:, None] / (value - start))
         return replace(found, slopes=np.hstack(columns))
 
@@ -284,7 +284,7 @@ class MechanismLaw:
             return self.evaluate({n: values[n] for n in free}, free)
 
         def alone(values: Mapping[str, float]) -> Array:
-            return self._weighted({n: values[n] for n in free})
+            return self.weighted({n: values[n] for n in free})
 
         unknowns = [self._unknown(n, start[n]) for n in free]
         # few slopes come with the simulation; many, or those by differences, are wanted at the accepted points alone

@@ -320,6 +320,20 @@ class Quantity(_Specified, Enum):
             advice="add a push against a stop that is held for some relaxation times",
         ),
     )
+    STIFFENING = (
+        "stiffening",
+        Spec(
+            unit="-",
+            role=Role.EXTRA,
+            key="tendon.stiffening",
+            low=1e-3,
+            high=0.95,
+            step=0.1,
+            floor=0.01,
+            effect="stiffness that grows with the tension",
+            advice="the same motion at a higher level of tension",
+        ),
+    )
     RELAXATION_TIME = (
         "relaxation_time_s",
         Spec(
@@ -350,9 +364,10 @@ class Quantity(_Specified, Enum):
 
 
 QUANTITIES = tuple(q for q in Quantity if q.spec.role is not Role.START)
-EXTRAS = tuple(q for q in Quantity if q.spec.role is Role.EXTRA)
-OF_TENDONS = (Quantity.RELAXING, Quantity.ADHESION)
+OF_TENDONS = (Quantity.STIFFENING, Quantity.RELAXING, Quantity.ADHESION)
 """Effects that all tendons of several motors are tried with."""
+EXTRAS = tuple(q for q in Quantity if q.spec.role is Role.EXTRA and q is not Quantity.STIFFENING)
+"""Effects of a loop, whose tendons have one level of tension."""
 PARTNERS = {Quantity.RELAXING: (Quantity.RELAXATION_TIME,)}
 """Numbers that mean something beside another one only."""
 
@@ -474,11 +489,11 @@ def _apart(finger: Finger, quantity: Quantity, logs: Sequence[MotorsLog]) -> Ite
 
 def _held_N(motor: Motor, logs: Sequence[MotorsLog]) -> float:
     """About the tension of a motor's tendons at the start of its logs."""
-    own = [tension for (_, _, tension) in _told_N((motor,), logs)]
+    own = [tension for (_, _, tension) in told_N((motor,), logs)]
     return float(np.mean(own)) if own and sum(own) > 0 else motor.drive.pretension_N or 1.0
 
 
-def _told_N(motors: Sequence[Motor], logs: Sequence[MotorsLog]) -> Iterator[tuple[str, str, float]]:
+def told_N(motors: Sequence[Motor], logs: Sequence[MotorsLog]) -> Iterator[tuple[str, str, float]]:
     """Logs, tendons that are alone on their motors, and about their tensions at the start."""
     for log in logs:
         for motor in motors:
@@ -489,7 +504,7 @@ def _told_N(motors: Sequence[Motor], logs: Sequence[MotorsLog]) -> Iterator[tupl
 
 def _starts(finger: Finger, logs: Sequence[MotorsLog]) -> Iterator[Number]:
     quantity = Quantity.TENSION_AT_START
-    for log, tendon, tension in _told_N(finger.motors, logs):
+    for log, tendon, tension in told_N(finger.motors, logs):
         yield _number(quantity, start_key(log, tendon), max(tension, 0.1), log=log)
 
 

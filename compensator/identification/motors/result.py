@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from tendonff.compensator.identification.answer.result import Estimate
+from tendonff.compensator.identification.answer.result import Estimate, FitStatus
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.reading import Finding
 from tendonff.compensator.identification.motors.first_look import FirstLook
@@ -152,6 +152,13 @@ class MotorsIdentification(Result):
         return max(float(c.torque_percent.max()) for c in self.of_role("fit"))
 
     @property
+    def status(self) -> FitStatus:
+        """Whether a law explains the files."""
+        if self.described:
+            return FitStatus.DESCRIBED
+        return FitStatus.UNEXPLAINED if self.sensor is None else FitStatus.SENSOR
+
+    @property
     def headline(self) -> str:
         """The answer in two sentences."""
         if self.sensor is not None and not self.described:
@@ -181,6 +188,7 @@ class MotorsIdentification(Result):
             "schema": 1,
             "law": self.law,
             "law_describes_the_device": self.described,
+            "status": str(self.status),
             "estimates": {e.name: e.as_json() for e in self.estimates},
             "correlation": {"names": list(self.correlation_names), "matrix": self.correlation.tolist()},
             "virtual_sensor": None if self.sensor is None else self.sensor.as_json(),

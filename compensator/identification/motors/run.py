@@ -9,6 +9,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from tendonff.compensator.compensators.every import problem_of
+from tendonff.compensator.compensators.motors.drive import require_stiff_gears
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.motors.estimates import DERIVED, Found, correlation_of, estimates_of
 from tendonff.compensator.identification.motors.first_look import look
@@ -92,6 +93,7 @@ def identify_motors(
     >>> fit = tf.identify(scenario, ["log.csv"])  # doctest: +SKIP
     >>> print(fit.headline)  # doctest: +SKIP
     """
+    require_stiff_gears(scenario.source.name, problem_of(scenario).drives, "identify, whose tendons then are as soft")
     files, judging = tuple(map(Path, data)), tuple(map(Path, validate))
     identified = _loop if is_loop(scenario.mechanism) else _several
     with threadpool_limits(limits=1, user_api="blas"):
@@ -194,7 +196,7 @@ def _several(
     doubts = answered_several(finger, (*logs, *judges), scenario.run, scenario.source.name, confirm)
     found = fit_several(finger, logs, say)
     say("intervals")
-    answer = _answer(scenario, finger, found, judges, (*files, *judging))
+    answer = _answer(scenario, found.law.mechanism, found, judges, (*files, *judging))
     return replace(answer, warnings=(*doubts, *answer.warnings))
 
 

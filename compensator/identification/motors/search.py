@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from tendonff.compensator.identification.constants import TUNED
-from tendonff.compensator.identification.measured import Array
+from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.motors.alternatives import (
     STEPS,
     WIDER,
@@ -17,9 +17,15 @@ from tendonff.compensator.identification.motors.alternatives import (
 )
 from tendonff.compensator.identification.motors.estimates import Found
 from tendonff.compensator.identification.motors.first_look import FirstLook
-from tendonff.compensator.identification.motors.law import FINE_MASSES, MechanismLaw, covariance_of, promises
+from tendonff.compensator.identification.motors.law import (
+    EFFECT_SHARE,
+    FINE_MASSES,
+    MechanismLaw,
+    covariance_of,
+    promises,
+)
 from tendonff.compensator.identification.motors.log import MotorsLog
-from tendonff.compensator.identification.motors.parameters import EXTRAS, OF_TENDONS, PARTNERS, Quantity, Role
+from tendonff.compensator.identification.motors.parameters import EXTRAS, OF_TENDONS, PARTNERS, Quantity, Role, told_N
 from tendonff.compensator.identification.motors.result import DESCRIBED_PERCENT
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.models.joint.parameters.finger import Finger
@@ -27,6 +33,10 @@ from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fits.least_squares import Solution
 
 N = Quantity
+
+LEAST_TENSION_N = 0.1
+HELD_OUT_S = 2.0
+"""Stretches of a log that are fitted and held out in turn: longer than a reversal, shorter than a level of tension."""
 
 STOP_STIFFNESS_N_M_PER_RAD = 100.0
 """Of a stop that the scenario does not have, before the fit."""
@@ -47,13 +57,13 @@ FIRST_STEPS, FINE_STEPS = 5, 4
 FINE_PARTS = 2
 """Steps of the last simulations in one row."""
 
-FIRST_OF_SEVERAL, STEPS_OF_SEVERAL = 8, 12
-"""The same of several motors."""
+FIRST_OF_SEVERAL, STEPS_OF_SEVERAL = 8, 40
+"""The same of several motors: dry friction of the motors and mu part slowly, in up to 30 steps."""
 
 
 def fit_several(finger: Finger, logs: Sequence[MotorsLog], say: Callable[[str], None]) -> Found:
     """All numbers of a mechanism whose motors each feel their own."""
-    coarse = MechanismLaw(mechanism=finger, logs=logs)
+    coarse = MechanismLaw(mechanism=that_may_stiffen(finger, logs), logs=logs)
     say("whole mechanism")
     start = {n.name: n.start for n in coarse.numbers.values() if n.spec.role in (Role.CORE, Role.START)}
     solution = coarse.fit(start, most=FIRST_OF_SEVERAL)
@@ -61,17 +71,59 @@ def fit_several(finger: Finger, logs: Sequence[MotorsLog], say: Callable[[str], 
     law = replace(coarse, segments=FINE_MASSES, refinement=FINE_PARTS)
     solution = law.fit(solution.values, most=STEPS_OF_SEVERAL)
     promised = promises(law, solution, OF_TENDONS)
+    tried = {n: (each.gain, False) for n, each in promised.items()}
+    if promised[N.STIFFENING].gain >= max(TUNED.worth_a_constant, *(each.gain for each in promised.values())):
+        say(f"with {N.STIFFENING.spec.effect}")
+        more = law.fit({**solution.values, N.STIFFENING: EFFECT_SHARE}, most=STEPS_OF_SEVERAL)
+        if _better_unseen(law, more, solution):
+            solution, tried[N.STIFFENING] = more, (promised[N.STIFFENING].gain, True)
+            promised = promises(law, solution, OF_TENDONS)
+    if N.STIFFENING not in solution.values:
+        law = replace(law, mechanism=finger)
     lacking = {n: each for n, each in promised.items() if each.gain >= TUNED.worth_a_constant}
     found = Found(
         law=law,
         solution=solution,
         covariance=covariance_of(law, solution),
-        tried=tuple((n, each.gain, False) for n, each in promised.items()),
+        tried=tuple((n, gain, taken) for n, (gain, taken) in tried.items()),
         lacking=tuple(lacking),
     )
     shifts = [each.shift / found.reach for each in lacking.values()]
     wider: Array = sum((np.outer(s, s) for s in shifts), start=found.covariance)
     return replace(found, covariance=wider)
+
+
+def that_may_stiffen(finger: Finger, logs: Sequence[MotorsLog]) -> Finger:
+    """The mechanism with a tension from which stiffness may grow, which the scenario states or the logs show."""
+    tensions = [tension for _, _, tension in told_N(finger.motors, logs)]
+    usual = max(float(np.mean(tensions)) if tensions else 0.0, LEAST_TENSION_N)
+    tendons = tuple(
+        replace(each, tendon=replace(each.tendon, stiffening=0.0, stiffening_tension_N=usual))
+        if each.tendon.stiffening is None
+        else each
+        for each in finger.tendons
+    )
+    return replace(finger, tendons=tendons)
+
+
+def _better_unseen(law: MechanismLaw, more: Solution, fewer: Solution) -> bool:
+    """Whether a solution of more numbers has the smaller error in stretches of the logs that neither was fitted to."""
+
+    def off(solution: Solution, even: int) -> float:
+        seen, unseen = (
+            replace(law, logs=[replace(log, counted=log.counted & _in_turn(log, way)) for log in law.logs])
+            for way in (even, 1 - even)
+        )
+        values = seen.fit(solution.values, most=FIRST_OF_SEVERAL).values
+        return float(np.sum(np.log1p(unseen.weighted(values) ** 2)))
+
+    return sum(off(more, k) for k in (0, 1)) < sum(off(fewer, k) for k in (0, 1))
+
+
+def _in_turn(log: MotorsLog, even: int) -> Mask:
+    """Rows of every other stretch of a log."""
+    rows: Mask = (log.time_s // HELD_OUT_S).astype(int) % 2 == even
+    return rows
 
 
 def with_stops(

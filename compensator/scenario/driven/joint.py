@@ -221,6 +221,7 @@ def parse_joint_scenario(text: str, source: str | os.PathLike[str] = "scenario.t
         text=text,
         observer=read_table(ObserverTable, raw["observer"], file=file, table="observer") if "observer" in raw else None,
     )
+    _check_gear(scenario)
     named = [getattr(part, "file", None) for part in (reference, motion, *others.values())]
     return replace(scenario, inputs=(*inputs, *(source.parent / each for each in named if each)))
 
@@ -394,6 +395,23 @@ def _drive(raw: object, file: str) -> JointDrive:
     if not drive.drum_radius_m:
         raise InputError(f"{file} [drive]: drum_radius_m must be a number or one for each tendon, got an empty list")
     return drive
+
+
+def _check_gear(scenario: JointScenario) -> None:
+    """Refuse what a motor whose gear gives way is not followed through."""
+    if scenario.mechanism.drive.gear_stiffness_N_m_per_rad is None:
+        return
+    asked = {
+        "[adaptation]": scenario.adaptation is not None,
+        "[feedback]": scenario.feedback is not None,
+        'quantity = "joint_torque"': scenario.reference.quantity is JointQuantity.TORQUE,
+    }
+    for name, given in asked.items():
+        if given:
+            raise InputError(
+                f"{scenario.source.name} [drive]: gear_stiffness_N_m_per_rad is not taken into account with {name}; "
+                "leave one of them out"
+            )
 
 
 def _reference(raw: object, file: str) -> tuple[JointReference, JointReference | None]:

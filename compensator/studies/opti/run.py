@@ -1,6 +1,7 @@
 """`tf.opti`: what a scenario asks for, as a `casadi.Opti` with the scenario's reference, limits and weights."""
 
 from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.motors.drive import require_stiff_gears
 from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.compensators.motors.joint import JointTask
 from tendonff.compensator.compensators.optimal import posed
@@ -38,6 +39,7 @@ def opti_of_joint(
 ) -> JointFormulation:
     """Pose the problem of a driven joint; see `opti`."""
     _require_once(scenario.source.name, scenario.reference.periodic)
+    require_stiff_gears(scenario.source.name, [scenario.mechanism.drive], "opti")
     if scenario.reference.quantity is not JointQuantity.ANGLE:
         raise InputError(
             f"{scenario.source.name}: opti of a joint follows an angle, this reference is a torque; give "
@@ -59,6 +61,7 @@ def opti_of_finger(
 ) -> JointFormulation:
     """Pose the problem of several driven joints; see `opti`."""
     _require_once(scenario.source.name, scenario.periodic)
+    require_stiff_gears(scenario.source.name, [motor.drive for motor in scenario.mechanism.motors], "opti")
     task = FingerTask.of(scenario, level)
     pursuit = Pursuit(
         wanted_rad=task.wanted_rad,

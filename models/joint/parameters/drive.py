@@ -68,6 +68,9 @@ class JointDrive:
     backlash_rad : float, optional
         Play of the gear, in series with the drum of a loop [rad of the commanded shaft], >= 0: the drum stands, held by
         its tendons, until the motor has crossed it. A pair's tensions keep its gears on one side.
+    gear_stiffness_N_m_per_rad : float, optional
+        Torque over the angle by which gear and servo, in series, give way, both at the commanded shaft [N m/rad], > 0:
+        the motor is ahead of its drum by what its tendons take over it; default: they do not give.
     homing_rad : float, optional
         Size of the stroke to both sides [rad of the joint], >= 0, that wipes out before a run what friction has stored.
     """
@@ -90,6 +93,7 @@ class JointDrive:
     command_hold: CommandHold = CommandHold.LINE
     backlash_rad: float = 0.0
     drive_class: DriveClass | None = None
+    gear_stiffness_N_m_per_rad: float | None = None
     homing_rad: float = 0.0
 
     def __post_init__(self) -> None:
@@ -103,7 +107,8 @@ class JointDrive:
             require(name, getattr(self, name), least=0, hint="leave it out for none")
         for name in ("servo_time_s", "delay_s"):
             require_given(name, getattr(self, name), least=0, hint="leave it out for none")
-        for name in ("torque_constant_N_m_per_A", "speed_max_rad_per_s", "torque_max_N_m", "command_interval_s"):
+        above_zero = ("torque_constant_N_m_per_A", "speed_max_rad_per_s", "torque_max_N_m", "command_interval_s")
+        for name in (*above_zero, "gear_stiffness_N_m_per_rad"):
             require_given(name, getattr(self, name), above=0, hint="leave it out if it is not known")
         require_efficiency(self.gear_efficiency)
         if self.kind is DriveKind.LOOP:
@@ -129,6 +134,11 @@ class JointDrive:
         dry = slip_friction(self.coulomb_N_m, 1 - self.gear_efficiency, np.abs(held_N_m))
         torque: Array = held_N_m + self.inertia_kg_m2 * acceleration_rad_per_s2 + dry * way
         return torque
+
+    @property
+    def gives_rad_per_N_m(self) -> float:
+        """Angle by which gear and servo give way to a torque at the commanded shaft [rad/(N m)]."""
+        return 0.0 if self.gear_stiffness_N_m_per_rad is None else 1 / self.gear_stiffness_N_m_per_rad
 
     @property
     def play_rad(self) -> float:

@@ -12,6 +12,7 @@ from tendonff.models.mechanism import (
     Force,
     Lead,
     Mechanism,
+    Servo,
     Tendon,
     Unit,
 )
@@ -19,6 +20,9 @@ from tendonff.models.mechanism.geometry import Geometry, Routed
 from tendonff.models.mechanism.mechanism import led_joints
 from tendonff.models.mechanism.sharing import Sharing
 from tendonff.models.path import JointMotion, TabulatedSection
+
+DRUM_INERTIA_KG_M2 = 1e-9
+"""Inertia of a drum at the commanded shaft, which a balance needs [kg m2]: as good as none."""
 
 _BRISTLE_ARM_M = 0.01
 """Moment arm at which the dry friction of a joint has the bristles of the first tendon [m]."""
@@ -141,6 +145,8 @@ class Finger(Routed):
     def mechanism(self, motion: JointMotion) -> Mechanism:
         """Bodies, tendons and drives: joints are free, motors led, and other joints that sections name are led.
 
+        A motor whose gear gives way is a drum on a servo of that stiffness.
+
         The motion is that of the joints, whose ranges decide who gets masses, and of the others.
         """
         columns = dict(zip(motion.names, motion.angle_rad.T, strict=True))
@@ -156,15 +162,16 @@ class Finger(Routed):
         )
         named = (joint for tendon in self.tendons for section in tendon.path.sections for joint in section.joints)
         others = tuple(dict.fromkeys(name for name in named if name not in self.names))
-        motors = tuple(
-            Body(name=motor.body, unit=Unit.RADIAN, inertia=max(motor.drive.inertia_kg_m2, 1e-9))
-            for motor in self.motors
-        )
-        led = (*led_joints(motion, others), *motors)
+        motors = tuple(Body(name=motor.body, unit=Unit.RADIAN, inertia=_inertia(motor.drive)) for motor in self.motors)
+        led = led_joints(motion, others)
         return Mechanism(
-            bodies=(*free, *led),
+            bodies=(*free, *led, *motors),
             tendons=tuple(self._tendon(tendon) for tendon in self.tendons),
-            drives=(*(Force(body=body.name) for body in free), *(Lead(body=body.name) for body in led)),
+            drives=(
+                *(Force(body=body.name) for body in free),
+                *(Lead(body=body.name) for body in led),
+                *(turning(motor.body, motor.drive) for motor in self.motors),
+            ),
         )
 
     def _tendon(self, tendon: JointTendon) -> Tendon:
@@ -175,3 +182,14 @@ class Finger(Routed):
             if name == tendon.name
         )
         return tendon.wound_on(near)
+
+
+def turning(body: str, drive: JointDrive) -> Lead | Servo:
+    """Drive of a drum: led by its motor, or through a gear that gives way."""
+    stiffness = drive.gear_stiffness_N_m_per_rad
+    return Lead(body=body) if stiffness is None else Servo(body=body, stiffness=stiffness)
+
+
+def _inertia(drive: JointDrive) -> float:
+    """Inertia of what turns: the motor's, where it is forced; a drum behind a gear that gives way has next to none."""
+    return DRUM_INERTIA_KG_M2 if drive.gear_stiffness_N_m_per_rad else max(drive.inertia_kg_m2, DRUM_INERTIA_KG_M2)

@@ -56,6 +56,7 @@ def test_without_the_motion_the_message_names_the_columns_that_were_not_read(sce
     fit, judge = (sorted((folder / part).glob("*.csv"))[:2] for part in ("identify", "validate"))
     found = identify(replace(scenario, measurement=how), fit, judge, static_only=True)
     assert not found.described
+    assert found.as_json()["status"] == "no law explains the files"
     [message] = [w for w in found.warnings if "no law explains" in w]
     assert "--input-position-column" in message
     assert "columns not read: input_angle_rad, motor_current_A, output_angle_rad" in message

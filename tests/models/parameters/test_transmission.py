@@ -16,6 +16,8 @@ from tendonff.models.tendon.elements import whole_of
 
 OTHER_RULES = (
     "second_relaxing_stiffness_N_per_m",
+    "stiffening",
+    "stiffening_tension_N",
     "second_relaxation_time_s",
     "segments",
     "sections",

@@ -73,16 +73,56 @@ def test_what_was_learned_one_way_is_turned_round_where_the_reference_turns():
     assert left["shaped"] < 0.55 * left["plain"]
 
 
-@pytest.mark.parametrize("true_s", [0.006, 0.012, 0.020])
-def test_the_age_of_the_measurement_is_learned_beside_friction(true_s):
-    found = FeedbackController(replace(LAW, friction_share=0.5, stroke=0.2, error_scale=0.005))
-    reference = wave(TIME)
-    reached = reference - 0.005 * np.sign(np.gradient(reference))
-    corrected = np.zeros(len(TIME) + 1)
+def beside(law, error, *, true_s, lag_s=0.02):
+    """Errors of a joint behind a servo whose feedforward leaves this error, and the controller at the end."""
+    found, reference = FeedbackController(law), wave(TIME)
+    reached, follow = np.zeros(len(TIME)), 1 - math.exp(-LAW.sample_s / lag_s)
+    moved = 0.0
     for k, r in enumerate(reference):
-        seen = np.interp(TIME[k] - true_s, TIME[: k + 1], reached[: k + 1] + corrected[: k + 1])
-        corrected[k + 1] = found.step(float(r), float(seen))
-    assert found.age_s == pytest.approx(true_s, abs=0.002)
+        reached[k] = r + error[k] + moved
+        moved += follow * (found.step(float(r), float(np.interp(TIME[k] - true_s, TIME, reached))) - moved)
+    return reached - reference, found
+
+
+LEARNING = replace(LAW, lag_s=0.02, stroke=0.05, width=0.002, error_scale=0.005, half_range=0.4)
+FRICTION = -0.005 * np.sign(np.gradient(wave(TIME)))
+
+
+@pytest.mark.parametrize("true_s", [0.0, 0.006, 0.012, 0.020, 0.024])
+def test_the_age_of_the_measurement_is_learned_beside_friction(true_s):
+    _, found = beside(LEARNING, FRICTION, true_s=true_s)
+    assert found.age_s == pytest.approx(true_s, abs=0.001)
+
+
+def test_an_error_that_grows_with_the_reference_is_learned_beside_friction():
+    """Once learned it is corrected before it is measured; integrals follow it late."""
+    error = FRICTION - 0.003 - 0.01 * wave(TIME) / 0.4
+    late = TIME > 1.5
+    learned, plain = (
+        np.sqrt(np.mean(beside(law, error, true_s=0.012)[0][late] ** 2)) for law in (LEARNING, LEARNING.plain())
+    )
+    assert learned < 0.25 * np.sqrt(np.mean(error[late] ** 2))
+    assert learned < 0.45 * plain
+
+
+@pytest.mark.parametrize("of_the_joint", [True, False])
+def test_a_small_error_of_the_rate_is_the_joint_s_and_a_large_one_an_age(of_the_joint):
+    """0.5 ms: with a bound of 1 ms it is corrected, with none it is taken for a measurement that is younger."""
+    law = replace(LEARNING, rate_error_s=0.001 if of_the_joint else 0.0)
+    error = -0.0005 * np.gradient(wave(TIME), LAW.sample_s)
+    left = beside(law, error, true_s=LAW.delay_s)[0][TIME > 1.5]
+    share = np.sqrt(np.mean(left**2) / np.mean(error[TIME > 1.5] ** 2))
+    assert (share < 0.25) if of_the_joint else (share > 0.7)
+
+
+def test_at_rest_nothing_is_learned():
+    """There the correction of a constant error grows by the integral alone."""
+    found = FeedbackController(LEARNING)
+    moved = [found.step(float(r), float(r)) for r in wave(TIME[:40])]
+    still = float(wave(TIME[39]))
+    held = [found.step(still, still - 0.01) for _ in range(100)]
+    assert moved[0] == 0.0
+    assert held[-1] - held[-51] == pytest.approx(50 * LAW.integral_per_s * LAW.sample_s * 0.01, rel=1e-9)
 
 
 def test_a_delay_beyond_the_delay_line_is_refused_with_the_bound():

@@ -88,8 +88,9 @@ def identify(
     ] = None,
     static_only: Annotated[bool, typer.Option("--static", help="Fit the quasi-static laws only.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help=_YES)] = False,
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 where no law explains the files.")] = False,
     pdf: PdfOption = False,
-) -> None:
+) -> int:
     """Fit the parameters to measured data.
 
     The data are tensions, and optionally positions, at both ends of the tendon. For a joint between tendons: angle
@@ -105,7 +106,7 @@ def identify(
         with atomic_directory(out) as folder:
             routine = works.function_of("write_suggestion", loaded)(loaded, folder, pdf=pdf)
         say(*routine.lines(out))
-        return
+        return 0
     if not data:
         raise InputError(
             "no measured file given; name at least one with --data, or ask for an excitation with --suggest"
@@ -134,7 +135,7 @@ def identify(
 
     with atomic_directory(out) as folder:
         if _identify_servo(loaded, out, folder, data, header=header or loaded.measurement.columns or ()):
-            return
+            return 0
         try:
             how = replace(loaded.measurement, **{k: v for k, v in names.items() if v is not None})  # type: ignore[arg-type]
             how = _of_columns(how, "--scale", scale or [], SCALED, "input=9.81 turns kg into N")
@@ -158,6 +159,7 @@ def identify(
             found.write(folder, pdf=pdf)
     warn(*found.warnings)
     say(*found.lines(str(out)))
+    return int(strict and found.status.is_unexplained)
 
 
 def _identify_servo(loaded: "AnyScenario", out: Path, folder: Path, data: list[Path], *, header: Sequence[str]) -> bool:

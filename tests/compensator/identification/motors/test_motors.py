@@ -23,8 +23,10 @@ from tendonff.compensator.identification.motors.run import (
     mechanism_of,
     suggest_motor_routine,
 )
+from tendonff.compensator.identification.motors.search import that_may_stiffen
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenarios import load_scenario, parse_any
+from tendonff.compensator.studies.design.motors.run import design_motors
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.ocp.fits.mechanism import MotorRun
 
@@ -34,19 +36,42 @@ STEP_S = 1e-3
 COUNT_RAD = 2 * np.pi / 4096
 
 
-def log_of(scenario, true, routine, *, coulomb, tension_N, folder, encoder=True, plant_step_s=2e-6, masses=12):
-    """Angles in 12 bits, torques with 1 % of noise."""
-    time = np.arange(round(routine.time_s[-1] / STEP_S) + 1) * STEP_S
-    motor = np.column_stack([np.interp(time, routine.time_s, angle) for angle in routine.motor_rad.T])
-    names = [tendon.name for tendon in true.tendons]
-    drums = np.zeros((len(true.motors), len(names)))
+def drums_of(true):
+    """Travel of each tendon per radian of each motor."""
+    names, drums = [tendon.name for tendon in true.tendons], np.zeros((len(true.motors), len(true.tendons)))
     for k, each in enumerate(true.motors):
         for name, winding in zip(each.winds, each.winding_m, strict=True):
             drums[k, names.index(name)] = winding
-    start = routine.joint_rad[0]
+    return drums
+
+
+def tracking_deg(fitted, true, growth=(0.0, 1.0), **plant):
+    """RMS error of the joints of the hidden plant under a design from the fitted scenario, and under `linear`."""
+    design = design_motors(load_scenario(fitted))
+    time, errors = design.task.target_time_s, []
+    wanted = design.task.wanted.reshape(-1, len(time)).T
+    start = design.profiles["inverse"].tension_N[0]
+    for name in ("inverse", "linear"):
+        motor = design.profiles[name].motor_rad
+        reached = finger_plant.respond(
+            true.joints, true.tendons, drums_of(true), motor - motor[0], time[1] - time[0], wanted[0], start,
+            stiffening=growth, **plant,
+        ).angle_rad  # fmt: skip
+        errors.append(np.degrees(np.sqrt(np.mean((reached - wanted[1:]) ** 2))))
+    return errors
+
+
+def log_of(
+    scenario, true, routine, *, coulomb, tension_N, folder, encoder=True, plant_step_s=2e-6, masses=12, growth=0.0
+):
+    """Angles in 12 bits, torques with 1 % of noise; stiffness grows by a share from the tension of the start."""
+    time = np.arange(round(routine.time_s[-1] / STEP_S) + 1) * STEP_S
+    motor = np.column_stack([np.interp(time, routine.time_s, angle) for angle in routine.motor_rad.T])
+    drums, start = drums_of(true), routine.joint_rad[0]
     found = finger_plant.respond(
-        true.joints, true.tendons, drums, motor, STEP_S, start, tension_N, masses=masses, step_s=plant_step_s
-    )
+        true.joints, true.tendons, drums, motor, STEP_S, start, tension_N,
+        stiffening=(growth, float(tension_N[0])), masses=masses, step_s=plant_step_s,
+    )  # fmt: skip
     held = np.vstack([tension_N, found.drum_N]) @ drums.T
     rng = np.random.default_rng(5)
     columns = {"time_s": time}
@@ -148,6 +173,31 @@ def test_a_finger_of_three_joints_and_four_tendons_is_found(tmp_path, encoder):
     found = identify_motors(scenario, [log])
     for key, value in truth.items():
         assert found.estimate(key).value == pytest.approx(value, rel=0.03), key
+    found.write(tmp_path / "fit")
+    after, plain = tracking_deg(tmp_path / "fit" / "fitted.toml", true, masses=16, step_s=4e-6)
+    assert after < 0.05
+    assert plain > 0.3
+
+
+@pytest.mark.nightly
+@pytest.mark.slow
+def test_stiffness_that_grows_with_the_tension_is_found_and_costs_a_design_nothing(pair, tmp_path):
+    """30 % from 5 to 10 N. A constant stiffness is 17 % off, and leaves 0.15 deg after design."""
+    _, scenario, truth, _ = pair
+    true = with_numbers(mechanism_of(scenario)[0], truth)
+    log = log_of(
+        scenario, true, suggest_motor_routine(scenario), coulomb=(2e-3, 3e-3), tension_N=np.array([5.0, 5.0]),
+        folder=tmp_path, masses=8, growth=0.3,
+    )  # fmt: skip
+    found = identify_motors(scenario, [log])
+    low, high = found.estimate("stiffening").interval
+    assert low < 0.3 < high
+    assert high - low < 0.2
+    for key, value in truth.items():
+        assert found.estimate(key).value == pytest.approx(value, rel=0.03), key
+    found.write(tmp_path / "fit")
+    after, _ = tracking_deg(tmp_path / "fit" / "fitted.toml", true, (0.3, 5.0), masses=8, step_s=2e-6)
+    assert after < 0.05
 
 
 @pytest.mark.parametrize("example", ["instrument_pair.toml", "three_joint_finger.toml"])
@@ -177,7 +227,7 @@ def test_an_effect_of_the_tendons_that_the_law_lacks_is_named_and_widens_the_int
     finger, sampled = mechanism_of(scenario)
     [log] = read_several(finger, [file], sampled.angle_rad[0], Measurement())
     log = log.part(slice(0, len(log.torque_N_m) // 3), 0.0)
-    law = MechanismLaw(mechanism=finger, logs=[log], segments=4)
+    law = MechanismLaw(mechanism=that_may_stiffen(finger, [log]), logs=[log], segments=4)
     own = {
         n.name: 5.0 if n.of_start else n.start for n in law.numbers.values() if n.spec.role in (Role.CORE, Role.START)
     }
