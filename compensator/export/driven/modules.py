@@ -16,7 +16,7 @@ from tendonff.ocp.codegen.templates import environment
 from tendonff.ocp.joint.target import ConstantData
 
 MODULES: tuple[Module, ...] = (PROFILE, TABLE)
-"""A further module is one entry here, with its record and its fixed text `core/tff_NAME.c`, `core/tff_NAME_record.h`."""
+"""A further module is one entry here: its record, and its fixed text `core/tff_NAME.c`, `core/tff_NAME_record.h`."""
 
 _TEMPLATES = environment("tendonff.compensator.export", "templates/driven")
 
