@@ -13,7 +13,7 @@ from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.joint.target import ConstantData
 
 ENDED, SPEED_LIMITED = 64, 4
-"""Status bits of modules: the end of what is played back was reached, the speed of a motor binds."""
+"""Status bits of modules: the end of the commands was reached, the speed of a motor binds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,7 +115,7 @@ class Module:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exports:
-    """What an export has beside the inverse.
+    """Modules that an export has beside the inverse.
 
     Attributes
     ----------
@@ -138,7 +138,7 @@ class Exports:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What is left out since it does harm."""
+        """Modules that are left out since they do harm."""
         return tuple(f"the module {name} is left out: {self.refused[name]}" for name in self.harmful)
 
     def into(self, context: dict[str, Any]) -> dict[str, Any]:

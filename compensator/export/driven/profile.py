@@ -1,4 +1,4 @@
-"""The commands of a design, to be played back sample by sample."""
+"""The commands of a design, to be sent sample by sample."""
 
 import numpy as np
 
@@ -21,7 +21,7 @@ def _content(designed: Designed, data: ConstantData) -> Content:
 
 PROFILE = Module(
     name="profile",
-    content="commands of the design, played back sample by sample",
+    content="commands of the design, sent sample by sample",
     about=(
         "Play and lag of the drive are taken back with the whole reference known. After the last sample the command",
         "stays, with the status ENDED; of a cycle comes its first one again, in the steady state: lead the motors to",
