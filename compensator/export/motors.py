@@ -104,12 +104,15 @@ def live_headline(task: MotorTask, source: Path) -> str:
     )
 
 
+def rms_of(task: MotorTask, command_rad: FloatArray) -> float:
+    """RMS error of commands on the mechanism that a design is verified on [rad or N m]."""
+    run = task.respond(task.system, command_rad, masses=task.masses, refinement=task.refinement)
+    return float(np.sqrt(np.mean((run.output[task.lead :] - task.target) ** 2)))
+
+
 def judge(task: MotorTask, name: str, command_rad: FloatArray) -> JudgedJoint:
     """Simulate commands, and those of the ratio alone, on the mechanism that a design is verified on."""
-    errors = []
-    for command in (command_rad, task.commanded(task.lengths_rad, by_ratio=True)):
-        run = task.respond(task.system, command, masses=task.masses, refinement=task.refinement)
-        errors.append(float(np.sqrt(np.mean((run.output[task.lead :] - task.target) ** 2))))
+    errors = [rms_of(task, command) for command in (command_rad, task.commanded(task.lengths_rad, by_ratio=True))]
     judged = JudgedJoint(
         name=name,
         rms=errors[0],

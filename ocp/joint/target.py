@@ -180,20 +180,20 @@ class ConstantData:
     """Constant arrays in C; equal ones are written once."""
 
     def __init__(self, prefix: str, precision: Precision) -> None:
-        self.prefix, self._precision = prefix, precision
+        self.prefix, self.precision = prefix, precision
         self.lines: list[str] = []
         self._known: dict[str, str] = {}
 
     def number(self, value: float) -> str:
         """Text of a number."""
-        return literal(value, self._precision)
+        return literal(value, self.precision)
 
     def array(self, values: Iterable[float], *, integers: bool = False) -> str:
         """Name of an array with these values; a null pointer for none."""
         texts = [str(int(v)) if integers else self.number(float(v)) for v in values]
         if not texts:
             return "NULL"
-        kind = "int" if integers else self._precision.value
+        kind = "int" if integers else self.precision.value
         text = f"{kind}:{', '.join(texts)}"
         if text not in self._known:
             name = self._known[text] = f"{self.prefix}_{'which' if integers else 'data'}_{len(self._known) + 1}"

@@ -13,6 +13,7 @@ import pytest
 from tendonff.compensator.cli import run
 from tendonff.compensator.compensators.every import compensator_of
 from tendonff.compensator.compensators.motors.joint import JointTask
+from tendonff.compensator.compensators.motors.table import BOUND_SHARE
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.driven.joint import JointScenario, parse_joint_scenario
 from tendonff.compensator.scenarios import load_scenario
@@ -21,7 +22,7 @@ from tendonff.compensator.studies.adapt.loop import LoopTrials
 from tendonff.compensator.studies.compare.run import compare
 from tendonff.compensator.studies.design.motors.run import design_motors
 from tendonff.compensator.studies.design.sweep.run import sweep
-from tendonff.compensator.studies.tables.motor import BOUND_SHARE, MotorTables
+from tendonff.compensator.studies.tables.motor import MotorTables
 from tendonff.models.fidelity import Level
 from tendonff.models.joint.parameters import DriveKind, Mechanism
 from tendonff.models.parameters.numbers import with_numbers

@@ -1,5 +1,6 @@
 """Task of several driven joints: references, and the engine of their mechanism, which inverts and simulates it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -67,6 +68,17 @@ class FingerTask(MotorTask):
     def target(self) -> FloatArray:
         """Angles of the joints that have a reference, shape (rows, wanted)."""
         return self.wanted_rad
+
+    @property
+    def without(self) -> Mapping[str, str]:
+        """Modules of exported C that it does not have; see `MotorTask.without`."""
+        return {
+            **super().without,
+            "table": "the angle of each motor hangs on all joints and the way of each",
+            "plant": "the exported C leads the joints; tendonff simulate moves them by the motors",
+            "observer": "the motors do not tell the far ends of tendons apart that share a joint",
+            "adaptive": "joints share tendons, so that the torque of one motor tells of many",
+        }
 
     def by_motor(self) -> tuple[Finger, SampledFinger]:
         """The finger and its reference."""

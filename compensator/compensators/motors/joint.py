@@ -1,5 +1,6 @@
 """Task of one driven joint: its reference, and the engine of its mechanism, which inverts and simulates it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -265,6 +266,22 @@ class JointTask(MotorTask):
         )
         rest = start_tensions(joint_problem(system, level or self.level, sampled.motion, segments=masses), contact)[0]
         return found.starting(rest)
+
+    @property
+    def without(self) -> Mapping[str, str]:
+        """Modules of exported C that it cannot have; see `MotorTask.without`."""
+        found, sampled, mechanism = dict(super().without), self.sampled, self.mechanism
+        others = sampled.others(mechanism.joint.name)
+        moved = {name for name, angle in others.items() if np.ptp(angle) > 0}
+        if self.scenario.reference.quantity is JointQuantity.TORQUE:
+            found["table"] = "a table over the angle has no room for a torque"
+        elif any(tendon.follows(name) for name in moved for tendon in mechanism.tendons):
+            found["table"] = "no table can hold a path that other joints move"
+        if not self.problem.loop and len(self.motors) > 1:
+            found |= dict.fromkeys(
+                ("plant", "observer"), "one motor of a loop tells where its joint is; those of a pair set tensions too"
+            )
+        return found
 
     @property
     def without_homing(self) -> "JointTask":

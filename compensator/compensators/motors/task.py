@@ -280,6 +280,14 @@ class MotorTask(ABC):
         """
 
     @property
+    def without(self) -> Mapping[str, str]:
+        """Modules of exported C that it cannot have, and the physical reason."""
+        return {
+            "capstan": "the capstan law gives the ratio of two tensions, and a motor's angle needs their stretch too",
+            "bounds": "friction bounds a tension by that of the near end; the angle of a joint hangs on its load too",
+        }
+
+    @property
     def without_homing(self) -> Self:
         """The same without a homing stroke: a file says what is turned."""
         return self

@@ -30,9 +30,9 @@ def build_finger_fmu(
 ) -> Fmu:
     """Wrap the exported C of a finger; arguments and errors as of `tendonff.export_fmu`."""
     check_prefix(prefix)
-    if kind is not Kind.INVERSE:
-        raise InputError(f"{scenario.source.name}: no {kind} serves this drive and path; use --kind inverse")
     task = FingerTask.of(scenario, level)
+    if reason := task.without.get(kind.value):
+        raise InputError(f"{scenario.source.name}: no unit of the kind {kind}: {reason}; use --kind inverse")
     task.check_reach()
     module = finger_module([task], [task.problem(task.finger)], Precision.DOUBLE, prefix)
     [described] = module.context["fingers"]

@@ -9,6 +9,8 @@ import numpy as np
 from tendonff._version import __version__
 from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.export.drive import test_text
+from tendonff.compensator.export.driven.module import Designed
+from tendonff.compensator.export.driven.modules import modules_beside
 from tendonff.compensator.export.finger.golden import (
     BACK_ROWS,
     FingerCourse,
@@ -83,7 +85,16 @@ def export_fingers(
         "verifying": f"{max(task.masses for task in tasks)} masses a tendon at step/{FingerTask.refinement}",
         "usual": "" if found is None else f"{max(float(each.evaluations.mean()) for each in found):.1f}",
     }
-    files = module.files | {name: render(f"{name}.j2", context) for name in FOLDER_FILES}
+    beside = modules_beside(
+        [Designed(task=task, motor_rad=run.run.motor) for task, run in zip(tasks, runs, strict=True)],
+        judged,
+        prefix=prefix,
+        precision=precision,
+        include=f"{prefix}_finger.h",
+        provenance=context["provenance"],
+    )
+    context = beside.into(context)
+    files = module.files | beside.files | {name: render(f"{name}.j2", context) for name in FOLDER_FILES}
     files["design.json"] = _design_json(tasks, judged, precision, prefix, loss)
     kept = [f"{fault}; exported because of --force-export" for fault in faults]
     return ExportedMotors(
@@ -91,7 +102,7 @@ def export_fingers(
         judged=tuple(judged),
         loss_rad=loss,
         headlines=tuple(each["headline"] for each in context["fingers"]),
-        warnings=(*_warnings(runs), *kept),
+        warnings=(*_warnings(runs), *beside.warnings, *kept),
     )
 
 

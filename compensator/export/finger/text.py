@@ -3,7 +3,6 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from tendonff._version import __version__
 from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.compensators.stream import RE_ENTRY_S
+from tendonff.compensator.export.driven.modules import core_file
 from tendonff.compensator.export.modules import accepted_steps
 from tendonff.compensator.export.text.c_text import harmless
 from tendonff.compensator.files.reading import FloatArray, InputError
@@ -80,11 +80,10 @@ def finger_module(
     context = _context(tasks, code, precision, prefix) | {"fingers": fingers}
     laws = f"/* Laws of the elements and loops over them.\n *\n{context['provenance']}\n */\n{code.laws}"
     data = f"/* Numbers of the fingers.\n *\n{context['provenance']}\n */\n" + "\n".join(code.data.lines) + "\n"
-    shell = files("tendonff.compensator.export").joinpath("core/tff_finger.c").read_text("utf-8")
     return FingerModule(
         files={
             f"{prefix}_finger.h": render("finger.h.j2", context),
-            f"{prefix}_finger.c": _prefixed(shell, prefix),
+            f"{prefix}_finger.c": core_file("finger.c", prefix),
             f"{prefix}_core.h": core_text(prefix),
             f"{prefix}_finger_laws.h": laws,
             f"{prefix}_finger_data.h": data,
@@ -96,10 +95,6 @@ def finger_module(
 def render(template: str, context: dict[str, Any]) -> str:
     """Text of a template of fingers."""
     return _TEMPLATES.get_template(template).render(context)
-
-
-def _prefixed(text: str, prefix: str) -> str:
-    return text.replace("tff_", f"{prefix}_").replace("TFF_", f"{prefix.upper()}_")
 
 
 def _pretension(task: FingerTask) -> FloatArray:

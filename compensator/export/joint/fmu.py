@@ -4,22 +4,23 @@ from dataclasses import replace
 
 from tendonff._version import __version__
 from tendonff.compensator.compensators.motors.joint import JointTask
+from tendonff.compensator.export.driven.modules import module_files
+from tendonff.compensator.export.driven.table import TABLE, table_content
 from tendonff.compensator.export.joint.golden import followed_course
 from tendonff.compensator.export.joint.text import accepted_rad, joint_sources, problem_of
 from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.export.modules import check_prefix
-from tendonff.compensator.export.motors import judge
+from tendonff.compensator.export.motors import JudgedJoint, judge
 from tendonff.compensator.export.text.c_text import harmless
 from tendonff.compensator.export.unit import Fmu, Variable, pack
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.scenario.driven.joint import JointScenario, SampledJoint, on_level, sample_joint
+from tendonff.compensator.scenario.driven.joint import JointScenario, on_level, sample_joint
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.joint.protocol import JointProblem
 from tendonff.ocp.joint.start import start_tensions
-from tendonff.ocp.joint.target import other_joints
+from tendonff.ocp.joint.target import ConstantData, other_joints
 
 
 @in_turn
@@ -44,12 +45,23 @@ def build_joint_fmu(
     sampled = sample_joint(scenario)
     problem = problem_of(scenario, sampled)
     mechanism, name = scenario.mechanism, harmless(scenario.name)
-    if kind not in _MADE or (observes and not problem.loop):
-        raise InputError(f"{scenario.source.name}: no {kind} serves this drive and path; use --kind inverse")
+    task = JointTask(scenario=scenario, sampled=sampled, mechanism=mechanism, level=scenario.run.level)
+    if reason := task.without.get(kind.value):
+        raise InputError(f"{scenario.source.name}: no unit of the kind {kind}: {reason}; use --kind inverse")
+    looks_up, sources = kind is Kind.TABLE, joint_sources((scenario,), prefix=prefix)
+    provenance = f' * Scenario "{name}", hash {scenario.digest()}, level {scenario.run.level}; tendonff {__version__}.'
     others = other_joints((problem,))
     lines, warnings = tuple[str, ...](), tuple[str, ...]()
     if not observes:
-        lines, warnings = _judged(scenario, sampled, problem, others, force_export=force_export)
+        command = None
+        if looks_up:
+            data = ConstantData(f"{prefix}_{TABLE.name}", Precision.DOUBLE)
+            content = table_content(task, data)
+            command = content.reference_rad
+            sources |= module_files(TABLE, [content], data, prefix, f"{prefix}_joint.h", provenance)
+        if command is None:
+            command = followed_course(scenario, sampled, problem, others, Precision.DOUBLE).command_rad
+        lines, warnings = _stated(judge(task, mechanism.joint.name, command), force_export=force_export)
     start, contact = float(sampled.angle_rad[0]), float(sampled.contact_N_m[0])
     least, most = accepted_rad(scenario, sampled)
     tensions, _ = start_tensions(problem, contact)
@@ -88,18 +100,21 @@ def build_joint_fmu(
     elif observes:
         given, tells = motor("motor", "present"), "torque that the tendons ask of the motor"
         outputs = [angle("angle", "angle of the joint"), Variable(name="torque", text=tells, unit="N.m", start="0.0")]
-    module = "joint_adaptive" if adaptive else "joint"
+    elif looks_up:
+        low, high = float(sampled.angle_rad.min()), float(sampled.angle_rad.max())
+        given, extras, others = replace(given, low=low, high=high), [], ()
+    module = "joint_adaptive" if adaptive else "table" if looks_up else "joint"
     identifier = f"{prefix}_{'joint' if kind is Kind.INVERSE else f'joint_{kind}'}"
     context = {
         "prefix": prefix,
         "guard": prefix.upper(),
         "identifier": identifier,
-        "compiled": [f"{prefix}_{each}.c" for each in dict.fromkeys(("joint", module))],
+        "compiled": [f"{prefix}_{each}.c" for each in (("joint", module) if adaptive else (module,))],
         "description": f"{kind} of the joint {mechanism.joint.name}, level {scenario.run.level}: {name}",
         "version": __version__,
         "input": given,
         "first": angle("initial_angle", "angle of the joint at rest before the start"),
-        "outputs": outputs if adaptive else [*outputs, *strained],
+        "outputs": outputs if adaptive or looks_up else [*outputs, *strained],
         "extras": extras,
         "module": module,
         "observes": observes,
@@ -111,11 +126,10 @@ def build_joint_fmu(
         "refusal": "a communication step must be longer than 0 s",
         "step": repr(scenario.run.step_s),
         "stop": repr(float(sampled.time_s[-1])),
-        "provenance": f' * Scenario "{name}", hash {scenario.digest()}, level {scenario.run.level}; '
-        f"tendonff {__version__}.",
+        "provenance": provenance,
     }
     return pack(
-        joint_sources((scenario,), prefix=prefix),
+        sources,
         context,
         fmi,
         model="model_motors",
@@ -125,25 +139,8 @@ def build_joint_fmu(
     )
 
 
-_MADE = (Kind.INVERSE, Kind.ADAPTIVE, Kind.PLANT, Kind.OBSERVER)
-"""Kinds for which a joint has C."""
-
-
-def _judged(
-    scenario: JointScenario,
-    sampled: SampledJoint,
-    problem: JointProblem,
-    others: tuple[str, ...],
-    *,
-    force_export: bool,
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _stated(judged: JudgedJoint, *, force_export: bool) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Error of the unit in words, and warnings; SolveError where it is of no use, and not made all the same."""
-    course = followed_course(scenario, sampled, problem, others, Precision.DOUBLE)
-    judged = judge(
-        JointTask(scenario=scenario, sampled=sampled, mechanism=scenario.mechanism, level=scenario.run.level),
-        scenario.mechanism.joint.name,
-        course.command_rad,
-    )
     if judged.fault and not force_export:
         raise SolveError(
             f"no unit is made: {judged.fault}. Let the reference move more slowly, or make it all the same with "

@@ -11,6 +11,8 @@ from tendonff._version import __version__
 from tendonff.compensator.compensators.motors.joint import JointTask
 from tendonff.compensator.compensators.motors.task import verifying_masses
 from tendonff.compensator.export.drive import test_text
+from tendonff.compensator.export.driven.module import Designed
+from tendonff.compensator.export.driven.modules import modules_beside
 from tendonff.compensator.export.feedback import feedback_files
 from tendonff.compensator.export.feedback_module import feedback_module
 from tendonff.compensator.export.joint.golden import (
@@ -69,12 +71,13 @@ def export_joints(
     numbers = list(range(len(scenarios))) * 2
     ran = run_courses(sources, prefix, precision, [*courses, *runs], numbers, drive, context["modules"])
     found, driven = (None, None) if ran is None else ran
-    judged, headlines = list[JudgedJoint](), list[str]()
+    judged, headlines, tasks = list[JudgedJoint](), list[str](), list[JointTask]()
     for k, (own, each, problem) in enumerate(zip(scenarios, sampled, problems, strict=True)):
         command = runs[k].command_rad
         if found is not None and not own.reference.periodic:
             command = found[len(scenarios) + k].command_rad
         task = JointTask(scenario=own, sampled=each, mechanism=own.mechanism, level=own.run.level)
+        tasks.append(task)
         judged.append(judge(task, own.mechanism.joint.name, command))
         headlines.append(live_headline(JointTask.of(own), own.source))
         joints[k] |= {
@@ -103,11 +106,21 @@ def export_joints(
     if fed:
         context["modules"] = [*context["modules"], "feedback"]
         context["headers"] = [*context["headers"], f"{prefix}_feedback.h"]
-    files = sources | fed | {name: render(f"{name}.j2", context) for name in FOLDER_FILES}
+    context["tested"] = ["feedback"] if fed else []
+    beside = modules_beside(
+        [Designed(task=task, motor_rad=run.motor_rad) for task, run in zip(tasks, runs, strict=True)],
+        judged,
+        prefix=prefix,
+        precision=precision,
+        include=f"{prefix}_joint.h",
+        provenance=context["provenance"],
+    )
+    context = beside.into(context)
+    files = sources | fed | beside.files | {name: render(f"{name}.j2", context) for name in FOLDER_FILES}
     files |= transmission_files(context, others)
     files["design.json"] = _design_json(scenarios, problems, judged, precision, prefix, loss)
     kept = [note for each in sampled for note in each.warnings]
-    kept += unfed
+    kept += [*unfed, *beside.warnings]
     kept += [f"{fault}; exported because of --force-export" for fault in faults]
     return ExportedMotors(
         files=files,

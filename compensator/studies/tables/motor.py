@@ -5,25 +5,13 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, ClassVar, Self
 
-import numpy as np
-
 from tendonff.compensator.compensators.motors.joint import JointTask, motor_names
-from tendonff.compensator.compensators.motors.task import MotorCompensator, MotorTask
-from tendonff.compensator.files.reading import FloatArray, InputError
+from tendonff.compensator.compensators.motors.table import BRANCHES, tabulated
+from tendonff.compensator.compensators.motors.task import MotorCompensator
+from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.reporting.colours import GREEN, Style
 from tendonff.compensator.scenario.driven.joint import JointScenario
-from tendonff.compensator.scenario.driven.reference import JointQuantity
 from tendonff.compensator.studies.tables.result import Tables
-from tendonff.models.errors import require
-from tendonff.models.joint.quasi_static import directions, static_motor_rad
-
-BOUND_SHARE = 1e-3
-"""Largest interpolation error of a table, over the range of the reference [-]."""
-
-BRANCHES = {"up": 1.0, "down": -1.0}
-"""Way the joint turns, towards larger or smaller angles."""
-
-_LEAST, _MOST = 5, 1025  # nodes on a branch
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -57,46 +45,19 @@ class MotorTables(Tables):
         cls, task: JointTask, bound: float | None, angles_rad: Sequence[float], rates: Sequence[float]
     ) -> tuple["partial[Self]", MotorCompensator]:
         """The law at nodes over the range of the reference; see `Tables.tabulated`."""
-        file, speeds = task.scenario.source.name, tuple(sorted(rates)) or (0.0,)
-        sampled, mechanism = task.sampled, task.mechanism
-        if task.scenario.reference.quantity is JointQuantity.TORQUE:
-            raise InputError(f"{file}: a table over the angle has no room for a torque; export the inverse by export-c")
-        others = sampled.others(mechanism.joint.name)
-        if any(np.ptp(angle) > 0 for name, angle in others.items() if any(t.follows(name) for t in mechanism.tendons)):
-            raise InputError(
-                f"{file}: no table can hold a path that other joints move; hold them by --pose, or export the inverse "
-                "by export-c"
-            )
-        low, high = float(sampled.angle_rad.min()), float(sampled.angle_rad.max())
-        given = _nodes(angles_rad, low, high)
-        bound = BOUND_SHARE * sampled.range if bound is None else bound
-        require("bound", bound, above=0, hint="it is an angle of the joint [rad]")
-        arm, drum = abs(mechanism.arms_at(low)[0]), mechanism.drum_radius_m[0] / mechanism.drive.gear_ratio
-        nodes = _LEAST
-        while True:
-            angle = given if given is not None else np.linspace(low, high, nodes)
-            fine = np.sort(np.r_[angle, 0.5 * (angle[1:] + angle[:-1])])
-            motor = {name: np.stack([_branch(task, angle, way, w) for w in speeds]) for name, way in BRANCHES.items()}
-            between = [
-                _branch(task, fine, way, speeds[0]) - _looked_up(angle, motor[name][0], fine)
-                for name, way in BRANCHES.items()
-            ]
-            error = float(np.abs(between).max()) * drum / arm
-            if error <= bound or nodes >= _MOST or given is not None:
-                break
-            nodes = 2 * nodes - 1
+        found = tabulated(task, bound, angles_rad, rates)
         table = MotorCompensator(
             name="table",
             label="table over angle and direction",
             style=Style(color=GREEN, linestyle="-"),
-            profile=lambda own: _command(own, angle, speeds, motor),
+            profile=found.command,
         )
         build = partial(
             cls,
-            angle_rad=angle,
-            speeds_rad_per_s=speeds,
-            motor_rad=motor,
-            error_rad=error,
+            angle_rad=found.angle_rad,
+            speeds_rad_per_s=found.speeds_rad_per_s,
+            motor_rad=found.motor_rad,
+            error_rad=found.error_rad,
             masses=task.masses,
             warnings=(),
         )
@@ -126,56 +87,6 @@ class MotorTables(Tables):
     def lines(self) -> tuple[str, ...]:
         """The finding in words."""
         return (self.headline,)
-
-
-def _nodes(angles_rad: Sequence[float], low_rad: float, high_rad: float) -> FloatArray | None:
-    """Nodes that were asked for; None for none."""
-    if not len(angles_rad):
-        return None
-    nodes: FloatArray = np.unique(np.asarray(angles_rad, dtype=np.float64))
-    if len(nodes) < 2 or not (nodes[0] <= low_rad and high_rad <= nodes[-1]):
-        raise InputError(
-            f"--angles: the nodes must reach over the reference, from {low_rad:.4g} to {high_rad:.4g} rad, got "
-            f"{', '.join(f'{node:g}' for node in nodes)}"
-        )
-    return nodes
-
-
-def _branch(task: JointTask, angle_rad: FloatArray, way: float, speed_rad_per_s: float) -> FloatArray:
-    """Motor angles relative to the start, shape (rows, motors), while the joint turns one way at a speed."""
-    joint = task.mechanism.joint
-    angle = np.concatenate([task.sampled.angle_rad[:1], angle_rad])  # a run counts from its start at rest
-    ways = np.append(0.0, np.full(len(angle_rad), way))
-    resisted = joint.coulomb_N_m + joint.damping_N_m_s_per_rad * speed_rad_per_s
-    held = joint.static_torque_N_m(angle) + ways * resisted
-    still = task.sampled.others(joint.name)
-    others = {name: np.full(len(angle), rows[0]) for name, rows in still.items()}
-    return static_motor_rad(task.mechanism, angle, held, others, ways)[1:]
-
-
-def _looked_up(nodes_rad: FloatArray, motor_rad: FloatArray, angle_rad: FloatArray) -> FloatArray:
-    return np.column_stack([np.interp(angle_rad, nodes_rad, column) for column in motor_rad.T])
-
-
-def _command(
-    task: MotorTask, nodes_rad: FloatArray, speeds_rad_per_s: tuple[float, ...], motor_rad: dict[str, FloatArray]
-) -> FloatArray:
-    """Motor angles by the table, shape (rows, motors); at the start at rest none."""
-    angle, rows = task.sampled.angle_rad, np.arange(len(task.sampled.angle_rad))
-    ways = directions(angle)[:, None]
-    speed = np.abs(np.gradient(angle, task.scenario.run.step_s))
-    at = np.interp(speed, speeds_rad_per_s, np.arange(float(len(speeds_rad_per_s))))
-    below = at.astype(int)
-    above, share = np.minimum(below + 1, len(speeds_rad_per_s) - 1), (at - below)[:, None]
-
-    def branch(name: str) -> FloatArray:
-        each = np.stack([_looked_up(nodes_rad, values, angle) for values in motor_rad[name]])
-        found: FloatArray = (1 - share) * each[below, rows] + share * each[above, rows]
-        return found
-
-    found: FloatArray = np.where(ways > 0, branch("up"), np.where(ways < 0, branch("down"), 0.0))
-    found[0] = 0.0
-    return found
 
 
 def channels(scenario: JointScenario) -> list[str]:

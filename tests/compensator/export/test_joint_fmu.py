@@ -8,8 +8,11 @@ import pytest
 
 import tendonff as tf
 from tendonff.compensator.cli import run
+from tendonff.compensator.compensators.motors.joint import JointTask
+from tendonff.compensator.export.driven.table import LiveTable
 from tendonff.compensator.export.joint.fmu import build_joint_fmu
 from tendonff.compensator.export.kinds import FmiVersion, Kind
+from tendonff.ocp.codegen.precision import Precision
 from tests.compensator.export.test_joint_export import changed
 
 fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed")
@@ -62,7 +65,7 @@ def test_the_command_writes_a_unit_and_refuses_what_a_joint_has_not(examples, tm
     assert [file.name for file in (tmp_path / "fmu").iterdir()] == ["tff_joint_fmi2.fmu"]
     assert "knuckle: RMS error" in "".join(capsys.readouterr())
     assert run(["export-fmu", path, "--kind", "capstan", "--out", str(tmp_path / "no")]) == 2
-    assert "no capstan serves this drive" in "".join(capsys.readouterr())
+    assert "no unit of the kind capstan: the capstan law gives the ratio" in "".join(capsys.readouterr())
 
 
 def test_the_plant_of_a_joint_undoes_its_inverse(examples, tmp_path):
@@ -87,6 +90,27 @@ def test_the_plant_of_a_joint_undoes_its_inverse(examples, tmp_path):
     assert out["motor"][1:] == pytest.approx(motor[:-1])
     assert out["angle"][1:] == pytest.approx(wanted[:-1], abs=1e-9)
     assert out["tension_flexor"].min() > 0
+
+
+def test_the_table_of_a_joint_is_a_unit(examples, tmp_path):
+    scenario = changed(examples / "hand_joint.toml", tmp_path / "short.toml")
+    unit = build_joint_fmu(scenario, Kind.TABLE)
+    unit.write(tmp_path)
+    task = JointTask.of(scenario)
+    time, angle = task.sampled.time_s, task.sampled.angle_rad
+    signal = np.array(list(zip(time, angle, strict=True)), dtype=[("time", float), ("angle", float)])
+    out = fmpy.simulate_fmu(
+        str(tmp_path / unit.name),
+        stop_time=time[-1],
+        step_size=1e-3,
+        output_interval=1e-3,
+        input=signal,
+        output=["angle", "motor"],
+        fmi_type="CoSimulation",
+    )
+    command, _ = LiveTable.of(task).respond(out["angle"][1:], Precision.DOUBLE)
+    assert out["motor"][1:] == pytest.approx(command[:, 0], abs=1e-12)
+    assert np.ptp(command) > 0.5
 
 
 @pytest.mark.nightly

@@ -1,0 +1,1 @@
+"""Modules beside the inverse in exports of driven joints."""
