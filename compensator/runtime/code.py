@@ -136,6 +136,8 @@ class RuntimeCode:
         Where they stand at the start.
     outputs : int
         Numbers that are commanded.
+    measures : bool
+        A step uses what is measured.
     ranges : dict of str to (float, float)
         Values that are accepted, of the reference and of joints by name.
     """
@@ -150,6 +152,7 @@ class RuntimeCode:
     joints: tuple[str, ...]
     joints_start_rad: tuple[float, ...]
     outputs: int
+    measures: bool
     ranges: dict[str, tuple[float, float]]
 
 
@@ -200,6 +203,7 @@ def joint_runtime(scenario: JointScenario, kind: RuntimeKind | None) -> RuntimeC
         joints=(*names, own) if torque else names,
         joints_start_rad=(*start, float(sampled.angle_rad[0])) if torque else tuple(start),
         outputs=1 if problem.loop else len(scenario.mechanism.tendons),
+        measures=adaptive or fed is not None,
         ranges={own if torque else REFERENCE: accepted_rad(scenario, sampled)},
     )
 
@@ -239,6 +243,7 @@ def tendon_runtime(scenario: Scenario, kind: RuntimeKind | None) -> RuntimeCode:
         joints=tuple(names),
         joints_start_rad=() if joints is None else tuple(float(q) for q in joints.start_rad),
         outputs=1,
+        measures=kind is RuntimeKind.ADAPTIVE,
         ranges={
             REFERENCE: followed_range(problem) if kind is RuntimeKind.STREAM else accepted_range(problem),
             **({} if joints is None else joints.ranges),

@@ -86,7 +86,7 @@ class CompiledCore:
         self._angles = np.array([*code.joints_start_rad, 0.0])  # never empty
         self._command = np.zeros(max(2, code.outputs))
         self._command[1] = 1.0
-        self._outputs, self._status = code.outputs, 0
+        self._outputs, self._measures, self._status = code.outputs, code.measures, 0
         self._places = tuple(ctypes.c_void_p(a.ctypes.data) for a in (self._angles, self._command))
         if not isinstance(self.start, Real):
             raise ParameterError(f"start must be a number, got {self.start!r}; give the reference at rest before")
@@ -100,6 +100,11 @@ class CompiledCore:
         """Advance and command; see `Runtime.step`."""
         if torque_N_m is not None:
             raise ParameterError("torque_N_m is for several joints; reference of a torque has the torque itself")
+        if measured is not None and not self._measures:
+            raise ParameterError(
+                f'measured = {measured!r} is for a scenario with [feedback] or [adaptation]; kind "{self.kind}" '
+                "would ignore it: leave it out, or add the table"
+            )
         for k, angle in enumerate(self._given(joints)):
             self._angles[k] = _number("an angle of joints", angle)
         self._status = self._step(

@@ -146,7 +146,7 @@ class Runtime:
         Raises
         ------
         ParameterError
-            If an angle of a joint is missing, or something else than a number is given.
+            If an angle of a joint is missing, something else than a number is given, or nothing uses what is measured.
         """
         return self._core.step(reference, dt, measured, joints, torque_N_m)
 

@@ -15,7 +15,8 @@ from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, Joint,
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenario.settings import Run, Stream
 from tendonff.models.capstan import Branch, CapstanLaw
-from tendonff.models.parameters import Friction, Load, Path, Tendon, Transmission
+from tendonff.models.joint.parameters import JointDrive
+from tendonff.models.parameters import Actuator, Friction, Load, Path, Tendon, Transmission
 from tendonff.models.path import FURTHEST_RAD
 
 LARGEST_DRUM_M = 1.0
@@ -30,6 +31,7 @@ _MOST_LOSS = 5.0  # e^5: 148 N for 1 N
 _SLOWEST_RAD_PER_S = 250.0  # sqrt(k/m) of a tendon: 15 m of steel rope have so much
 _LONGEST_STEP_S, _LONGEST_RELAXATION_S, _LONGEST_LAG_S = 0.05, 3600.0, 5.0  # of a controller, a tendon, a filter
 _LARGEST_FORCE_N = 2e4  # of an actuator: two tonnes on a tendon
+_LATEST_S, _FURTHEST_BRISTLE_M = 1.0, 0.05  # a drive behind its command; a contact before it slides
 _SMALLEST_N, _BEYOND = 0.1, 100.0  # a tension in kN; reach of the actuator times so much: a tension in mN
 _NOTHING = 1e-3  # of the reference's peak
 
@@ -110,7 +112,7 @@ def reference_doubts(transmission: Transmission, tension_N: FloatArray, run: Run
         name = transmission.actuator.largest_force_name
         text = f"its peak is {peak:.4g} N where {name} = {transmission.actuator.largest_force_N:g}: mN?"
         found.append(UnitDoubt("reference.tension_N", f"[reference] {text}"))
-    elif peak < _SMALLEST_N:
+    elif peak < max(_SMALLEST_N, 1e-3 * transmission.actuator.largest_force_N):
         found.append(UnitDoubt("reference.tension_N", f"[reference] the tension stays below {peak:.3g} N: kN?"))
     elif load.joint is None and peak / load.stiffness_N_per_m > 1:
         text = f"the reference moves the load by {peak / load.stiffness_N_per_m:.3g} m: N/mm?"
@@ -245,6 +247,13 @@ def speed_doubts(key: str, speed_rad_per_s: float | None) -> Iterator[UnitDoubt]
         yield value_doubt(key, speed_rad_per_s or 0.0, text)
 
 
+def late_doubts(table: str, drive: Actuator | JointDrive) -> Iterator[UnitDoubt]:
+    """Doubts about what lies between a command and the drive of a table."""
+    for key in ("servo_time_s", "delay_s", "command_interval_s"):
+        if (time := getattr(drive, key) or 0.0) > _LATEST_S:
+            yield _milliseconds(f"{table}.{key}", time)
+
+
 def radius_doubts(key: str, radius_m: float) -> Iterator[UnitDoubt]:
     """A doubt about a drum's radius or a moment arm, of either sign."""
     if abs(radius_m) > LARGEST_DRUM_M:
@@ -311,7 +320,7 @@ def _of_friction(friction: Friction, angle_rad: float, force_N: float) -> Iterat
             f"{math.exp(min(mu * angle_rad, 100.0)):.3g} N; is the angle in radians, the sum of all bends?",
         )
     for key in ("soft_bristle_stiffness_N_per_m", "bristle_stiffness_N_per_m"):
-        if (stiffness := getattr(friction, key)) < force_N:
+        if (stiffness := getattr(friction, key)) * _FURTHEST_BRISTLE_M < force_N:
             bent = f"{force_N:.3g} N bend the contact by {force_N / stiffness:.2g} m"
             yield value_doubt(f"friction.{key}", stiffness, f"{bent}; N/mm? Then it is {1e3 * stiffness:g}")
 
@@ -319,6 +328,7 @@ def _of_friction(friction: Friction, angle_rad: float, force_N: float) -> Iterat
 def _of_drive(transmission: Transmission) -> Iterator[UnitDoubt]:
     actuator = transmission.actuator
     motor, mass, servo = actuator.motor, actuator.mass_kg, actuator.servo_stiffness_N_per_m
+    yield from late_doubts("actuator", actuator)
     is_heavy = mass > 200 or (mass > 5 and actuator.force_max_N / mass < 3)
     if motor is None:
         if is_heavy:

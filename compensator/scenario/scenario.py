@@ -403,7 +403,8 @@ def _complete(raw: Mapping[str, object], file: str) -> dict[str, object]:
         check_names(cls, given, file=file, table=key, extra_keys=ROPE_KEYS if key == "tendon" else ())
         expanded = expand(key, given, file=file)  # type: ignore[arg-type]
         if missing := missing_keys(cls, expanded):
-            lacking[key] = missing
+            # static friction follows from the dynamic coefficient
+            lacking[key] = ["mu_dynamic"] if "mu_dynamic" in missing else missing
         if key in raw:
             complete[key] = expanded
     reference = raw.get("reference")

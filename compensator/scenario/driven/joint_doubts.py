@@ -11,6 +11,7 @@ from tendonff.compensator.scenario.doubts import (
     angle_doubt,
     furthest_rad,
     gear_doubts,
+    late_doubts,
     length_doubts,
     radius_doubts,
     rope_doubts,
@@ -29,7 +30,6 @@ from tendonff.models.path import FURTHEST_RAD
 
 _LARGEST_N = 2e4  # in a tendon of a joint
 _LARGEST_INERTIA_KG_M2, _LARGEST_ROTOR_KG_M2 = 50.0, 1.0  # a leg with a robot on it, a motor of 100 kW
-_LONGEST_SERVO_S, _LONGEST_INTERVAL_S = 2.0, 1.0
 _OVER_PRETENSION = 5.0  # a tendon in use pulls so many times its tension at rest
 
 
@@ -116,9 +116,7 @@ def drive_doubts(drive: JointDrive, table: str, drums_key: str) -> Iterator[Unit
     for key in ("pretension_N", "least_tension_N"):
         if (tension := getattr(drive, key) or 0.0) > _LARGEST_N:
             yield value_doubt(f"{table}.{key}", tension, f"mN? Then it is {tension / 1e3:g}")
-    for key, most in (("servo_time_s", _LONGEST_SERVO_S), ("command_interval_s", _LONGEST_INTERVAL_S)):
-        if (time := getattr(drive, key) or 0.0) > most:
-            yield value_doubt(f"{table}.{key}", time, f"milliseconds? Then it is {time / 1e3:g}")
+    yield from late_doubts(table, drive)
     yield from degrees_doubts(f"{table}.homing_rad", drive.homing_rad)
     if drive.resolution_rad > FURTHEST_RAD:
         text = f"steps a turn? Then it is {math.tau / drive.resolution_rad:.4g}"

@@ -120,4 +120,15 @@ def drive_warnings(result: Design) -> list[str]:
         if motor.stall_torque_N_m is not None and (share := use.load_of_the_line(motor)) > 1:
             over = f"{100 * share:.3g} % of it" if math.isfinite(share) else "beyond its no-load speed"
             found.append(f"{use.name}: the motor is asked for more than its torque-speed line gives, {over}")
+    name = result.expectation.recommended
+    command = result.profiles[name].command_N if name in result.profiles else None
+    if command is not None:
+        low, high = float(command.min()), float(command.max())
+        slack = 1e-3 * (actuator.force_max_N - actuator.force_min_N)
+        if low < actuator.force_min_N - slack or high > actuator.force_max_N + slack:
+            found.append(
+                f"command_{name}_N makes up for the drive's lag by {low:.4g} to {high:.4g} N, beyond force_min_N = "
+                f"{actuator.force_min_N:g} and force_max_N = {actuator.force_max_N:g}: clipped, it leaves more "
+                "error than stated. A slower reference needs less"
+            )
     return [Danger(text) for text in found]

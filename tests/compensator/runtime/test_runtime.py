@@ -53,9 +53,15 @@ def commands(runtime, references, dt=None):
     [(("0.1",), "reference"), (([0.1],), "reference"), ((0.1, "1e-3"), "dt"), ((0.1, None, "x"), "measured")],
 )
 def test_what_is_no_number_is_refused_by_name_and_value(examples, given, named):
-    runtime = tf.Runtime(examples / "hand_joint.toml")
+    runtime = tf.Runtime(examples / "hand_joint_adaptive.toml")
     with pytest.raises(tf.ParameterError, match=f"{named} must be a number, got "):
         runtime.step(*given)
+
+
+def test_a_measurement_that_nothing_uses_is_refused(examples):
+    runtime = tf.Runtime(examples / "hand_joint.toml")
+    with pytest.raises(tf.ParameterError, match=r"measured = 0\.1 is for a scenario with"):
+        runtime.step(0.1, measured=0.1)
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from tendonff.compensator.scenario.doubts import (
     force_doubts,
     force_notes,
     out_of_reach,
+    reference_doubts,
     scenario_doubts,
 )
 from tendonff.compensator.scenario.driven.finger import FingerScenario, parse_finger_scenario
@@ -215,6 +216,31 @@ def test_a_force_file_in_another_unit_is_asked_about(finger: Scenario, force_N: 
 
 
 @pytest.mark.parametrize(
+    ("table", "key", "value", "question"),
+    [
+        ("actuator", "servo_time_s", 20.0, "milliseconds? Then it is 0.02"),
+        ("actuator", "delay_s", 5.0, "milliseconds? Then it is 0.005"),
+        ("friction", "soft_bristle_stiffness_N_per_m", 600.0, "N/mm? Then it is 600000"),
+    ],
+)
+def test_a_slip_that_halves_no_headline_is_refused_all_the_same(
+    table: str, key: str, value: float, question: str
+) -> None:
+    """Bristles of 600 N/m for 600 N/mm made 0.4 % of 8.7, and a lag of 20 s a command of 120 kN."""
+    scenario = load_scenario(ROOT / "examples" / "bowden.toml")
+    part = replace(getattr(scenario.transmission, table), **{key: value})
+    odd = replace(scenario, transmission=replace(scenario.transmission, **{table: part}))
+    assert [doubt.key for doubt in scenario_doubts(odd)] == [f"{table}.{key}"]
+    assert question in str(next(iter(scenario_doubts(odd))))
+
+
+def test_a_reference_in_kN_is_asked_for() -> None:
+    scenario = load_scenario(ROOT / "examples" / "bowden.toml")
+    found = reference_doubts(scenario.transmission, np.linspace(0.04, 0.3, 9), scenario.run)
+    assert [str(doubt) for doubt in found] == ["[reference] the tension stays below 0.3 N: kN?"]
+
+
+@pytest.mark.parametrize(
     ("old", "new", "asked"),
     [
         ("rad = [0.0, 0.9, 0.9, 0.3, 1.1", "rad = [0, 50, 50, 20, 60", "[reference] angles_rad = 60: degrees? Then"),
@@ -222,6 +248,7 @@ def test_a_force_file_in_another_unit_is_asked_about(finger: Scenario, force_N: 
         ("drum_radius_m = 0.008", "drum_radius_m = 8.0", "[drive] drum_radius_m = 8: millimetres? Then it is 0.008"),
         ("gear_ratio = 1.0", "gear_ratio = 0.01", "[drive] gear_ratio = 0.01: the drum would turn faster"),
         ("step_s = 0.001", "step_s = 1", "[run] step_s = 1: milliseconds? Then it is 0.001"),
+        ("command_interval_s = 0.01", "delay_s = 10", "[drive] delay_s = 10: milliseconds? Then it is 0.01"),
         ("command_interval_s = 0.01", "command_interval_s = 10", "[drive] command_interval_s = 10: milliseconds?"),
         ("times_s = [0.0, 0.6, 1.0, 1.5, 2.2, 3.0]", "times_s = [0, 600, 1000, 1500, 2200, 4000]", "4000000 steps"),
         ("total_angle_rad = 3.0", "total_angle_rad = 170", "[path] total_angle_rad = 170 is 27.1 turns: degrees?"),

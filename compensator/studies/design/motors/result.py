@@ -195,8 +195,18 @@ class MotorDesign(ShownDesign):
             f"With exactly the design's parameters the RMS error{over} is {self.text(best.rms)} "
             f"({self.recommended.label}, {self.verifying}), {self.text(plain.rms)} with the ratio alone; "
             f"{self.goal.range} {whole:.3g} {unit.shown}. Known in advance: "
-            "profile.csv to the motors; known only at run time: tendonff export-c, or tf.Runtime."
+            f"{self._columns} of profile.csv to the motors; known only at run time: tendonff export-c, or tf.Runtime."
         )
+
+    @property
+    def _columns(self) -> str:
+        """Columns of `profile.csv` that the recommended compensator has."""
+        name = self.recommended.name
+        if self.goal.is_named:
+            return ", ".join(f"motor_{motor}_{name}_rad" for motor in self.task.motors)
+        if self.sheet is not None:
+            return f"motor_{name}_rad"
+        return ", ".join(f"motor_{motor}_rad" for motor in self.task.motors)
 
     @property
     def is_usable(self) -> bool:

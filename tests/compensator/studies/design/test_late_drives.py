@@ -10,8 +10,10 @@ from tendonff.compensator.compensators.every import problem_of
 from tendonff.compensator.compensators.expectation import two_digits
 from tendonff.compensator.compensators.motors.registry import MOTOR_COMPENSATORS
 from tendonff.compensator.compensators.plant import Plant
+from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.compensators.uncertain import UNSTATED, Doubt
 from tendonff.compensator.scenarios import load_scenario
+from tendonff.compensator.studies.design.run import design
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.models.parameters.uncertainty import Spread, Uncertainty
 from tendonff.models.servo import ASSUMED_S, CommandHold, DriveClass
@@ -54,6 +56,16 @@ def test_lag_and_delay_of_a_force_drive_are_taken_back_on_an_independent_plant(e
     record_property("figure", f"force drive with a lag of 20 ms and a delay of 5 ms: {error:.2g} % ({force:.2g} %)")
     assert error < 0.3
     assert force > 10 * error
+
+
+def test_a_command_that_the_drive_would_clip_is_said(examples):
+    """A lag of 50 ms asks for a force far below nothing, where the bare force stays within the limits."""
+    scenario = actuated(load_scenario(examples / "bowden.toml"), servo_time_s=0.05)
+    found = design(scenario, compensators=[compensator("none"), compensator("inverse")])
+    least = found.profiles["inverse"].command_N.min()
+    assert found.profiles["inverse"].force_N.min() > 0 > least
+    [said] = [text for text in found.warnings if "beyond force_min_N" in text]
+    assert said.startswith(f"command_inverse_N makes up for the drive's lag by {least:.4g} to ")
 
 
 def test_the_expected_error_counts_a_lag_that_is_not_known_well(examples):
