@@ -22,6 +22,8 @@ SLOW_S, SLOWEST_S = 0.05, 0.5
 
 _REVERSED = 1.1  # an output tension that swings so many times the input is at the driven end
 
+_MOSTLY = 0.9  # share of the rows of a tension whose cell is mounted the other way round
+
 _DRIVEN = -0.3
 """Share of the work of friction below which a position has the wrong sign: measured tendons have +0.85 to +1."""
 
@@ -72,8 +74,15 @@ def check_signs(records: Sequence[Record], confirm: Callable[[str], bool]) -> No
     """Ask where friction would drive the tendon by the sign of a position; InputError if `confirm` declines.
 
     Whatever loads it, friction takes power from a tendon that slides: (T_in - T_out) v > 0, both cells' offsets aside.
+    Where one tension alone is below zero its sign comes first, since positions are judged by the tensions.
     """
     for record in records:
+        below = {end: _share_below_zero(record, f"{end}_N") for end in ("input", "output")}
+        end, other = sorted(below, key=lambda name: -below[name])
+        if record.has_output and below[end] > _MOSTLY and below[other] < 1 - _MOSTLY:
+            question = f"{record.name}: {end} is below zero in {100 * below[end]:.0f} % of the rows, {other} is not"
+            if not confirm(question):
+                raise InputError(f"{question}. Not started: --scale {end}=-1, or give --yes to fit it as it is")
         ends = (("input", "input_m", record.has_input_position), ("output", "output_m", record.has_positions))
         wrong = [end for end, name, is_there in ends if is_there and _dissipated_share(record, name) < _DRIVEN]
         if not wrong or not record.has_output:
@@ -90,6 +99,11 @@ def check_signs(records: Sequence[Record], confirm: Callable[[str], bool]) -> No
             )
         if not confirm(question):
             raise InputError(f"{question}. Not started: {way}, or give --yes to fit it as it is")
+
+
+def _share_below_zero(record: Record, name: str) -> float:
+    """Share of the rows of all pieces in which a tension is below zero."""
+    return float(np.mean(np.concatenate([getattr(piece, name) for piece in record.pieces]) < 0))
 
 
 def _dissipated_share(record: Record, name: str) -> float:

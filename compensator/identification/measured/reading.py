@@ -43,6 +43,9 @@ _USUAL = {
 
 LEAST_TARE_ROWS = 10
 
+REVERSED_LOG = 0.95
+"""Share of the rows from whose fall on a clock is that of a log in reversed order."""
+
 LEAST_RISING = 0.5
 """A clock that rises in fewer of the rows is none."""
 
@@ -293,6 +296,8 @@ def read_measurement(path: Path, how: Measurement, joints: Sequence[str] = ()) -
         findings.note(DataIssue.SKIPPED, f"the first {how.skip_s:g} s, as asked", count=int(early.sum()))
         data = {key: values[~early] for key, values in data.items()}
     if len(data["time"]) > 2 and float(np.mean(np.diff(data["time"]) > 0)) < LEAST_RISING:
+        if float(np.mean(np.diff(data["time"]) < 0)) > REVERSED_LOG:
+            raise InputError(f"{path.name}: {how.time_column} falls from row to row: sort the file by time")
         raise InputError(
             f"{path.name}: {how.time_column} does not rise from row to row; name the column that holds time"
         )

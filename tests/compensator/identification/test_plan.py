@@ -186,6 +186,21 @@ def test_a_position_by_whose_sign_friction_drives_the_tendon_is_asked_about_befo
     check_signs([file], lambda _: True)
 
 
+@pytest.mark.parametrize("end", ["input", "output"])
+def test_a_cell_the_other_way_round_is_named_before_any_position(record, end):
+    """By a reversed tension the position seems reversed, and turning that one ended in a mu of 0.003."""
+    columns = strokes_of_a_sheath(1, 1)
+    columns[f"{end}_tension_N"] = -columns[f"{end}_tension_N"]
+    with pytest.raises(InputError, match=rf"{end} is below zero in \d+ % .*Not started: --scale {end}=-1, or"):
+        check_signs([record(**columns)], lambda _: False)
+
+
+def test_a_log_in_reversed_order_is_told_so(record):
+    columns = strokes_of_a_sheath(1, 1)
+    with pytest.raises(InputError, match="time_s falls from row to row: sort the file by time"):
+        record(**{**columns, "time_s": -np.arange(len(WAVE)) * 0.01})
+
+
 def test_a_fit_beyond_its_time_says_what_it_does_and_stops_at_a_bound():
     said, now = [], [0.0]
     pace = Pace(said.append, announced_s=2.0, clock=lambda: now[0])
