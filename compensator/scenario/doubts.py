@@ -6,6 +6,7 @@ They are found from the scenario's numbers alone, before anything is computed; n
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -15,8 +16,7 @@ from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, Joint,
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenario.settings import Run, Stream
 from tendonff.models.capstan import Branch, CapstanLaw
-from tendonff.models.joint.parameters import JointDrive
-from tendonff.models.parameters import Actuator, Friction, Load, Path, Tendon, Transmission
+from tendonff.models.parameters import Friction, Load, Path, Tendon, Transmission
 from tendonff.models.path import FURTHEST_RAD
 
 LARGEST_DRUM_M = 1.0
@@ -247,11 +247,32 @@ def speed_doubts(key: str, speed_rad_per_s: float | None) -> Iterator[UnitDoubt]
         yield value_doubt(key, speed_rad_per_s or 0.0, text)
 
 
-def late_doubts(table: str, drive: Actuator | JointDrive) -> Iterator[UnitDoubt]:
+class LateDrive(Protocol):
+    """What lies between a command and a drive of any kind."""
+
+    @property
+    def servo_time_s(self) -> float | None:
+        """Lag."""
+
+    @property
+    def delay_s(self) -> float | None:
+        """Dead time."""
+
+    @property
+    def command_interval_s(self) -> float | None:
+        """Time between two commands."""
+
+
+def late_doubts(table: str, drive: LateDrive) -> Iterator[UnitDoubt]:
     """Doubts about what lies between a command and the drive of a table."""
-    for key in ("servo_time_s", "delay_s", "command_interval_s"):
-        if (time := getattr(drive, key) or 0.0) > _LATEST_S:
-            yield _milliseconds(f"{table}.{key}", time)
+    times = {
+        "servo_time_s": drive.servo_time_s,
+        "delay_s": drive.delay_s,
+        "command_interval_s": drive.command_interval_s,
+    }
+    for key, time in times.items():
+        if (time or 0.0) > _LATEST_S:
+            yield _milliseconds(f"{table}.{key}", time or 0.0)
 
 
 def radius_doubts(key: str, radius_m: float) -> Iterator[UnitDoubt]:

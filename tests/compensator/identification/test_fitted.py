@@ -187,6 +187,7 @@ def test_laws_are_compared_on_the_same_rows_and_range(laws_compared):
         assert law.fit_percent == pytest.approx(100 * candidate.fit.rms / np.ptp(output))
 
 
+@pytest.mark.nightly
 def test_a_path_that_is_not_even_widens_the_stiffness_and_is_named(nominal, truth, tmp_path):
     """The elongation tells it; an interval from the scatter alone would miss the stiffness by several widths."""
     theta = truth.path.total_angle_rad

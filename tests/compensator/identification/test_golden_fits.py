@@ -10,7 +10,7 @@ pytestmark = pytest.mark.compiler
 
 @pytest.mark.parametrize(
     "name",
-    [n if n == "positions" else pytest.param(n, marks=pytest.mark.nightly) for n in golden_fits.RIGS],
+    [n if n == "near end" else pytest.param(n, marks=pytest.mark.nightly) for n in golden_fits.RIGS],
 )
 def test_a_fit_is_what_it_was(name, tmp_path):
     stored = json.loads(golden_fits.STORED.read_text())[name]

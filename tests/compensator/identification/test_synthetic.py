@@ -171,7 +171,11 @@ def test_intervals_of_the_static_law_hold_the_truth_although_it_knows_no_preslid
         pytest.param(
             {"adhesion_N": 3.0}, "asymmetric with presliding, load-independent friction", marks=pytest.mark.nightly
         ),
-        ({"mu_static": 1.3 * MU, "mu_static_release": 1.3 * MU_RELEASE}, "asymmetric with presliding, Stribeck effect"),
+        pytest.param(
+            {"mu_static": 1.3 * MU, "mu_static_release": 1.3 * MU_RELEASE},
+            "asymmetric with presliding, Stribeck effect",
+            marks=pytest.mark.nightly,
+        ),
     ],
 )
 def test_an_effect_that_is_there_is_found_by_the_choice_of_the_law(nominal, truth, effect, law, tmp_path):

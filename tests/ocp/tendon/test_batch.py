@@ -110,6 +110,7 @@ def test_compiled_steps_leave_the_interpreter_to_other_threads(generic: Transmis
     assert ticks > 20
 
 
+@pytest.mark.nightly
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
 def test_a_dask_cluster_serves_as_executor(generic: Transmission) -> None:

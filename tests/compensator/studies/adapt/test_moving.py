@@ -144,6 +144,7 @@ def test_joint_angles_that_are_lost_for_a_while_are_flagged_and_teach_nothing(ex
     assert mus[-1] == pytest.approx(0.24, rel=0.02)
 
 
+@pytest.mark.nightly
 @pytest.mark.compiler
 @pytest.mark.parametrize("joints", [True, pytest.param(False, marks=pytest.mark.nightly)])
 def test_the_exported_folder_compiles_without_a_warning_and_passes_its_self_test(moving, joints, tmp_path):
