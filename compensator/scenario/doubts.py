@@ -248,7 +248,7 @@ def speed_doubts(key: str, speed_rad_per_s: float | None) -> Iterator[UnitDoubt]
 
 
 class LateDrive(Protocol):
-    """What lies between a command and a drive of any kind."""
+    """Times between a command and a drive of any kind."""
 
     @property
     def servo_time_s(self) -> float | None:
