@@ -44,8 +44,10 @@ def test_exchanged_columns_are_named_with_the_options_that_put_them_right(finger
 
 def test_a_reversed_sign_is_named_with_the_option_that_puts_it_right(finger, tmp_path):
     time, near, far = tensions()
-    with pytest.raises(InputError, match="the sign of one is reversed; --scale output=-1"):
+    with pytest.raises(InputError, match=r"output is below zero in 100 % of the rows.*--scale output=-1"):
         identify(finger, [log(tmp_path / "a.csv", time, near, -far)], static_only=True)
+    with pytest.raises(InputError, match="the sign of one is reversed; --scale output=-1"):
+        identify(finger, [log(tmp_path / "b.csv", time, near, 0.9 * far.mean() - far)], static_only=True)
 
 
 def test_an_output_that_is_a_multiple_of_the_input_is_no_friction(finger, tmp_path):
