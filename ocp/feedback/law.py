@@ -159,6 +159,8 @@ class FeedbackLaw:
             "rate_error_s",
         ):
             require(name, getattr(self, name), least=0, hint="0 for none")
+        for deviation in self.deviations:
+            require("deviations", deviation, least=0, hint="0 for what is not learned")
         if not self.clamp > 0:
             raise ParameterError(f"clamp must be > 0, got {self.clamp}; leave it out for none")
         if not 0 <= self.friction_share <= 1:
@@ -264,9 +266,8 @@ def feedback_step() -> Law:
     stroke = _play(s["stroke"], aged, n["stroke_width"])
     sliding = ca.fabs(aged - stroke) >= 0.99 * n["stroke_width"]
     moves = ca.fabs(aged - s["before"]) > 0
-    same_way = (reference - play) * (aged - aged_play) >= _SAME_WAY * n[
-        "width"
-    ] ** 2  # a younger measurement has turned
+    full = _SAME_WAY * n["width"] ** 2  # less where the reference has turned since the measurement
+    same_way = (reference - play) * (aged - aged_play) >= full
     learning = ca.if_else(ca.logic_and(ca.logic_and(sliding, moves), same_way), fresh, 0.0)
     done = n["gain"] * lagged_aged
     rate, done_rate = (aged - s["before"]) / n["sample"], (done - s["done_before"]) / n["sample"]

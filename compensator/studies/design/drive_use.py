@@ -127,8 +127,8 @@ def drive_warnings(result: Design) -> list[str]:
         slack = 1e-3 * (actuator.force_max_N - actuator.force_min_N)
         if low < actuator.force_min_N - slack or high > actuator.force_max_N + slack:
             found.append(
-                f"command_{name}_N makes up for the drive's lag by {low:.4g} to {high:.4g} N, beyond force_min_N = "
-                f"{actuator.force_min_N:g} and force_max_N = {actuator.force_max_N:g}: clipped, it leaves more "
-                "error than stated. A slower reference needs less"
+                f"command_{name}_N goes from {low:.4g} to {high:.4g} N to make up for the drive's lag, beyond "
+                f"force_min_N = {actuator.force_min_N:g} and force_max_N = {actuator.force_max_N:g}: clipped, it "
+                "leaves more error than stated. A slower reference needs less"
             )
     return [Danger(text) for text in found]

@@ -223,7 +223,7 @@ def test_a_force_file_in_another_unit_is_asked_about(finger: Scenario, force_N: 
         ("friction", "soft_bristle_stiffness_N_per_m", 600.0, "N/mm? Then it is 600000"),
     ],
 )
-def test_a_slip_that_halves_no_headline_is_refused_all_the_same(
+def test_a_slip_by_a_thousand_of_a_lag_or_a_contact_is_refused(
     table: str, key: str, value: float, question: str
 ) -> None:
     """Bristles of 600 N/m for 600 N/mm made 0.4 % of 8.7, and a lag of 20 s a command of 120 kN."""

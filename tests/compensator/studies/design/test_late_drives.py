@@ -65,7 +65,7 @@ def test_a_command_that_the_drive_would_clip_is_said(examples):
     least = found.profiles["inverse"].command_N.min()
     assert found.profiles["inverse"].force_N.min() > 0 > least
     [said] = [text for text in found.warnings if "beyond force_min_N" in text]
-    assert said.startswith(f"command_inverse_N makes up for the drive's lag by {least:.4g} to ")
+    assert said.startswith(f"command_inverse_N goes from {least:.4g} to ")
 
 
 def test_the_expected_error_counts_a_lag_that_is_not_known_well(examples):
