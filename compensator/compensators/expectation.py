@@ -35,6 +35,7 @@ LARGE_PERCENT = 10.0
 """An RMS error above this is large: a tenth of what is wanted [% of range]."""
 
 _PURPOSES = {"N": "force control", "N_m": "torque control"}  # by key of the unit; of the others: positioning
+_NOTICED = 1e-6  # of the error, that a number must add to contribute [-]
 _OVERCOMPENSATION = 0.02  # swing beyond that of the reference that is worth a warning [-]
 
 
@@ -207,8 +208,16 @@ class Expectation:
         return (
             f"{begin} error up to {self.error}, with the {label} ({expected} % expected), "
             f"for {self.doubt} on the {self.level} level{compared}. "
-            f"{self.unstated}Largest contribution: {self.contributions[0].key}. Next: {next_command}"
+            f"{self.unstated}{self._largest} Next: {next_command}"
         )
+
+    @property
+    def _largest(self) -> str:
+        """Sentence on the uncertain number that matters most."""
+        first = self.contributions[0]
+        if first.rmse <= (1 + _NOTICED) * self.best.nominal.rmse:
+            return "What is uncertain adds nothing to the error."
+        return f"Largest contribution: {first.key}."
 
     @property
     def unstated(self) -> str:

@@ -21,6 +21,7 @@ _COMMENTS = ("#", "%", "//")
 _LOOKED_AT = 200  # lines by which the format is recognised
 _LONGEST = 100_000  # characters of a line that are looked at
 _SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars", " ": "spaces"}
+_NO_TABLES = {".toml", ".xml", ".urdf"}  # suffixes of scenarios and models, given by mistake
 _DATE = re.compile(r"\d{4}-\d\d-\d\d|\d{1,2}:\d\d:")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 
@@ -65,8 +66,10 @@ def find_dialect(path: Path, expected: Sequence[str] = (), header: Sequence[str]
 
     `expected` names tell its header from a heading; `header` names the columns of a text that has none.
 
-    InputError if the file is empty, is no text, or its first line is a row of numbers.
+    InputError if the file is empty, is no table, or its first line is a row of numbers.
     """
+    if path.suffix.lower() in _NO_TABLES:
+        raise InputError(f"{path.name} is no table; a file of columns under a header line, such as a CSV, belongs here")
     with user_text(path) as stream:
         lines = [line.rstrip("\r\n") for line in islice(iter(lambda: stream.readline(_LONGEST), ""), _LOOKED_AT)]
     try:

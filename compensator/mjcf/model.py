@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray, InputError, suggestion
+from tendonff.compensator.files.text import require_file
 
 _ASSUMED_RANGE = (-np.pi / 2, np.pi / 2)
 """Range of a joint that the model does not limit [rad]."""
@@ -164,11 +165,15 @@ def read_hand(path: Path, tendons: Sequence[str] = (), joints: Sequence[str] = (
         If the model has no such tendons, or one that has no meaning here, with the way round.
     """
     mujoco = mujoco_package()
+    require_file(path)
+    if not path.exists():
+        raise InputError(f"{path}: no such file")
     try:
         load = mujoco.MjModel.from_binary_path if path.suffix == ".mjb" else mujoco.MjModel.from_xml_path
         model = load(str(path))
     except (ValueError, OSError) as error:
-        raise InputError(f"{path.name}: {str(error).strip()}") from None
+        told = " ".join(str(error).split())
+        raise InputError(f"{path.name} cannot be read as MJCF, an XML file <mujoco>...</mujoco>: {told}") from None
     return _Reader(mujoco, model, path).read(tendons, joints, near)
 
 

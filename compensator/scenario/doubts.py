@@ -33,6 +33,8 @@ _LONGEST_STEP_S, _LONGEST_RELAXATION_S, _LONGEST_LAG_S = 0.05, 3600.0, 5.0  # of
 _LARGEST_FORCE_N = 2e4  # of an actuator: two tonnes on a tendon
 _LATEST_S, _FURTHEST_BRISTLE_M = 1.0, 0.05  # a drive behind its command; a contact before it slides
 _SMALLEST_N, _BEYOND = 0.1, 100.0  # a tension in kN; reach of the actuator times so much: a tension in mN
+_WEAKEST_N = 1.0  # of an actuator, less is in kN
+_SHORTEST_REFERENCE_S = 0.1
 _NOTHING = 1e-3  # of the reference's peak
 
 
@@ -106,13 +108,17 @@ def scenario_notes(transmission: Transmission) -> tuple[str, ...]:
 
 def reference_doubts(transmission: Transmission, tension_N: FloatArray, run: Run) -> tuple[UnitDoubt, ...]:
     """Doubts about a reference, shape (n,), as it is sampled or as its file has it."""
-    peak, load = float(np.max(tension_N)), transmission.load
+    peak, load, actuator = float(np.max(tension_N)), transmission.load, transmission.actuator
+    force_N, name = actuator.largest_force_N, actuator.largest_force_name
     found = []
-    if peak > largest_tension(transmission) and peak > _BEYOND * transmission.actuator.largest_force_N:
-        name = transmission.actuator.largest_force_name
-        text = f"its peak is {peak:.4g} N where {name} = {transmission.actuator.largest_force_N:g}: mN?"
-        found.append(UnitDoubt("reference.tension_N", f"[reference] {text}"))
-    elif peak < max(_SMALLEST_N, 1e-3 * transmission.actuator.largest_force_N):
+    if peak > largest_tension(transmission) and peak > _BEYOND * force_N:
+        if actuator.motor is None and force_N < _WEAKEST_N:
+            text = f"the reference has a peak of {peak:.4g} N; kN? Then it is {1e3 * force_N:g}"
+            found.append(value_doubt("actuator.force_max_N", force_N, text))
+        else:
+            text = f"its peak is {peak:.4g} N where {name} = {force_N:g}: mN?"
+            found.append(UnitDoubt("reference.tension_N", f"[reference] {text}"))
+    elif peak < max(_SMALLEST_N, 1e-3 * force_N):
         found.append(UnitDoubt("reference.tension_N", f"[reference] the tension stays below {peak:.3g} N: kN?"))
     elif load.joint is None and peak / load.stiffness_N_per_m > 1:
         text = f"the reference moves the load by {peak / load.stiffness_N_per_m:.3g} m: N/mm?"
@@ -121,10 +127,13 @@ def reference_doubts(transmission: Transmission, tension_N: FloatArray, run: Run
 
 
 def length_doubts(spec: object, duration_s: float, run: Run) -> tuple[UnitDoubt, ...]:
-    """A doubt about a reference of so many steps that its times may be milliseconds, by the key that has them."""
+    """A doubt about so many steps that the times or the step may be in another unit, by the key that has them."""
     steps = duration_s / run.step_s
     if not steps > LONG_RUN:
         return ()
+    if duration_s / 1e3 < _SHORTEST_REFERENCE_S:
+        text = f"{duration_s:g} s are {steps:.0f} steps, which takes long; a controller's period is 1e-4 to 1e-2 s"
+        return unaccepted([value_doubt("run.step_s", run.step_s, text)], run)
     key = next(name for name in ("times_s", "file", "duration_s") if hasattr(spec, name))
     text = (
         f"[reference] {key}: {duration_s:g} s in steps of {run.step_s:g} s are {steps:.0f} steps, which takes long: "

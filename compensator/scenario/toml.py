@@ -44,6 +44,8 @@ def _advice(text: str, error: str) -> str:
     if place is None or not 0 < (number := int(place[1])) <= len(lines):
         return ""
     line = lines[number - 1].partition("#")[0].strip()
+    if error.startswith(("Cannot overwrite", "Cannot declare")):
+        return f"; {line.partition('=')[0].strip()} stands here a second time: keep one"
     for pattern, advice in _NO_TOML:
         if len(line) < 200 and (found := re.fullmatch(pattern, line)):
             return advice.format(*found.groups())

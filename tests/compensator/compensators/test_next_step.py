@@ -129,6 +129,13 @@ def test_table_and_export_say_so_as_design_does(examples):
     assert next_step(found, "rig.toml", EXPORT) == found.change
 
 
+def test_a_number_that_changes_nothing_is_no_contribution(transmission):
+    """As friction is over a tendon of mu = 0."""
+    said = expected(transmission, (MU,), (0.0,)).headline("exact inverse", EXPORT)
+    assert "What is uncertain adds nothing to the error." in said
+    assert "Largest contribution: friction.mu" in expected(transmission, (MU,), (5.0,)).headline("x", EXPORT)
+
+
 def test_a_limit_of_the_drive_is_named_where_it_causes_most_of_the_error(transmission):
     reasons = ("a rate limit of 808 N/s would keep that below 1 % of the range",)
     assert limited_by(expected(transmission, (MU,), (1.0,), nominal=5.0), reasons).endswith(reasons[0])

@@ -178,6 +178,12 @@ def test_what_has_no_meaning_is_refused_by_name_with_the_way_round(what: str, tm
         read_hand(written(change(models.TWO_JOINTS), tmp_path))
 
 
+@pytest.mark.parametrize("text", ["schema = 1", "<a/>"])
+def test_a_file_that_is_no_mjcf_is_called_so(text: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"cannot be read as MJCF, an XML file <mujoco>"):
+        read_hand(written(text, tmp_path))
+
+
 def test_a_wrap_that_flips_its_side_is_refused_where_it_does(tmp_path: Path) -> None:
     free = models.CAPSTAN.replace(' sidesite="under"', "").replace('range="0 2.4"', 'range="-1 1"')
     hand = read_hand(written(free, tmp_path))

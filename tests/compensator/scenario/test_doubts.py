@@ -14,6 +14,7 @@ from tendonff.compensator.files.writing import write_text
 from tendonff.compensator.scenario.doubts import (
     force_doubts,
     force_notes,
+    length_doubts,
     out_of_reach,
     reference_doubts,
     scenario_doubts,
@@ -92,6 +93,7 @@ def changed(scenario: Scenario, key: str, factor: float) -> Scenario:
         ("load.stiffness_N_per_m", 1e-3, "N/mm?"),
         ("path.segments", 100, "so many masses take long"),
         ("run.step_s", 1e3, "milliseconds? Then it is 0.001"),
+        ("actuator.force_max_N", 1e-3, "kN? Then it is"),
     ],
 )
 def test_a_value_in_another_unit_is_refused_by_its_key_and_accepted_by_it(
@@ -107,6 +109,16 @@ def test_a_value_in_another_unit_is_refused_by_its_key_and_accepted_by_it(
     assert not any(doubt.key == key for doubt in scenario_doubts(accepted))
     follows = key not in ("run.step_s", "friction.mu_dynamic")  # whose reference has no meaning then
     assert any(question in note for note in first_look(odd, follows_reference=follows, accept=True))
+
+
+@pytest.mark.parametrize(
+    ("duration_s", "step_s", "key"), [(4.0, 1e-7, "run.step_s"), (4000.0, 1e-3, "reference.duration_s")]
+)
+def test_too_many_steps_are_blamed_on_what_is_out_of_proportion(
+    finger: Scenario, duration_s: float, step_s: float, key: str
+) -> None:
+    spec, run = replace(finger.reference, duration_s=duration_s), replace(finger.run, step_s=step_s)
+    assert [doubt.key for doubt in length_doubts(spec, duration_s, run)] == [key]
 
 
 @pytest.mark.parametrize(

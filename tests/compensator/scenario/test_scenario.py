@@ -135,7 +135,12 @@ def test_optional_tables_and_keys_default_to_nothing_special() -> None:
         (line("schema"), 'schema = 1\nnme = ""\n', ': unknown key "nme", did you mean "name"?'),
         ("[friction]", "[frction]", ": unknown table [frction], did you mean friction?"),
         ("[friction]", "[friction.coulomb]", '[friction]: unknown key "coulomb"; known: mu_dynamic, mu_static'),
-        ("[load]", "[run]\n[load]", ": not valid TOML: Cannot declare ('run',) twice"),
+        ("[load]", "[run]\n[load]", ": not valid TOML: Cannot declare ('run',) twice (at line"),
+        (
+            "[load]",
+            "[load]\nmass_kg = 1.0",
+            ": not valid TOML: Cannot overwrite a value (at line 36, column 15); mass_kg stands here a second time",
+        ),
         ("[run]", "[robust]\nmu = 1.5\n[run]", "[robust]: mu must be a finite number >= 0 and < 1, got 1.5; 0.2 means"),
         ("[run]", "[robust]\nmue = 0.5\n[run]", '[robust]: unknown key "mue", did you mean "mu"?'),
     ],
