@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.compensator.export.host import compile_on_host
+from tendonff.compensator.export.modules import accepted_steps
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.runtime.code import RuntimeCode, joint_runtime, tendon_runtime
 from tendonff.compensator.runtime.finger import FingerRuntime
@@ -87,6 +88,7 @@ class CompiledCore:
         self._command = np.zeros(max(2, code.outputs))
         self._command[1] = 1.0
         self._outputs, self._measures, self._status = code.outputs, code.measures, 0
+        self._longest_s, self._paused = accepted_steps(code.step_s)[1], False
         self._places = tuple(ctypes.c_void_p(a.ctypes.data) for a in (self._angles, self._command))
         if not isinstance(self.start, Real):
             raise ParameterError(f"start must be a number, got {self.start!r}; give the reference at rest before")
@@ -107,9 +109,11 @@ class CompiledCore:
             )
         for k, angle in enumerate(self._given(joints)):
             self._angles[k] = _number("an angle of joints", angle)
+        since_s = self.step_s if dt is None else _number("dt", dt)
+        self._paused = since_s > self._longest_s
         self._status = self._step(
             self._memory,
-            self.step_s if dt is None else _number("dt", dt),
+            since_s,
             _number("reference", reference),
             _number("measured", measured),
             *self._places,
@@ -119,7 +123,8 @@ class CompiledCore:
     @property
     def status(self) -> tuple[RuntimeStatus, ...]:
         """Of the last step."""
-        return statuses(self._status, driven=self._driven)
+        pause = (RuntimeStatus.PAUSE,) if self._paused else ()
+        return pause + statuses(self._status, driven=self._driven)
 
     @property
     def factor(self) -> float:

@@ -56,6 +56,8 @@ class RuntimeStatus(StrEnum):
         An estimate is at an end of its range.
     DOUBT
         More stays unexplained than a good model leaves.
+    PAUSE
+        The time since the last call is a pause (milliseconds?): the rig is taken to stand where it was.
     """
 
     INPUT_HELD = "input_held"
@@ -70,6 +72,7 @@ class RuntimeStatus(StrEnum):
     FROZEN = "frozen"
     AT_BOUND = "at_bound"
     DOUBT = "doubt"
+    PAUSE = "pause"
 
 
 _TENDON = {

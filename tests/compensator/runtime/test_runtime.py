@@ -189,6 +189,7 @@ def test_after_a_pause_of_half_a_second_no_motor_jumps(joint, lost, at):
     if lost == "nothing arrived":
         assert all(np.all(runtime.step(None) == before) and HELD[0] in runtime.status for _ in range(gap))
     first = runtime.step(float(sampled.angle_rad[at + gap]), dt=0.5 if lost == "nothing called" else None)
+    assert (tf.RuntimeStatus.PAUSE in runtime.status) is (lost == "nothing called")
     after = np.vstack([[before], [np.atleast_1d(first)], commands(runtime, sampled.angle_rad[at + gap + 1 :])])
     steps = np.degrees(np.abs(np.diff(after, axis=0)))
     assert steps[:5].max() < 0.2
