@@ -1,7 +1,7 @@
 """Doubts about the units of measured files: a fit does not start before the user has answered them."""
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -21,6 +21,9 @@ LIKELY_MILLI, LIKELY_KILO = 150.0, 1000.0
 """From so many times on, mN or kN are likely: readings in mN are 1000 times the tension."""
 
 _LONGEST_STROKE_M = 10.0
+_MOST_APART = 300.0  # largest tension of an end over that of the other: beyond what friction does, e^5
+_UNITS_APART = 1e4  # more is a tendon that goes slack
+_LEAST_PART = 0.05  # of a recording, that may be in another unit
 
 _FORCES, _LENGTHS = ("kN", "mN", "lbf", "lb", "kg"), ("mm", "cm", "um")
 _FORCE_LIKE, _LENGTH_LIKE = ("Nm", "mNm", "V", "mV", "mA"), ("rad", "deg", "counts")
@@ -96,8 +99,11 @@ def data_doubts(files: Sequence[Record], how: Measurement, force_max_N: float) -
         if all(end == "input" or file.has_output for file in files)
     }
     small = 0 < max((most_N for most_N, _ in largest.values()), default=0.0) < force_max_N / LIKELY_KILO
+    beyond = {end for end, (most_N, _) in largest.items() if small or most_N > LIKELY_MILLI * force_max_N}
+    if len(largest) == 2 and not beyond:
+        yield from _ends_apart(files, largest)
     for end, (most_N, name) in largest.items():
-        if small or most_N > LIKELY_MILLI * force_max_N:
+        if end in beyond:
             unit, factor = ("kN", 1e3) if small else ("mN", 1e-3)
             yield UnitDoubt(
                 f"measurement.{end}_scale",
@@ -118,6 +124,37 @@ def data_doubts(files: Sequence[Record], how: Measurement, force_max_N: float) -
                 )
         for name, angle in joints_of([file]).items():
             yield from angle_doubt(f"joints.{name}", float(np.max(np.abs(angle))), f"{file.name}: {name}")
+
+
+def _ends_apart(files: Sequence[Record], largest: Mapping[str, tuple[float, str]]) -> Iterator[UnitDoubt]:
+    """Ends whose tensions differ by more than friction can, all the time or from one sample on."""
+    (high, (most_N, name)), (low, (least_N, _)) = sorted(largest.items(), key=lambda each: -each[1][0])
+    if 0 < least_N < most_N / _MOST_APART:
+        text = f"{name}: the {low} tension reaches {least_N:.3g} N where the {high} reaches {most_N:.3g} N: kN?"
+        yield UnitDoubt(f"measurement.{low}_scale", f"{text} Then --scale {low}=1000")
+        return
+    for file in files:
+        changes = {end: _change(np.abs(file.joined(f"{end}_N"))) for end in largest}
+        factors = {end: factor for end, (_, factor) in changes.items()}
+        end = max(factors, key=lambda each: abs(np.log(factors[each])))
+        if _MOST_APART < max(apart := factors["input"] / factors["output"], 1 / apart) < _UNITS_APART:
+            at_s = file.joined("time_s")[changes[end][0]]
+            changed = f"the {end} tension alone is {factors[end]:.2g} times as large as before"
+            text = f"{file.name}: from {at_s:.4g} s on {changed}: another unit? Then split the file there"
+            yield UnitDoubt(f"measurement.{end}_scale", text)
+
+
+def _change(size: Array) -> tuple[int, float]:
+    """Sample from which on the largest size, shape (rows,), differs from that before, and the factor."""
+    least = max(1, int(_LEAST_PART * len(size)))
+    if len(size) <= 2 * least:
+        return 0, 1.0
+    floor = 1e-9 * float(size.max()) + np.finfo(float).tiny
+    before = np.maximum.accumulate(size)[least - 1 : -least]
+    after = np.maximum.accumulate(size[::-1])[::-1][least : len(size) - least + 1]
+    change = np.log((after + floor) / (before + floor))
+    at = int(np.argmax(np.abs(change) > 0.9 * np.abs(change).max()))
+    return at + least, float(np.exp(change[at]))
 
 
 def magnitude_warning(largest_N: float, force_max_N: float) -> str:

@@ -1,5 +1,6 @@
 """What a fit will have to do is said first, and asked about where it is very much."""
 
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -145,6 +146,20 @@ def test_other_units_of_tensions_positions_and_joints_are_doubted_with_their_fac
     found = doubts(record(**tensions(0.03 + 1e-3 * WAVE, 0.03 + 1e-3 * WAVE)))
     assert [each.key for each in found] == ["measurement.input_scale", "measurement.output_scale"]
     assert "kN? Then it is 31 N: --scale input=1000" in found[0].text
+
+
+def test_one_end_in_another_unit_is_doubted_whole_or_from_where_it_changes(record):
+    """By the other end: a part of a recording in N and a part in kN, and a tendon that hangs slack for as long."""
+    half = np.arange(len(WAVE)) < len(WAVE) // 2
+    pulled, held = 30 + 10 * WAVE, 30 + 7 * WAVE
+    [doubt] = data_doubts([record(**tensions(pulled, 1e-3 * held))], Measurement(), 200.0)
+    assert doubt.key == "measurement.output_scale"
+    assert "reaches 0.037 N where the input reaches 40 N: kN? Then --scale output=1000" in doubt.text
+    [doubt] = data_doubts([record(**tensions(pulled, np.where(half, held, 1e-3 * held)))], Measurement(), 200.0)
+    assert doubt.key == "measurement.output_scale"
+    assert re.search(r"from 10(\.\d+)? s on the output tension alone is 0.00\d+ times as large as before", doubt.text)
+    slack = record(**tensions(np.where(half, pulled, 0.0), np.where(half, held, 0.0)))
+    assert not list(data_doubts([slack], Measurement(), 200.0))
 
 
 def test_a_spike_of_a_cell_is_no_sign_of_reversed_columns(record):
