@@ -6,9 +6,8 @@ from functools import partial
 from typing import Any, ClassVar, Self
 
 from tendonff.compensator.compensators.motors.joint import JointTask, motor_names
-from tendonff.compensator.compensators.motors.table import BRANCHES, tabulated
+from tendonff.compensator.compensators.motors.table import BRANCHES, JointTable, tabulated
 from tendonff.compensator.compensators.motors.task import MotorCompensator
-from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.reporting.colours import GREEN, Style
 from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.studies.tables.result import Tables
@@ -20,13 +19,8 @@ class MotorTables(Tables):
 
     Attributes
     ----------
-    angle_rad : ndarray, shape (nodes,)
-    speeds_rad_per_s : tuple of float
-        Of the joint, by which its damping acts; (0,) for slow motion alone.
-    motor_rad : dict of str to ndarray, shape (speeds, nodes, motors)
-        Of each branch, relative to the start.
-    error_rad : float
-        Largest interpolation error, as an angle of the joint.
+    law : JointTable
+        Its nodes.
     masses : int
         Of each tendon of the plants.
     """
@@ -34,10 +28,7 @@ class MotorTables(Tables):
     shown_by: ClassVar[str] = "studies.tables.motor_pages"
     beside: ClassVar[tuple[str, ...]] = ("linear", "table", "inverse")
 
-    angle_rad: FloatArray
-    speeds_rad_per_s: tuple[float, ...]
-    motor_rad: dict[str, FloatArray]
-    error_rad: float
+    law: JointTable
     masses: int
 
     @classmethod
@@ -52,16 +43,7 @@ class MotorTables(Tables):
             style=Style(color=GREEN, linestyle="-"),
             profile=found.command,
         )
-        build = partial(
-            cls,
-            angle_rad=found.angle_rad,
-            speeds_rad_per_s=found.speeds_rad_per_s,
-            motor_rad=found.motor_rad,
-            error_rad=found.error_rad,
-            masses=task.masses,
-            warnings=(),
-        )
-        return build, table
+        return partial(cls, law=found, masses=task.masses, warnings=()), table
 
     def judged(self, task: JointTask, table: MotorCompensator, profiles: Mapping[str, Any]) -> Self:  # noqa: ARG002
         """The same with the harm that it does: its worst error is above that of the ratio alone."""
@@ -81,7 +63,7 @@ class MotorTables(Tables):
     @property
     def nodes(self) -> int:
         """Of both branches and all speeds."""
-        return len(BRANCHES) * len(self.speeds_rad_per_s) * len(self.angle_rad)
+        return len(BRANCHES) * len(self.law.speeds_rad_per_s) * len(self.law.angle_rad)
 
     @property
     def lines(self) -> tuple[str, ...]:

@@ -23,12 +23,12 @@ from tendonff.compensator.studies.tables.output import Pages
 
 def table_columns(result: MotorTables) -> dict[str, list[object]]:
     """The columns of `table.csv`: one row per node."""
-    motors, by_speed = channels(result.scenario), len(result.speeds_rad_per_s) > 1
+    motors, by_speed = channels(result.scenario), len(result.law.speeds_rad_per_s) > 1
     rows = [
         (float(angle), branch, *((speed,) if by_speed else ()), *motor)
-        for branch, every in result.motor_rad.items()
-        for speed, values in zip(result.speeds_rad_per_s, every, strict=True)
-        for angle, motor in zip(result.angle_rad, values.tolist(), strict=True)
+        for branch, every in result.law.motor_rad.items()
+        for speed, values in zip(result.law.speeds_rad_per_s, every, strict=True)
+        for angle, motor in zip(result.law.angle_rad, values.tolist(), strict=True)
     ]
     names = ["angle_rad", "branch", *(["speed_rad_per_s"] if by_speed else []), *motors]
     return {name: list(column) for name, column in zip(names, zip(*rows, strict=True), strict=True)}
@@ -39,7 +39,7 @@ def summary(result: MotorTables) -> dict[str, object]:
     return {
         **summary_head(result.scenario),
         "nodes": result.nodes,
-        "interpolation_error_rad": result.error_rad,
+        "interpolation_error_rad": result.law.error_rad,
         "expectation": expectation_summary(result.expectation, result.masses),
     }
 
@@ -47,7 +47,7 @@ def summary(result: MotorTables) -> dict[str, object]:
 def table_header(result: MotorTables, prefix: str) -> str:
     """The table as constants of C."""
     guard, joint = f"{prefix.upper()}_JOINT_TABLE", result.scenario.mechanism.joint.name
-    motors, speeds = channels(result.scenario), result.speeds_rad_per_s
+    motors, speeds = channels(result.scenario), result.law.speeds_rad_per_s
     by_speed = len(speeds) > 1
     shape = f"[{guard}_SPEEDS][{guard}_NODES][{guard}_MOTORS]" if by_speed else f"[{guard}_NODES][{guard}_MOTORS]"
 
@@ -61,7 +61,7 @@ def table_header(result: MotorTables, prefix: str) -> str:
         f"static const double {prefix}_joint_table_{branch}_rad{shape} = {{\n"
         + ("".join(f"    {{\n{nodes(values)}    }},\n" for values in every) if by_speed else nodes(every[0]))
         + "};\n"
-        for branch, every in result.motor_rad.items()
+        for branch, every in result.law.motor_rad.items()
     ]
     axis = (
         f"#define {guard}_SPEEDS ({len(speeds)})\n",
@@ -73,8 +73,8 @@ def table_header(result: MotorTables, prefix: str) -> str:
             f" * for both ways it turns; straight between the nodes. Columns: {', '.join(motors)}.",
             f" * Scenario {result.scenario.digest()}. */",
             f"#ifndef {guard}_H\n#define {guard}_H\n",
-            f"#define {guard}_NODES ({len(result.angle_rad)})\n#define {guard}_MOTORS ({len(motors)})\n",
-            f"static const double {prefix}_joint_table_angle_rad[{guard}_NODES] = {{{row(result.angle_rad)}}};\n",
+            f"#define {guard}_NODES ({len(result.law.angle_rad)})\n#define {guard}_MOTORS ({len(motors)})\n",
+            f"static const double {prefix}_joint_table_angle_rad[{guard}_NODES] = {{{row(result.law.angle_rad)}}};\n",
             *(axis if by_speed else ()),
             *branches,
             "#endif\n",
@@ -91,11 +91,11 @@ def table_figures(table: MotorTables) -> dict[str, Figure]:
 def _figure(result: MotorTables) -> Figure:
     """Motor angle beyond a straight line, over the joint's angle."""
     figure, axes = new_figure(1, 1)
-    panel, angle = axes[0, 0], result.angle_rad
+    panel, angle = axes[0, 0], result.law.angle_rad
     for k, motor in enumerate(motor_names(result.scenario.mechanism)):
-        middle = 0.5 * sum(values[0, :, k] for values in result.motor_rad.values())
+        middle = 0.5 * sum(values[0, :, k] for values in result.law.motor_rad.values())
         line = np.polyval(np.polyfit(angle, middle, 1), angle)
-        for (branch, values), colour in zip(result.motor_rad.items(), (INK, VERMILION), strict=True):
+        for (branch, values), colour in zip(result.law.motor_rad.items(), (INK, VERMILION), strict=True):
             label = f"{branch}" + (f", {motor}" if len(motor_names(result.scenario.mechanism)) > 1 else "")
             style = ("-", "--")[k % 2]
             panel.plot(np.rad2deg(angle), np.rad2deg(values[0, :, k] - line), style, color=colour, label=label)
