@@ -14,7 +14,7 @@ from tendonff.compensator.files.notices import Danger
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, Joint, SineJoint
 from tendonff.compensator.scenario.scenario import Scenario
-from tendonff.compensator.scenario.settings import Run, Stream
+from tendonff.compensator.scenario.settings import Feedback, FeedbackSensor, Run, Stream
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.parameters import Friction, Load, Path, Tendon, Transmission
 from tendonff.models.path import FURTHEST_RAD
@@ -35,6 +35,7 @@ _LATEST_S, _FURTHEST_BRISTLE_M = 1.0, 0.05  # a drive behind its command; a cont
 _SMALLEST_N, _BEYOND = 0.1, 100.0  # a tension in kN; reach of the actuator times so much: a tension in mN
 _WEAKEST_N = 1.0  # of an actuator, less is in kN
 _SHORTEST_REFERENCE_S = 0.1
+_LEAST_MARGIN_DEG = 3.0  # less of a phase is in radians
 _NOTHING = 1e-3  # of the reference's peak
 
 
@@ -83,7 +84,7 @@ def scenario_doubts(scenario: Scenario) -> tuple[UnitDoubt, ...]:
     # An actuator that is doubted itself is no measure of the tendon.
     force_N = given.actuator.force_max_N / (1 if given.actuator.force_max_N <= _LARGEST_FORCE_N else 1e3)
     found = [*rope_doubts(given.path, given.tendon, given.friction, force_N)]
-    found += [*_of_drive(given), *_of_load(given.load), *step_doubts(scenario.run)]
+    found += [*_of_drive(given), *_of_load(given.load), *step_doubts(scenario.run), *feedback_doubts(scenario.feedback)]
     stream = scenario.stream or Stream()
     if stream.lag_max_s > _LONGEST_LAG_S:
         found += [_milliseconds("stream.lag_max_s", stream.lag_max_s)]
@@ -91,6 +92,7 @@ def scenario_doubts(scenario: Scenario) -> tuple[UnitDoubt, ...]:
         found += [_milliseconds("stream.preview_s", stream.preview_s)]
     for name, joint in scenario.joints.items():
         found += angle_doubt(f"joints.{name}", furthest_rad(joint))
+        found += angle_doubt(f"joints.{name}.range_rad", max(map(abs, joint.range_rad or (0.0,))))
     return unaccepted(found, scenario.run)
 
 
@@ -240,6 +242,19 @@ def step_doubts(run: Run) -> Iterator[UnitDoubt]:
     """A doubt about the step of a controller."""
     if run.step_s > _LONGEST_STEP_S:
         yield _milliseconds("run.step_s", run.step_s)
+
+
+def feedback_doubts(feedback: Feedback | None) -> Iterator[UnitDoubt]:
+    """Doubts about a feedback's times, its margin and the steps of its encoder."""
+    if feedback is None:
+        return
+    for key in ("delay_s", "sample_s"):
+        if (time := getattr(feedback, key) or 0.0) > _LATEST_S:
+            yield _milliseconds(f"feedback.{key}", time)
+    if (margin := feedback.phase_margin_deg) < _LEAST_MARGIN_DEG:
+        yield value_doubt("feedback.phase_margin_deg", margin, f"radians? Then it is {math.degrees(margin):.4g}")
+    if feedback.sensor is not FeedbackSensor.OUTPUT_TENSION and (step := feedback.resolution) > FURTHEST_RAD:
+        yield value_doubt("feedback.resolution", step, f"steps a turn? Then it is {math.tau / step:.4g}")
 
 
 def gear_doubts(key: str, ratio: float) -> Iterator[UnitDoubt]:

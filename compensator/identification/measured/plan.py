@@ -79,10 +79,14 @@ def check_signs(records: Sequence[Record], confirm: Callable[[str], bool]) -> No
     for record in records:
         below = {end: _share_below_zero(record, f"{end}_N") for end in ("input", "output")}
         end, other = sorted(below, key=lambda name: -below[name])
-        if record.has_output and below[end] > _MOSTLY and below[other] < 1 - _MOSTLY:
-            question = f"{record.name}: {end} is below zero in {100 * below[end]:.0f} % of the rows, {other} is not"
+        both = below[other] > _MOSTLY
+        if record.has_output and below[end] > _MOSTLY and (both or below[other] < 1 - _MOSTLY):
+            what = "both tensions are" if both else f"{end} is"
+            aside = "" if both else f", {other} is not"
+            question = f"{record.name}: {what} below zero in {100 * below[end]:.0f} % of the rows{aside}"
+            way = " ".join(f"--scale {each}=-1" for each in (("input", "output") if both else (end,)))
             if not confirm(question):
-                raise InputError(f"{question}. Not started: --scale {end}=-1, or give --yes to fit it as it is")
+                raise InputError(f"{question}. Not started: {way}, or give --yes to fit it as it is")
         ends = (("input", "input_m", record.has_input_position), ("output", "output_m", record.has_positions))
         wrong = [end for end, name, is_there in ends if is_there and _dissipated_share(record, name) < _DRIVEN]
         if not wrong or not record.has_output:

@@ -1,5 +1,6 @@
 """Measured files as they are: columns found, units made SI, rows that cannot be used taken out and reported."""
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -40,6 +41,12 @@ _USUAL = {
     )
 }
 """Default names of the columns, and accepted alternatives."""
+
+_OF_A_SIMULATION = {
+    "actuator_force": "force_N",
+    "input_position": "actuator_position_m",
+    "output_position": "load_position_m",
+}
 
 LEAST_TARE_ROWS = 10
 
@@ -212,6 +219,13 @@ def _check_missing(path: Path, table: Table, names: Mapping[str, str], key: str)
     raise MissingColumnError(missing + way_out, key=key, present=present)
 
 
+def _along(table: Table) -> list[str]:
+    """Columns of tensions along the tendon, as `simulate` writes them, from the actuator to the far end."""
+    names = (re.fullmatch(r"tension_(\d+)_N", name) for name in table.columns)
+    found = {int(name[1]): name[0] for name in names if name is not None}
+    return [found[k] for k in sorted(found)] if 1 in found and len(found) > 1 else []
+
+
 def _guessed(table: Table, names: Mapping[str, str], findings: Findings) -> tuple[dict[str, str], dict[str, float]]:
     """Columns for those that the file has by another name and with a unit, and what the units are in SI."""
     dialect = table.dialect
@@ -225,6 +239,9 @@ def _guessed(table: Table, names: Mapping[str, str], findings: Findings) -> tupl
         ):
             taken[key], factors[key], text = other
             texts.append(text)
+    if not {taken["input"], taken["output"]} & set(table.columns) and (along := _along(table)):
+        taken |= {"input": along[0], "output": along[-1]} | _OF_A_SIMULATION
+        texts.append(f'columns of a simulation, input "{along[0]}", output "{along[-1]}"')
     if texts and not table.units:
         findings.note(DataIssue.UNITS, f"{', '.join(texts)} (--scale overrides)", count=1)
     return taken, factors

@@ -9,6 +9,7 @@ import numpy as np
 from tendonff.compensator.scenario.doubts import (
     UnitDoubt,
     angle_doubt,
+    feedback_doubts,
     furthest_rad,
     gear_doubts,
     late_doubts,
@@ -37,7 +38,11 @@ def joint_doubts(scenario: JointScenario, *, follows_reference: bool = True) -> 
     """Doubts about the numbers of a scenario file and, unless not followed, its reference: empty for a sound one."""
     mechanism, run = scenario.mechanism, scenario.run
     tension_N = mechanism.drive.pretension_N or mechanism.drive.least_tension_N or 0.0
-    found = [*step_doubts(run), *driven_doubts(mechanism.joint, _least_arm_m(mechanism))]
+    found = [
+        *step_doubts(run),
+        *feedback_doubts(scenario.feedback),
+        *driven_doubts(mechanism.joint, _least_arm_m(mechanism)),
+    ]
     found += drive_doubts(mechanism.drive, "drive", "drum_radius_m")
     for tendon in mechanism.tendons:
         found += tendon_doubts(tendon, "moment_arm_m", tension_N)
@@ -70,6 +75,7 @@ def driven_doubts(joint: DrivenJoint, arm_m: float) -> Iterator[UnitDoubt]:
     table = f"joints.{joint.name}"
     for key in ("rest_rad", "gravity_zero_rad", "stop_low_rad", "stop_high_rad"):
         yield from degrees_doubts(f"{table}.{key}", getattr(joint, key) or 0.0)
+    yield from degrees_doubts(f"{table}.range_rad", max(joint.range_rad or (0.0,), key=abs))
     if joint.inertia_kg_m2 > _LARGEST_INERTIA_KG_M2:
         yield _square_grams(f"{table}.inertia_kg_m2", joint.inertia_kg_m2)
     for key in ("stiffness_N_m_per_rad", "gravity_N_m", "coulomb_N_m"):
@@ -99,6 +105,7 @@ def moved_doubts(joints: Mapping[str, Joint], folder: Path) -> Iterator[UnitDoub
             _, angle = read_angles(folder / joint.file, name)
             furthest, where = float(np.abs(angle).max()), f"{joint.file}: {name}"
         yield from angle_doubt(f"joints.{name}", furthest, where)
+        yield from degrees_doubts(f"joints.{name}.range_rad", max(joint.range_rad or (0.0,), key=abs))
 
 
 def drive_doubts(drive: JointDrive, table: str, drums_key: str) -> Iterator[UnitDoubt]:

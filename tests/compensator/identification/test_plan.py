@@ -210,6 +210,14 @@ def test_a_cell_the_other_way_round_is_named_before_any_position(record, end):
         check_signs([record(**columns)], lambda _: False)
 
 
+def test_two_cells_the_other_way_round_are_named_before_any_position(record):
+    """Turning the position instead ended in a mu of 0.108 for 0.16, accepted."""
+    columns = strokes_of_a_sheath(1, 1)
+    columns |= {name: -columns[name] for name in ("input_tension_N", "output_tension_N")}
+    with pytest.raises(InputError, match=r"both tensions are below zero .*: --scale input=-1 --scale output=-1, or"):
+        check_signs([record(**columns)], lambda _: False)
+
+
 def test_a_log_in_reversed_order_is_told_so(record):
     columns = strokes_of_a_sheath(1, 1)
     with pytest.raises(InputError, match="time_s falls from row to row: sort the file by time"):

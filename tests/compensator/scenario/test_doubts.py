@@ -12,6 +12,7 @@ from tendonff.compensator.cli import run
 from tendonff.compensator.files.reading import InputError, read_csv
 from tendonff.compensator.files.writing import write_text
 from tendonff.compensator.scenario.doubts import (
+    feedback_doubts,
     force_doubts,
     force_notes,
     length_doubts,
@@ -21,10 +22,11 @@ from tendonff.compensator.scenario.doubts import (
 )
 from tendonff.compensator.scenario.driven.finger import FingerScenario, parse_finger_scenario
 from tendonff.compensator.scenario.driven.finger_doubts import finger_doubts
-from tendonff.compensator.scenario.driven.joint_doubts import joint_doubts
+from tendonff.compensator.scenario.driven.joint_doubts import driven_doubts, joint_doubts
 from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, SineJoint, WaypointJoint
 from tendonff.compensator.scenario.sampled.first_look import first_look
 from tendonff.compensator.scenario.scenario import Scenario, parse_scenario
+from tendonff.compensator.scenario.settings import Feedback, FeedbackSensor
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.parameters.drive import Motor
 
@@ -109,6 +111,28 @@ def test_a_value_in_another_unit_is_refused_by_its_key_and_accepted_by_it(
     assert not any(doubt.key == key for doubt in scenario_doubts(accepted))
     follows = key not in ("run.step_s", "friction.mu_dynamic")  # whose reference has no meaning then
     assert any(question in note for note in first_look(odd, follows_reference=follows, accept=True))
+
+
+@pytest.mark.parametrize(
+    ("changes", "question"),
+    [
+        ({"delay_s": 10.0}, "[feedback] delay_s = 10: milliseconds? Then it is 0.01"),
+        ({"phase_margin_deg": 0.78}, "[feedback] phase_margin_deg = 0.78: radians? Then it is 44.69"),
+        ({"resolution": 4096.0}, "[feedback] resolution = 4096: steps a turn? Then it is 0.001534"),
+    ],
+)
+def test_a_feedback_in_another_unit_is_asked_about(changes: dict[str, float], question: str) -> None:
+    usual = Feedback(sensor=FeedbackSensor.JOINT_ANGLE, delay_s=0.01, resolution=2 * math.pi / 4096)
+    assert not list(feedback_doubts(usual))
+    assert [str(doubt) for doubt in feedback_doubts(replace(usual, **changes))] == [question]
+
+
+def test_the_range_of_a_live_joint_in_degrees_is_asked_about() -> None:
+    """It guards a live reference: with degrees nothing is held."""
+    scenario = load_scenario(ROOT / "examples" / "hand_joint.toml")
+    joint = replace(scenario.mechanism.joint, range_rad=(-30.0, 90.0))
+    [doubt] = driven_doubts(joint, 0.008)
+    assert str(doubt).endswith("range_rad = 90: degrees? Then it is 1.571")
 
 
 @pytest.mark.parametrize(

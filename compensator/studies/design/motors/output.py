@@ -18,8 +18,6 @@ from tendonff.compensator.studies.design.motors.figures import design_figures
 from tendonff.compensator.studies.design.motors.report import design_report, interactive_panels
 from tendonff.compensator.studies.design.motors.result import MotorDesign, MotorProfile
 
-_SHOWN = ("linear", "stretch", "inverse")  # of several motors, in profile.csv
-
 
 def write_files(
     result: MotorDesign, folder: str | os.PathLike[str], *, interactive: bool = False, pdf: bool = False
@@ -49,19 +47,18 @@ def profile_columns(result: MotorDesign) -> dict[str, FloatArray]:
 
 
 def _channels(result: MotorDesign) -> dict[str, FloatArray]:
-    """Motors: of a loop by compensator, of a pair with the exact inverse, of several joints by both."""
-    task, profiles, torque = result.task, result.profiles, result.inversion.torque_N_m
+    """Motors by compensator, and their torques with the exact inverse."""
+    profiles, torque = result.profiles, result.inversion.torque_N_m
+    named = {name: result.columns_of(name) for name in profiles}
     columns: dict[str, FloatArray] = {}
-    if result.goal.is_named:
-        for k, motor in enumerate(task.motors):
-            columns |= {f"motor_{motor}_{n}_rad": profiles[n].motor_rad[:, k] for n in _SHOWN if n in profiles}
+    for k, motor in enumerate(result.task.motors):
+        columns |= {by[k]: profiles[name].motor_rad[:, k] for name, by in named.items()}
+        if result.goal.is_named:
             columns[f"motor_{motor}_torque_inverse_N_m"] = torque[:, k]
-    elif result.sheet is not None:
-        columns |= {f"motor_{name}_rad": each.motor_rad[:, 0] for name, each in profiles.items()}
+    if result.sheet is not None:
         columns["motor_torque_inverse_N_m"] = torque[:, 0]
-    else:
-        columns |= {f"motor_{motor}_rad": profiles["inverse"].motor_rad[:, k] for k, motor in enumerate(task.motors)}
-        columns |= {f"motor_torque_{motor}_N_m": torque[:, k] for k, motor in enumerate(task.motors)}
+    elif not result.goal.is_named:
+        columns |= {f"motor_torque_{motor}_N_m": torque[:, k] for k, motor in enumerate(result.task.motors)}
     return columns
 
 

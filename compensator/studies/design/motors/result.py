@@ -191,22 +191,22 @@ class MotorDesign(ShownDesign):
         unit, target = self.goal.unit, self.task.target
         whole = unit.factor * float(np.ptp(target, axis=0).max())
         over = " over all joints" if self.goal.is_named else ""
+        columns = ", ".join(self.columns_of(self.recommended.name))
         return (
             f"With exactly the design's parameters the RMS error{over} is {self.text(best.rms)} "
             f"({self.recommended.label}, {self.verifying}), {self.text(plain.rms)} with the ratio alone; "
             f"{self.goal.range} {whole:.3g} {unit.shown}. Known in advance: "
-            f"{self._columns} of profile.csv to the motors; known only at run time: tendonff export-c, or tf.Runtime."
+            f"{columns} of profile.csv to the motors; known only at run time: tendonff export-c, or tf.Runtime."
         )
 
-    @property
-    def _columns(self) -> str:
-        """Columns of `profile.csv` that the recommended compensator has."""
-        name = self.recommended.name
+    def columns_of(self, name: str) -> tuple[str, ...]:
+        """Columns of `profile.csv` with the motors' angles of that compensator, in the order of the motors."""
         if self.goal.is_named:
-            return ", ".join(f"motor_{motor}_{name}_rad" for motor in self.task.motors)
+            return tuple(f"motor_{motor}_{name}_rad" for motor in self.task.motors)
         if self.sheet is not None:
-            return f"motor_{name}_rad"
-        return ", ".join(f"motor_{motor}_rad" for motor in self.task.motors)
+            return (f"motor_{name}_rad",)
+        by = "" if name == "inverse" else f"_{name}"
+        return tuple(f"motor_{motor}{by}_rad" for motor in self.task.motors)
 
     @property
     def is_usable(self) -> bool:

@@ -66,6 +66,7 @@ def test_the_files_have_the_columns_of_the_contract(designed, tmp_path):
     profile = pd.read_csv(tmp_path / "out" / "profile.csv")
     columns = ["time_s", "reference_mcp_rad", "motor_m1_linear_rad", "motor_m1_stretch_rad", "motor_m1_inverse_rad"]
     assert set(columns) | {"motor_m1_torque_inverse_N_m", "tension_extensor_N"} <= set(profile.columns)
+    assert set(designed.columns_of(designed.recommended.name)) <= set(profile.columns)
     assert len(profile) == 601
     summary = json.loads((tmp_path / "out" / "summary.json").read_text("utf-8"))
     errors = summary["compensators"]["inverse"]["presliding"]["rmse_rad"]
