@@ -9,7 +9,7 @@ import inspect
 import io
 import pathlib
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from enum import StrEnum
 
 import griffe
@@ -48,6 +48,8 @@ class Table:
         What the classes do not say.
     unwritten : tuple of str
         Fields that are no keys of it.
+    filled : mapping of str to str
+        Values of required fields that the reader fills in.
     """
 
     title: str
@@ -55,6 +57,7 @@ class Table:
     readers: str
     note: str = ""
     unwritten: tuple[str, ...] = ()
+    filled: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
 
 EVERY = "every command"
@@ -72,7 +75,12 @@ TABLES = (
         readers=EVERY,
         note="One for each arc or straight, from the actuator to the output.",
     ),
-    Table(title="[tendon]", classes=(Tendon,), readers=EVERY),
+    Table(
+        title="[tendon]",
+        classes=(Tendon,),
+        readers=EVERY,
+        filled={"relaxation_time_s": "needed with `relaxing_stiffness_N_per_m` > 0"},
+    ),
     Table(
         title="[tendon], of a rope",
         classes=(Rope,),
@@ -83,7 +91,7 @@ TABLES = (
         title="[friction]",
         classes=(Friction,),
         readers=EVERY,
-        note="Without `mu_static` it is `mu_dynamic`, and needs no `stribeck_velocity_m_per_s`.",
+        filled={"mu_static": "`mu_dynamic`", "stribeck_velocity_m_per_s": "needed with `mu_static`"},
     ),
     Table(title="[actuator]", classes=(Actuator,), readers=EVERY, unwritten=("motor",)),
     Table(
@@ -202,12 +210,15 @@ def rows(table: Table) -> Iterator[tuple[str, str, str, str]]:
             if field.name in seen:
                 continue
             seen.add(field.name)
-            unit, meaning = split(meanings[field.name])
-            yield field.name, unit, shown_default(field), meaning
+            meaning = meanings[field.name]
+            unit, text = split(meaning)
+            if list(meanings.values()).count(meaning) > 1 and unit and (own := unit_of(field.name)) and own != unit:
+                unit, text = own, " ".join(meaning.split())
+            yield field.name, unit, table.filled.get(field.name) or shown_default(field), text
 
 
 def described(cls: type) -> dict[str, str]:
-    """Docstrings of a record's fields, its bases' included.
+    """Docstrings of a record's fields, its bases' included; several fields may share one.
 
     Parameters
     ----------
@@ -231,7 +242,14 @@ def as_csv() -> str:
     return text.getvalue()
 
 
-_UNIT = re.compile(r" ?\[([^\[\]]*)\](?!\()")
+def unit_of(key: str) -> str:
+    """Unit at the end of a key, such as N m/rad of stiffness_N_m_per_rad; empty for none."""
+    found = _SUFFIX.search(key)
+    return "" if found is None else found[0].strip("_").replace("_per_", "/").replace("_", " ")
+
+
+_SUFFIX = re.compile(r"(_(N|m|s|rad|kg|Pa|Hz|A)\d?)+(_per(_(N|m|s|rad|kg|A)\d?)+)?$")
+_UNIT = re.compile(r" ?\[(?!\d+\])([^\[\]]*)\](?!\()")
 
 
 def split(meaning: str) -> tuple[str, str]:

@@ -33,7 +33,7 @@ def test_every_key_has_a_meaning_and_its_own_default(table) -> None:
     for key, (_, default, meaning) in rows.items():
         assert len(meaning) > 8, key
         missing = keys[key].default is dataclasses.MISSING and keys[key].default_factory is dataclasses.MISSING
-        assert (default == "required") == missing, key
+        assert (default == "required") == (missing and key not in table.filled), key
 
 
 def test_the_stored_table_of_keys_is_that_of_the_code() -> None:
@@ -43,6 +43,20 @@ def test_the_stored_table_of_keys_is_that_of_the_code() -> None:
 
 def test_no_meaning_refers_to_a_class() -> None:
     assert [row for table in PAGE["TABLES"] for row in PAGE["rows"](table) if row[3].startswith("As in")] == []
+
+
+@pytest.mark.parametrize(
+    ("title", "key", "unit"),
+    [
+        ("[tendon]", "second_relaxation_time_s", "s"),
+        ("[tendon]", "stiffening_tension_N", "N"),
+        ("[actuator.motor]", "no_load_speed_rad_per_s", "rad/s"),
+        ("[measurement]", "channels", ""),
+    ],
+)
+def test_a_key_that_shares_its_meaning_has_its_own_unit(title: str, key: str, unit: str) -> None:
+    table = next(table for table in PAGE["TABLES"] if table.title == title)
+    assert {name: own for name, own, *_ in PAGE["rows"](table)}[key] == unit
 
 
 def test_units_stand_in_their_own_column() -> None:

@@ -54,9 +54,9 @@ def test_a_file_of_simulate_has_its_ends_first_and_last(tmp_path):
     table = np.column_stack([time, near + 1, near, far + 5, far, moved])
     header = "time_s,force_N,tension_1_N,tension_2_N,tension_10_N,actuator_position_m"
     found = record(tmp_path, table, header=header)
-    assert found.joined("input_N")[100] == pytest.approx(near[100], rel=1e-3)
-    assert found.joined("output_N")[100] == pytest.approx(far[100], rel=1e-3)
-    assert found.joined("input_m")[100] == pytest.approx(moved[100], rel=1e-3)
+    assert found.joined("input_N")[100] == pytest.approx(near[100], rel=5e-3)
+    assert found.joined("output_N")[100] == pytest.approx(far[100], rel=5e-3)
+    assert found.joined("input_m")[100] == pytest.approx(moved[100], rel=5e-3)
     assert any('output "tension_10_N"' in each.text for each in found.findings)
 
 
