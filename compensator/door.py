@@ -242,7 +242,7 @@ def simulate_file(
         raise InputError(f"--check halves the fixed step, which --method {method} does not have; leave one of them out")
     asked = {"column": column, "joints": joints, "check": check, "method": method}
     found: SimulatedFile = function_of("simulate", scenario, asked)(
-        scenario, level or scenario.run.level, commands, out, accept=accept, progress=progress
+        scenario, _level(level) or scenario.run.level, commands, out, accept=accept, progress=progress
     )
     return found
 
@@ -389,7 +389,7 @@ def make_table(
     >>> tables.write("table")  # doctest: +SKIP
     """
     found: Tables = function_of("table", scenario)(
-        scenario, level=level, bound=bound, angles_rad=angles_rad, rates=rates, pose_rad=pose_rad
+        scenario, level=_level(level), bound=bound, angles_rad=angles_rad, rates=rates, pose_rad=pose_rad
     )
     return found
 
@@ -439,7 +439,11 @@ def export_c(
     export = function_of("export_c", scenario, {"further": further})
     require_one_work("export_c", (scenario, *further))
     found: Exported | ExportedTensions | ExportedMotors = export(
-        scenario, precision=precision, prefix=prefix, level=level, force_export=force_export
+        scenario,
+        precision=Precision(precision),
+        prefix=prefix,
+        level=_level(level),
+        force_export=force_export,
     )
     return found
 
@@ -513,7 +517,7 @@ def opti(
     """
     how = Collocation(interval_s=interval_s, degree=degree, smoothing=smoothing)
     work = function_of("opti", scenario)
-    found: TensionFormulation | JointFormulation = work(scenario, how, level=level, payload=payload)
+    found: TensionFormulation | JointFormulation = work(scenario, how, level=_level(level), payload=payload)
     return found
 
 
@@ -561,6 +565,11 @@ def export_fmu(
     """
     asked = {"kind": None if kind is Unit.INVERSE else kind}
     found: Fmu = function_of("export_fmu", scenario, asked)(
-        scenario, fmi=fmi, prefix=prefix, level=level, everywhere=everywhere, force_export=force_export
+        scenario, fmi=fmi, prefix=prefix, level=_level(level), everywhere=everywhere, force_export=force_export
     )
     return found
+
+
+def _level(level: Level | str | None) -> Level | None:
+    """A level by itself or by name; None for the scenario's own. ParameterError for another name."""
+    return None if level is None else Level(level)

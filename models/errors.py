@@ -1,6 +1,7 @@
 """Exceptions of models, one per cause."""
 
 import math
+from numbers import Real
 
 
 class TendonffError(Exception):
@@ -16,7 +17,9 @@ LARGEST = 1e15
 
 
 def require(name: str, value: float, *, above: float | None = None, least: float | None = None, hint: str) -> None:
-    """Refuse `value` unless it is finite and above / at least the bound; NaN fails every comparison."""
+    """Refuse `value` unless it is a finite number above / at least the bound; NaN fails every comparison."""
+    if not isinstance(value, Real):
+        raise ParameterError(f"{name} must be a number, got {value!r}; {hint}")
     within = (above is None or value > above) and (least is None or value >= least)
     if not (within and math.isfinite(value)):
         bound = f" > {above:g}" if above is not None else f" >= {least:g}" if least is not None else ""

@@ -5,6 +5,7 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -50,6 +51,19 @@ def test_the_import_alone_loads_nothing_heavy() -> None:
 def test_an_unknown_name_is_refused_with_the_known_ones() -> None:
     with pytest.raises(AttributeError, match=r"no attribute 'desing'; public names: .*design"):
         tf.desing  # type: ignore[attr-defined]  # noqa: B018
+
+
+def test_what_is_no_choice_or_no_number_is_refused_by_the_base_class_of_all_errors() -> None:
+    """Before anything is computed."""
+    scenario = tf.load_scenario(ROOT / "examples" / "finger.toml")
+    refused = {
+        'Precision must be one of "double", "float", got "half"': lambda: tf.export_c(scenario, precision="half"),
+        'Level must be one of .*, got "elastik"': lambda: tf.opti(scenario, level="elastik"),
+        "mass_kg must be a number, got '3'": lambda: replace(scenario.transmission.load, mass_kg="3"),
+    }
+    for message, call in refused.items():
+        with pytest.raises(tf.TendonffError, match=message):
+            call()
 
 
 def test_the_version_is_stated_once() -> None:
