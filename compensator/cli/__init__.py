@@ -85,7 +85,7 @@ _GROUPS: Mapping[str, Mapping[Callable[..., object], str]] = {
         example: "finger",
         import_: "hand.xml --out hand.toml",
         path: "centreline.csv",
-        simulate: "mine.toml --force force.csv --out run",
+        simulate: "mine.toml --force force.csv --out run.csv",
         experiment: "mine.toml",
     },
     "Decide": {

@@ -24,6 +24,7 @@ from tendonff.compensator.scenario.driven.observer_table import ObserverTable
 from tendonff.compensator.scenario.driven.reference import KINDS, JointQuantity, JointReference
 from tendonff.compensator.scenario.driven.settings import JointAdaptation
 from tendonff.compensator.scenario.goal import Goal
+from tendonff.compensator.scenario.joints import KINDS as MOVED
 from tendonff.compensator.scenario.joints import Joint, read_joints
 from tendonff.compensator.scenario.kind import Kind
 from tendonff.compensator.scenario.knobs import FRICTION_AND_STIFFNESS, Knob
@@ -357,6 +358,8 @@ def _split_joints(raw: object, file: str) -> tuple[DrivenJoint, dict[str, Joint]
         raise InputError(f"{file}: joints must be a table of tables, got {show(raw)}; write [joints.NAME]")
     driven = {k: v for k, v in raw.items() if isinstance(v, Mapping) and v.get("kind") == "driven"}
     if len(driven) != 1:
+        standing = {k: v for k, v in raw.items() if isinstance(v, Mapping) and v.get("kind") not in (*MOVED, "driven")}
+        read_joints(standing, file)  # a misspelt kind comes first
         raise InputError(
             f'{file} [joints]: one joint must have kind = "driven", got {len(driven)}; describe each driven joint in a '
             "file of its own, with the motions of the others"

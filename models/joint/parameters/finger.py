@@ -90,15 +90,20 @@ class Finger(Routed):
     def __post_init__(self) -> None:
         wound = [name for motor in self.motors for name in motor.winds]
         known = [tendon.name for tendon in self.tendons]
-        for name in known:
-            if wound.count(name) != 1:
-                raise ParameterError(f'tendon "{name}" must be on one motor, got {wound.count(name)}; check drums_m')
         for name in wound:
             if name not in known:
                 raise ParameterError(f'a motor winds "{name}", which is no tendon; tendons: {", ".join(known)}')
+        for name in known:
+            if wound.count(name) != 1:
+                raise ParameterError(f'tendon "{name}" must be on one motor, got {wound.count(name)}; check drums_m')
         for tendon in self.tendons:
             if not any(self._crosses(tendon, joint.name) for joint in self.joints):
-                raise ParameterError(f'tendon "{tendon.name}" moves no driven joint; give it moment_arms_m or sections')
+                along = {name for section in tendon.path.sections for name in section.joints}
+                moved = ", ".join(sorted(along.union(arm.joint for arm in tendon.arms)))
+                raise ParameterError(
+                    f'tendon "{tendon.name}" moves no driven joint, but {moved or "none"}; driven: '
+                    f"{', '.join(self.names)}; give it moment_arms_m or sections of these"
+                )
 
     @staticmethod
     def _crosses(tendon: JointTendon, joint: str) -> bool:

@@ -102,6 +102,7 @@ def test_the_fade_of_a_sine_has_no_jump_in_its_rate() -> None:
         ("[drive]", "[stiffness]\nx = 1\n[drive]", "no stiffness to choose"),
         ("[drive]", "[drives]", r"unknown table \[drives\], did you mean drive"),
         ('kind = "driven"', 'kind = "constant"\nangle_rad = 0.0', "one joint must have kind"),
+        ('kind = "driven"', 'kind = "drivn"', 'got "drivn"'),
         ("moment_arm_m = -0.008", "moment_arm_m = 0.008", None),
         ("pretension_N = 5.0", "", "needs pretension_N"),
         ("pretension_N = 5.0", "pretension_N = -1.0", "pretension_N must be a finite number >= 0"),

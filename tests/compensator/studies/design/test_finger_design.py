@@ -128,7 +128,12 @@ def test_a_torque_that_no_tensions_give_is_refused_with_joint_and_pose():
     ("before", "after", "message"),
     [
         ("m4", "m 4", "name must be letters"),
-        ("drums_m = { extensor = 0.008 }", "drums_m = { extenso = 0.008 }", 'tendon "extensor" must be on one motor'),
+        (
+            "drums_m = { extensor = 0.008 }",
+            "drums_m = { extenso = 0.008 }",
+            'a motor winds "extenso", which is no tendon',
+        ),
+        ('joint = "mcp"', 'joint = "mpc"', 'moves no driven joint, but "?mpc"?; driven: mcp, pip, dip'),
         ("[reference.joints.dip]", "[reference.joints.dop]", 'no driven joint "dop"'),
         ("[sharing]", "[sharin]", "unknown table"),
         ("smooth_N = 2.0", "smooth_N = 0.0", "smooth_N must be a finite number > 0"),
