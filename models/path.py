@@ -309,6 +309,12 @@ class JointMotion:
         angles = np.asarray(angle_rad, float)[None, :]
         return JointMotion(names=self.names, time_s=np.zeros(1), angle_rad=angles, range_rad=self.range_rad)
 
+    def beside(self, standing_rad: Mapping[str, float]) -> "JointMotion":
+        """The same with further joints that stand still at angles by name [rad]."""
+        rows = np.broadcast_to(np.array([*standing_rad.values()], dtype=float), (len(self.angle_rad), len(standing_rad)))
+        names, angle = (*self.names, *standing_rad), np.hstack([self.angle_rad, rows])
+        return JointMotion(names=names, time_s=self.time_s, angle_rad=angle, period_s=self.period_s)
+
     @property
     def by_joint(self) -> dict[str, Array]:
         """Angles by the names of the joints."""

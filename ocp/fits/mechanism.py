@@ -52,6 +52,10 @@ class MotorRun:
         The same angles as they were read, before any smoothing.
     joint_rad : ndarray, shape (rows, joints), optional
         Of the joints, NaN without an encoder: over what range.
+    standing_rad : mapping of str to float, optional
+        Angles of joints that no tendon drives and sections follow: they stand still, such as the bend of a sheath.
+    cells : bool, optional
+        Torques are those of tension cells at the drums: what the motors feel beyond their tendons is not in them.
     """
 
     motor_rad: Array
@@ -59,6 +63,8 @@ class MotorRun:
     start_rad: Array
     read_rad: Array | None = None
     joint_rad: Array | None = None
+    standing_rad: Mapping[str, float] = field(default_factory=dict)
+    cells: bool = False
 
     @classmethod
     def of_one(cls, motor_rad: Array, step_s: float, start_rad: float, read_rad: Array | None = None) -> "MotorRun":
@@ -257,6 +263,8 @@ class Several:
 
     def torque_N_m(self, run: MotorRun, held_N_m: Array) -> Array:
         """See `Rig`."""
+        if run.cells:
+            return held_N_m
         drives = [motor.drive for motor in self.mechanism.motors]
         columns = zip(drives, held_N_m.T, run.acceleration_rad_per_s2.T, run.way().T, strict=True)
         return np.column_stack([drive.torque_N_m(*column) for drive, *column in columns])
@@ -280,10 +288,11 @@ class Several:
         if run.joint_rad is not None:
             seen = np.where(np.isfinite(run.joint_rad), run.joint_rad, run.start_rad)
         spans = np.vstack([run.start_rad, seen.min(axis=0) - ROOM_RAD, seen.max(axis=0) + ROOM_RAD])
+        motion = JointMotion(names=finger.names, time_s=np.arange(3.0), angle_rad=spans).beside(run.standing_rad)
         problem = mechanism_problem(
-            finger.mechanism(JointMotion(names=finger.names, time_s=np.arange(3.0), angle_rad=spans)),
+            finger.mechanism(motion),
             Level.PRESLIDING,
-            dict(zip(finger.names, run.start_rad.tolist(), strict=True)),
+            {name: float(angle[0]) for name, angle in motion.by_joint.items()},
             pretension_N=finger.pretension_N,
             sharing=finger.sharing,
             segments=segments,

@@ -23,7 +23,6 @@ from tendonff.models.joint.parameters.finger import Finger, Motor
 from tendonff.models.joint.quasi_static import static_motor_rad
 from tendonff.models.mechanism.sharing import Sharing
 from tendonff.models.parameters.uncertainty import Spread, Uncertainty
-from tendonff.models.path import JointMotion
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.integrate.method import Method
 from tendonff.ocp.joint.invert import JointInversion, JointStatus, invert_joint, steady_joint_inverse
@@ -117,9 +116,8 @@ class JointTask(MotorTask):
             sharing=Sharing(least_tension_N=drive.least_tension_N or 0.0),
         )
         angle = found.angle_rad[:, None]
-        motion = JointMotion(names=(joint.joint.name,), time_s=found.time_s, angle_rad=angle)
         effort = np.zeros_like(angle)
-        return finger, SampledFinger(time_s=found.time_s, angle_rad=angle, effort_N_m=effort, motion=motion)
+        return finger, SampledFinger(time_s=found.time_s, angle_rad=angle, effort_N_m=effort, motion=found.motion)
 
     @property
     def motors(self) -> tuple[str, ...]:

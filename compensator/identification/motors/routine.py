@@ -1,7 +1,7 @@
 """Motor angles that identify several motors: strokes of each joint and of all, at two levels of tension."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -106,7 +106,9 @@ def suggest_motors(finger: Finger, sampled: SampledFinger, file: str) -> MotorsR
     end = pen.rows
     _strokes(pen, finger, low, high)
     angle = pen.angle_rad
-    first, second = (_led(finger, angle, factor, file) for factor in (1.0, TIGHTER))
+    columns = dict(zip(sampled.motion.names, sampled.motion.angle_rad[0].tolist(), strict=True))
+    standing = {name: columns[name] for name in finger.others}
+    first, second = (_led(finger, angle, standing, factor, file) for factor in (1.0, TIGHTER))
     share = np.interp(np.arange(len(angle)), [tighten, begin, end], [0.0, 0.0, 1.0])[:, None]
     share = share * share * (3 - 2 * share)
     motor = (1 - share) * first(False) + share * second(True)
@@ -141,11 +143,14 @@ def _strokes(pen: _Pen, finger: Finger, low: Array, high: Array) -> None:
     pen.move(middle, HOLD_S)
 
 
-def _led(finger: Finger, angle: Array, factor: float, file: str) -> Callable[[bool], Array]:
+def _led(
+    finger: Finger, angle: Array, standing_rad: Mapping[str, float], factor: float, file: str
+) -> Callable[[bool], Array]:
     """Motors that lead the joints at a level of tension; counted from the start of the scenario's level if asked."""
     sharing = replace(finger.sharing, least_tension_N=factor * max(finger.sharing.least_tension_N, 1e-3))
-    start = dict(zip(finger.names, angle[0].tolist(), strict=True))
-    motion = JointMotion(names=finger.names, time_s=np.arange(len(angle), dtype=np.float64) * ROW_S, angle_rad=angle)
+    time = np.arange(len(angle), dtype=np.float64) * ROW_S
+    motion = JointMotion(names=finger.names, time_s=time, angle_rad=angle).beside(standing_rad)
+    start = {name: float(column[0]) for name, column in motion.by_joint.items()}
     loops = {m.body: m.drive.pretension_N or 0.0 for m in finger.motors if len(m.winds) > 1}
 
     def at(level: float) -> MechanismProblem:
@@ -154,7 +159,7 @@ def _led(finger: Finger, angle: Array, factor: float, file: str) -> Callable[[bo
 
     try:
         problem = at(factor)
-        found = invert_mechanism(problem, angle, ROW_S)
+        found = invert_mechanism(problem, motion.angle_rad, ROW_S)
     except ParameterError as error:
         raise InputError(f"{file}: {error}") from None
     if found.status is MechanismStatus.FAILED:

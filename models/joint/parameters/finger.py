@@ -115,6 +115,12 @@ class Finger(Routed):
         return tuple(joint.name for joint in self.joints)
 
     @property
+    def others(self) -> tuple[str, ...]:
+        """Joints that no tendon drives and sections of paths follow."""
+        named = (joint for tendon in self.tendons for section in tendon.path.sections for joint in section.joints)
+        return tuple(dict.fromkeys(name for name in named if name not in self.names))
+
+    @property
     def drums_m(self) -> dict[str, dict[str, float]]:
         """Radii of drums by motor and tendon, positive where the tendon is taken in at positive angles [m]."""
         return {motor.name: dict(zip(motor.winds, motor.radii_m, strict=True)) for motor in self.motors}
@@ -165,10 +171,8 @@ class Finger(Routed):
             )
             for joint in self.joints
         )
-        named = (joint for tendon in self.tendons for section in tendon.path.sections for joint in section.joints)
-        others = tuple(dict.fromkeys(name for name in named if name not in self.names))
         motors = tuple(Body(name=motor.body, unit=Unit.RADIAN, inertia=_inertia(motor.drive)) for motor in self.motors)
-        led = led_joints(motion, others)
+        led = led_joints(motion, self.others)
         return Mechanism(
             bodies=(*free, *led, *motors),
             tendons=tuple(self._tendon(tendon) for tendon in self.tendons),
