@@ -1,5 +1,6 @@
 """Table [measurement]: how measured files are to be read."""
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -77,6 +78,9 @@ class Measurement:
         Wrap angle from the actuator to each of these columns [rad].
     channels : tuple of str or None
         "CHANNEL=COLUMN", columns by the channels' usual names: "motor_flexor_rad=motorPosition[2]".
+    conditions : tuple of str or None
+        "FILE:JOINT=RAD", or "JOINT=RAD" for all files: angles of joints that stand still in a measured file, such as
+        the bend of a sheath; default: as the scenario says, or by a column JOINT_rad.
     guide_stiffness_N_per_m, guide_zero_m : float or None
         Of a driven output (explain = "input"), as `identify` writes them: stiffness of what pulls on the near end
         beside the tendon [N/m], and position at which it does not pull [m].
@@ -117,6 +121,7 @@ class Measurement:
     tension_columns: tuple[str, ...] | None = None
     tension_angles_rad: tuple[float, ...] | None = None
     channels: tuple[str, ...] | None = None
+    conditions: tuple[str, ...] | None = None
     guide_stiffness_N_per_m: float | None = None
     guide_zero_m: float | None = None
     bristle_spread: float | None = None
@@ -139,6 +144,11 @@ class Measurement:
             if (getattr(self, name) or 0.0) >= 1:
                 raise ParameterError(f"{name} must be < 1, got {getattr(self, name):g}; 0.02 is +-2 %")
         self._check_cells()
+        for file, joint, angle in self.conditions_of_files:
+            if not joint or not math.isfinite(angle):
+                raise ParameterError(
+                    f'conditions must be FILE:JOINT=RAD, got "{file}{":" * bool(file)}{joint}"; "bent.csv:bend=1.2"'
+                )
         times = {
             "tare_s": "the tendon is slack",
             "uniform_s": "the tension is the same along the path",
@@ -160,6 +170,19 @@ class Measurement:
     def named_columns(self) -> dict[str, str]:
         """`channels` as a mapping."""
         return {channel: name for channel, _, name in (text.partition("=") for text in self.channels or ())}
+
+    @property
+    def conditions_of_files(self) -> list[tuple[str, str, float]]:
+        """`conditions` as file, empty for all of them, joint, and angle [rad]; NaN for no number."""
+        found = []
+        for text in self.conditions or ():
+            place, _, number = text.rpartition("=")
+            file, _, joint = place.rpartition(":")
+            try:
+                found.append((file.strip(), joint.strip(), float(number)))
+            except ValueError:
+                found.append((file.strip(), joint.strip(), math.nan))
+        return found
 
     def _check_cells(self) -> None:
         """Every cell between the ends has a place of its own, every channel of a motor a column."""

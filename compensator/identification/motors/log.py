@@ -1,15 +1,16 @@
 """Measured files of motors: read, cleaned, evenly sampled, smoothed."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from tendonff.compensator.files.reading import InputError, nearest_column
-from tendonff.compensator.files.tables import Table, read_table
+from tendonff.compensator.files.tables import read_table
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.cleaning import Piece, Record, clean
+from tendonff.compensator.identification.measured.conditions import condition_of
 from tendonff.compensator.identification.measured.doubts import answered, encoder_doubts, motor_doubts
 from tendonff.compensator.identification.measured.reading import (
     LEAST_TARE_ROWS,
@@ -23,8 +24,6 @@ from tendonff.compensator.identification.measured.reading import (
 from tendonff.compensator.identification.measured.smoothing import adaptive_low_pass, count_of, low_pass_piece, noise_of
 from tendonff.compensator.identification.motors.columns import (
     TIME,
-    Channel,
-    Column,
     find,
     find_time,
     joint_angle,
@@ -32,11 +31,12 @@ from tendonff.compensator.identification.motors.columns import (
     motor_current,
     motor_torque,
 )
+from tendonff.compensator.identification.motors.felt import felt_channels, felt_columns
 from tendonff.compensator.scenario.doubts import UnitDoubt
 from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenario.settings import Run
-from tendonff.models.joint.parameters.finger import Finger, Motor
+from tendonff.models.joint.parameters.finger import Finger
 from tendonff.ocp.fits.mechanism import MotorRun
 
 TORQUE, CURRENT, MOTOR, JOINT = "motor_torque_N_m", "motor_current_A", "motor_rad", "joint_rad"
@@ -324,10 +324,10 @@ def _read_several(finger: Finger, file: Path, start_rad: Array, how: Measurement
     names = [motor.name for motor in finger.motors]
     alone = ("joint_rad",) if len(finger.joints) == 1 else ()
     angles = [motor_angle((f"motor_{n}_rad",), (n,)) for n in names]
-    torques = [motor_torque((f"motor_torque_{n}_N_m",), (n,)) for n in names]
-    currents = [motor_current((f"motor_current_{n}_A",), (n,)) for n in names]
     joints = [joint_angle((f"joint_{n}_rad", f"{n}_rad", *alone), (n,)) for n in finger.names]
-    usual = [*TIME.usual, *(n for channel in (*angles, *torques, *currents, *joints) for n in channel.usual)]
+    others = [joint_angle((f"joint_{n}_rad", f"{n}_rad"), (n,)) for n in finger.others]
+    felt_by = felt_channels(finger.motors)
+    usual = [*TIME.usual, *(n for channel in (*angles, *felt_by, *joints, *others) for n in channel.usual)]
     require_channels(how, usual)
     named = how.named_columns
     table = read_table(file, [*usual, *named.values()])
@@ -340,19 +340,20 @@ def _read_several(finger: Finger, file: Path, start_rad: Array, how: Measurement
     clock, *turned = [column for column in columns if column is not None]
     time = clock.factor * table.seconds(clock.name)[0]
     found = [column.of(table) for column in turned]
-    felt = [_torque(table, *of, file, named) for of in zip(torques, currents, finger.motors, strict=True)]
-    found += [
-        x if how.tare_s is None else _tared(x, time, how.tare_s, file.name)
-        for x in (column.of(table) for column in felt)
-    ]
-    seen = [find(table, channel, file, named) for channel in joints]
+    felt, cells = felt_columns(table, finger.motors, file, named)
+    for own in felt:
+        read = [column.of(table) for column in own]
+        found.append(sum(x if how.tare_s is None else _tared(x, time, how.tare_s, file.name) for x in read))
+    seen, bent = ([find(table, channel, file, named) for channel in some] for some in (joints, others))
+    measured = {n: column.of(table) for n, column in zip(finger.others, bent, strict=True) if column is not None}
+    standing = condition_of(file.name, finger.others, measured, how)
     encoders = [np.full(len(time), np.nan) if column is None else column.of(table) for column in seen]
     needed = np.column_stack([time, *found])
     good = np.isfinite(needed).all(axis=1)
     good &= np.concatenate([[True], np.diff(np.maximum.accumulate(np.where(good, time, -np.inf))) > 0])
     good &= time >= time[good][0] + (how.skip_s or 0.0) if good.any() else good
     findings = Findings()
-    for column in (clock, *turned, *felt, *seen):
+    for column in (clock, *turned, *(column for own in felt for column in own), *seen, *bent):
         if column is not None and column.note:
             findings.note(DataIssue.UNITS, column.note, count=1)
     if (left_out := int((~good).sum())) > 0:
@@ -366,7 +367,8 @@ def _read_several(finger: Finger, file: Path, start_rad: Array, how: Measurement
             f"{file.name}: a gap of {gap:.3g} s at t = {at:.4g} s; friction forgets nothing there: cut the file at the "
             "gap, and give its parts as files"
         )
-    return _sampled(finger, file.name, time, values, start_rad, tuple(findings))
+    log = _sampled(finger, file.name, time, values, start_rad, tuple(findings))
+    return replace(log, run=replace(log.run, standing_rad=standing, cells=cells))
 
 
 def _tared(torque: Array, time: Array, tare_s: tuple[float, float], file: str) -> Array:
@@ -380,26 +382,6 @@ def _tared(torque: Array, time: Array, tare_s: tuple[float, float], file: str) -
         )
     zeroed: Array = torque - float(np.median(torque[rows]))
     return zeroed
-
-
-def _torque(
-    table: Table, torque: Channel, current: Channel, motor: Motor, file: Path, named: Mapping[str, str]
-) -> Column:
-    if (found := find(table, torque, file, named)) is not None:
-        return found
-    constant = motor.drive.torque_constant_N_m_per_A
-    if (found := find(table, current, file, named)) is not None and constant is not None:
-        return replace(found, factor=constant * found.factor)
-    if found is not None:
-        raise InputError(
-            f"{file.name}: {found.name} needs the torque constant: torque_constant_N_m_per_A in [[motors]] "
-            f'"{motor.name}"'
-        )
-    name = torque.usual[0]
-    raise InputError(
-        f'{file.name}: column "{name}" is missing{nearest_column(name, tuple(table.columns))}; log the torque of each '
-        f"motor, or its current as {current.usual[0]}"
-    )
 
 
 def _sampled(

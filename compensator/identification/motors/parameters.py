@@ -225,6 +225,19 @@ class Quantity(_Specified, Enum):
             advice=_STROKES,
         ),
     )
+    JOINT_STIFFNESS = (
+        "joint_stiffness_N_m_per_rad",
+        Spec(
+            unit="N m/rad",
+            role=Role.CORE,
+            key="joint.stiffness_N_m_per_rad",
+            low=0.0,
+            step=0.02,
+            floor=0.008,
+            of_force=True,
+            advice=_STROKES,
+        ),
+    )
     STOP_HIGH = (
         "stop_high_rad",
         Spec(unit="rad", role=Role.STOP, key="joint.stop_high_rad", step=0.05, floor=1e-3),
@@ -480,6 +493,8 @@ def _apart(finger: Finger, quantity: Quantity, logs: Sequence[MotorsLog]) -> Ite
         for motor in finger.motors:
             if quantity is q.TENSION and len(motor.winds) == 1:
                 continue
+            if quantity is q.COULOMB and logs and all(log.run.cells for log in logs):
+                continue  # no motor is in the way of its cells
             at, step = getattr(motor.drive, key) or spec.start, None
             if not spec.logarithmic:
                 step = spec.step * _held_N(motor, logs) * abs(motor.winding_m[0])

@@ -1,5 +1,6 @@
 """`identify` of driven joints: numbers with confidence intervals, from angles and torques of their motors."""
 
+import math
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -11,6 +12,7 @@ from threadpoolctl import threadpool_limits
 from tendonff.compensator.compensators.every import problem_of
 from tendonff.compensator.compensators.motors.drive import require_stiff_gears
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.identification.measured.conditions import completed, require_conditions
 from tendonff.compensator.identification.motors.estimates import DERIVED, Found, correlation_of, estimates_of
 from tendonff.compensator.identification.motors.first_look import look
 from tendonff.compensator.identification.motors.fitted import fitted_text, observer_text
@@ -179,11 +181,12 @@ def _several(
 ) -> MotorsIdentification:
     """Several motors, each of which feels its own tendons."""
     given = how or scenario.measurement
-    taken = {"skip_s": None, "tare_s": None, "channels": None}
+    taken = {"skip_s": None, "tare_s": None, "channels": None, "conditions": None}
     if replace(given, **taken) != replace(scenario.measurement, **taken):  # type: ignore[arg-type]
         raise InputError(
             f"{scenario.source.name}: of several motors every column has its name (motor_NAME_rad, "
-            "motor_torque_NAME_N_m, joint_NAME_rad); of options on the files --channel, --skip and --tare go"
+            "motor_torque_NAME_N_m, joint_NAME_rad); of options on the files --channel, --condition, --skip and "
+            "--tare go"
         )
     finger, sampled = mechanism_of(scenario)
     for tendon in finger.tendons:
@@ -192,12 +195,27 @@ def _several(
                 f'{scenario.source.name}: mu_dynamic of tendon "{tendon.name}" must be > 0 to begin with, got '
                 f"{tendon.friction.mu_dynamic:g}; 0.15 is a usual value"
             )
+    require_conditions(given, finger.others, [each.name for each in (*files, *judging)], scenario.source.name)
     logs, judges = (read_several(finger, some, sampled.angle_rad[0], given) for some in (files, judging))
+    logs, judges = _standing(logs, judges, sampled, finger.others, scenario.source.name)
     doubts = answered_several(finger, (*logs, *judges), scenario.run, scenario.source.name, confirm)
     found = fit_several(finger, logs, say)
     say("intervals")
     answer = _answer(scenario, found.law.mechanism, found, judges, (*files, *judging))
     return replace(answer, warnings=(*doubts, *answer.warnings))
+
+
+def _standing(
+    logs: Sequence[MotorsLog], judges: Sequence[MotorsLog], sampled: SampledFinger, joints: Sequence[str], file: str
+) -> Iterator[list[MotorsLog]]:
+    """Logs with the angles of all joints that stand, where a file states none those of the scenario."""
+    usual = dict.fromkeys(joints, math.nan)
+    for name, angle in sampled.motion.by_joint.items():
+        if name in joints and np.ptp(angle) == 0:
+            usual[name] = float(angle[0])
+    known = completed({log.name: log.run.standing_rad for log in (*logs, *judges)}, usual, file)
+    for some in (logs, judges):
+        yield [replace(log, run=replace(log.run, standing_rad=known[log.name])) for log in some]
 
 
 def _answer(

@@ -37,6 +37,7 @@ _OFFSET = (
 )
 _CELLS = "Column of a tension between the ends, and the wrap angle from the actuator to it"
 _CHANNEL = "Column of a channel by its usual name: motor_flexor_rad=motorPosition[2]"
+_CONDITION = "Angle of a joint that stands still in a file, such as the bend of a sheath; without FILE: in all files"
 _TARE = "Seconds of every file in which the tendon is slack, or no motor loaded: cells and torques are zero there."
 _SKIP = "Leave out the start of every file; default: until the start-up transient has decayed."
 _COLUMNS = "Names of the columns, for a text file without a header"
@@ -74,6 +75,7 @@ def identify(
     actuator_force_column: Annotated[str | None, _column("actuator-force", "the actuator's force")] = None,
     tension_column: Annotated[list[str] | None, _several("--tension-column", "NAME=ANGLE_RAD", _CELLS)] = None,
     channel: Annotated[list[str] | None, _several("--channel", "CHANNEL=COLUMN", _CHANNEL)] = None,
+    condition: Annotated[list[str] | None, _several("--condition", "[FILE:]JOINT=RAD", _CONDITION)] = None,
     columns: Annotated[str | None, option("--columns", "A,B,C", _COLUMNS)] = None,
     torque_constant: Annotated[float | None, option("--torque-constant", "N_M_PER_A", _TORQUE_CONSTANT)] = None,
     drum_radius: Annotated[float | None, option("--drum-radius", "M", _DRUM_RADIUS)] = None,
@@ -127,6 +129,7 @@ def identify(
         "gear_ratio": gear_ratio,
         "explain": explain,
         "channels": None if channel is None else tuple(channel),
+        "conditions": None if condition is None else tuple(condition),
     }
     works.require_options("identify", loaded, {**names, "tension_columns": tension_column, "tare_s": tare})
 

@@ -1,0 +1,82 @@
+"""Conditions of measured files: angles of joints that stand still in a file, such as the bend of a sheath.
+
+Friction and stiffness belong to the tendon and are alike in all files; the wrap angle is that of each file. A bend that
+no file states stays unknown: tensions tell mu times the wrap angle, and neither of the two by itself.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from tendonff.compensator.files.text import InputError, suggestion
+from tendonff.compensator.identification.measured import Array
+from tendonff.compensator.scenario.measurement import Measurement
+
+STILL_RAD = 0.05
+"""A joint whose angle has less range than this is at rest."""
+
+
+def require_conditions(how: Measurement, joints: Sequence[str], files: Sequence[str], scenario: str) -> None:
+    """Refuse conditions of joints that the paths do not follow, or of files that are not given."""
+    for file, joint, _ in how.conditions_of_files:
+        if joint not in joints:
+            listed = f": {', '.join(joints)}" if joints else ""
+            raise InputError(
+                f'{scenario}: a condition names "{joint}"{suggestion(joint, joints)}; it must be a joint that sections '
+                f"follow and no tendon drives{listed}"
+            )
+        if file and file not in files:
+            raise InputError(f'a condition names the file "{file}"{suggestion(file, files)}, which is not measured')
+
+
+def still_rad(angle_rad: Array, joint: str, file: str) -> float:
+    """Angle of a joint that stands still in a file; InputError where it moves."""
+    low, high = np.nanpercentile(angle_rad, [1, 99]) if np.isfinite(angle_rad).any() else (np.nan, np.nan)
+    if not high - low <= STILL_RAD:
+        raise InputError(
+            f"{file}: {joint} moves by {high - low:.2g} rad; a condition holds for a whole file: cut the log where "
+            f"{joint} stands still, to {STILL_RAD:g} rad"
+        )
+    return float(np.nanmedian(angle_rad))
+
+
+def condition_of(
+    file: str, joints: Sequence[str], measured: Mapping[str, Array], how: Measurement
+) -> dict[str, float]:
+    """Angles of joints that a file, or an option for it, states [rad]; `measured` are its columns."""
+    stated = {joint: angle for name, joint, angle in how.conditions_of_files if name in ("", file)}
+    stated |= {joint: angle for name, joint, angle in how.conditions_of_files if name == file}
+    if twice := next((joint for joint in stated if joint in measured), None):
+        raise InputError(f"{file}: {twice} is a column and a condition too; leave --condition out for this file")
+    return {j: still_rad(measured[j], j, file) if j in measured else stated[j] for j in joints if j in {*measured, *stated}}
+
+
+def completed(
+    stated: Mapping[str, Mapping[str, float]], usual: Mapping[str, float], scenario: str
+) -> dict[str, dict[str, float]]:
+    """Conditions by file, each with all joints: where no file states one, the scenario's.
+
+    Parameters
+    ----------
+    stated : mapping of str to (mapping of str to float)
+        By file and joint [rad].
+    usual : mapping of str to float
+        Angles in the scenario, NaN of a joint that moves there [rad].
+    scenario : str
+        Name of its file.
+
+    Raises
+    ------
+    InputError
+        If some files state a joint's angle and others do not, or the scenario has it move.
+    """
+    for joint, angle in usual.items():
+        lacking = [file for file, own in stated.items() if joint not in own]
+        if not lacking or (len(lacking) == len(stated) and np.isfinite(angle)):
+            continue
+        known = "other files state" if len(lacking) < len(stated) else f"moves in {scenario}"
+        raise InputError(
+            f"{lacking[0]}: the angle of {joint} is not known, which {known}; the tensions tell mu times the wrap "
+            f"angle only: state it with --condition {lacking[0]}:{joint}=RAD, or log {joint}_rad"
+        )
+    return {file: {**usual, **own} for file, own in stated.items()}
