@@ -311,8 +311,9 @@ class JointMotion:
 
     def beside(self, standing_rad: Mapping[str, float]) -> "JointMotion":
         """The same with further joints that stand still at angles by name [rad]."""
-        rows = np.broadcast_to(np.array([*standing_rad.values()], dtype=float), (len(self.angle_rad), len(standing_rad)))
-        names, angle = (*self.names, *standing_rad), np.hstack([self.angle_rad, rows])
+        own, further = self.angle_rad, np.array([*standing_rad.values()], dtype=np.float64)
+        angle = np.hstack([own, np.broadcast_to(further, (len(own), len(further)))])
+        names = (*self.names, *standing_rad)
         return JointMotion(names=names, time_s=self.time_s, angle_rad=angle, period_s=self.period_s)
 
     @property

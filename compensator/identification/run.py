@@ -25,6 +25,7 @@ from tendonff.compensator.identification.fitting.sliding import friction_by_sect
 from tendonff.compensator.identification.fitting.static import StaticFit
 from tendonff.compensator.identification.fitting.uncertainty import ByFile, between_files
 from tendonff.compensator.identification.measured.cleaning import Record, clean, joints_of, mean_pose
+from tendonff.compensator.identification.measured.conditions import STILL_RAD, require_conditions
 from tendonff.compensator.identification.measured.doubts import (
     answered,
     column_doubts,
@@ -53,9 +54,6 @@ from tendonff.models.turns import in_turn
 from tendonff.ocp.fits.static import StaticParameter
 
 P, D = StaticParameter, Parameter
-
-STILL_RAD = 0.05
-"""A joint whose angle has less range than this is at rest."""
 
 
 @in_turn
@@ -121,7 +119,9 @@ def _read(
     fit_files, judging = tuple(map(Path, data)), tuple(map(Path, validate))
     check_question(scenario, fit_files, judging)
     how = scenario.measurement
-    raw = [read_measurement(path, how, scenario.transmission.joints) for path in (*fit_files, *judging)]
+    every = (*fit_files, *judging)
+    require_conditions(how, scenario.transmission.joints, [path.name for path in every], scenario.source.name)
+    raw = [read_measurement(path, how, scenario.transmission.joints) for path in every]
     gains = gains_of(raw[: len(fit_files)], how)
     raw = [gains.taken_out(one, how) for one in raw]
     how = replace(how, input_gain=_unless_one(gains.input), output_gain=_unless_one(gains.output))
@@ -358,7 +358,7 @@ def _with_bearings_free(scenario: Scenario) -> tuple[Scenario, str]:
 
 
 def _check_rest(records: Sequence[Record]) -> None:
-    """Refuse, for the capstan law, a path that joints move."""
+    """Refuse, for the capstan law, a path that joints move, or that differs from file to file."""
     for record in records:
         for name, angle in joints_of([record]).items():
             low, high = np.percentile(angle, [1, 99])
@@ -367,6 +367,14 @@ def _check_rest(records: Sequence[Record]) -> None:
                     f"{record.name}: {name} moves by {high - low:.2g} rad, the capstan law holds for a path at rest; "
                     "leave --static out, or log with the joints at rest"
                 )
+    poses = [mean_pose([record]) for record in records]
+    for name in poses[0]:
+        apart = max(pose[name] for pose in poses) - min(pose[name] for pose in poses)
+        if apart > STILL_RAD:
+            raise InputError(
+                f"{name} stands {apart:.2g} rad apart in these files, the capstan law has one mu theta for all; "
+                "leave --static out, or fit the files of each angle by themselves"
+            )
 
 
 def _positions_of(records: Sequence[Record]) -> list[str]:

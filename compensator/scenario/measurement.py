@@ -144,11 +144,6 @@ class Measurement:
             if (getattr(self, name) or 0.0) >= 1:
                 raise ParameterError(f"{name} must be < 1, got {getattr(self, name):g}; 0.02 is +-2 %")
         self._check_cells()
-        for file, joint, angle in self.conditions_of_files:
-            if not joint or not math.isfinite(angle):
-                raise ParameterError(
-                    f'conditions must be FILE:JOINT=RAD, got "{file}{":" * bool(file)}{joint}"; "bent.csv:bend=1.2"'
-                )
         times = {
             "tare_s": "the tendon is slack",
             "uniform_s": "the tension is the same along the path",
@@ -185,7 +180,10 @@ class Measurement:
         return found
 
     def _check_cells(self) -> None:
-        """Every cell between the ends has a place of its own, every channel of a motor a column."""
+        """Every cell between the ends has a place of its own, every channel a column, every condition an angle."""
+        stated = zip(self.conditions or (), self.conditions_of_files, strict=True)
+        if wrong := next((text for text, (_, j, rad) in stated if not (j and math.isfinite(rad))), None):
+            raise ParameterError(f'conditions must be FILE:JOINT=RAD, got "{wrong}"; "bent.csv:bend=1.2"')
         if wrong := next((text for text in self.channels or () if not all(text.partition("="))), None):
             raise ParameterError(f'channels must be CHANNEL=COLUMN, got "{wrong}"; "motor_flexor_rad=position[2]"')
         columns, angles = self.tension_columns or (), self.tension_angles_rad or ()

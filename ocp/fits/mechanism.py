@@ -6,7 +6,7 @@ of its gear first of all, turns over within a short way of the motor at every re
 
 import functools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -17,6 +17,7 @@ from tendonff.models.fidelity import Level
 from tendonff.models.joint.description import describe
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.models.joint.parameters.finger import Finger
+from tendonff.models.mechanism import Force
 from tendonff.models.path import JointMotion
 from tendonff.ocp.joint.protocol import JointProblem
 from tendonff.ocp.joint.simulate import JointOutcome, simulate_joint
@@ -268,6 +269,25 @@ class Several:
         drives = [motor.drive for motor in self.mechanism.motors]
         columns = zip(drives, held_N_m.T, run.acceleration_rad_per_s2.T, run.way().T, strict=True)
         return np.column_stack([drive.torque_N_m(*column) for drive, *column in columns])
+
+    def joints_rad(self, run: MotorRun, torque_N_m: Array, *, segments: int, refinement: int = 1) -> Array:
+        """Angles of the joints where measured torques act on the drums, shape (rows, joints).
+
+        The motors' angles say only which way gears rub and how motors speed up. NaN where no spring holds a joint, for
+        torques then do not tell where it stands, and after a row without an answer.
+        """
+        joints, motors = self.mechanism.joints, self.mechanism.motors
+        if not all(joint.stiffness_N_m_per_rad > 0 for joint in joints):
+            return np.full((len(torque_N_m), len(joints)), np.nan)
+        held = torque_N_m + (torque_N_m - self.torque_N_m(run, torque_N_m))
+        begun = self.start(run, run.motor_rad, segments).problem
+        names = [motor.body for motor in motors]
+        drives = (Force(body=d.body) if d.body in names else d for d in begun.mechanism.drives)
+        forced = replace(begun, mechanism=replace(begun.mechanism, drives=tuple(drives)))
+        answer = simulate_mechanism(forced, _refined(held, refinement), run.step_s / refinement)
+        found = np.full(((len(held) - 1) * refinement + 1, len(joints)), np.nan)
+        found[: len(answer.position)] = answer.position[:, : len(joints)]
+        return found[::refinement]
 
     @property
     def moving(self) -> object:

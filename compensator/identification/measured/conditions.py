@@ -40,15 +40,11 @@ def still_rad(angle_rad: Array, joint: str, file: str) -> float:
     return float(np.nanmedian(angle_rad))
 
 
-def condition_of(
-    file: str, joints: Sequence[str], measured: Mapping[str, Array], how: Measurement
-) -> dict[str, float]:
-    """Angles of joints that a file, or an option for it, states [rad]; `measured` are its columns."""
-    stated = {joint: angle for name, joint, angle in how.conditions_of_files if name in ("", file)}
-    stated |= {joint: angle for name, joint, angle in how.conditions_of_files if name == file}
-    if twice := next((joint for joint in stated if joint in measured), None):
-        raise InputError(f"{file}: {twice} is a column and a condition too; leave --condition out for this file")
-    return {j: still_rad(measured[j], j, file) if j in measured else stated[j] for j in joints if j in {*measured, *stated}}
+def condition_of(file: str, joints: Sequence[str], measured: Mapping[str, Array], how: Measurement) -> dict[str, float]:
+    """Angles of joints that an option for a file, or for all, or else a column of it states [rad]."""
+    given = how.conditions_of_files
+    stated = {joint: angle for of in ("", file) for name, joint, angle in given if name == of}
+    return stated | {j: still_rad(measured[j], j, file) for j in joints if j in measured and j not in stated}
 
 
 def completed(

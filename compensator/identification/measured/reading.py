@@ -21,6 +21,7 @@ from tendonff.compensator.files.quantities import (
 from tendonff.compensator.files.reading import InputError, nearest_column, suggestion
 from tendonff.compensator.files.tables import Table, read_table
 from tendonff.compensator.identification.measured import Array, Mask
+from tendonff.compensator.identification.measured.conditions import condition_of
 from tendonff.compensator.identification.measured.preparation import slack_rows, switched_on_s
 from tendonff.compensator.identification.measured.units import Conversion, conversion
 from tendonff.compensator.scenario.measurement import Measurement
@@ -213,7 +214,7 @@ def _check_missing(path: Path, table: Table, names: Mapping[str, str], key: str)
     if key in ("time", "input") or (key == "output" and not _proximal(table, names)):
         way_out = f" (choose one with --{key}-column, and its unit with --scale)"
     elif key.startswith("joint"):
-        way_out = "; the path moves with this joint: log its angle, or give a scenario of a path at rest"
+        way_out = "; the path moves with this joint: log its angle, or where it stands still give --condition"
     else:
         return
     raise MissingColumnError(missing + way_out, key=key, present=present)
@@ -289,13 +290,15 @@ def require_channels(how: Measurement, known: Iterable[str]) -> None:
 def read_measurement(path: Path, how: Measurement, joints: Sequence[str] = ()) -> RawMeasurement:
     """Read one measured file, tolerant of data issues but never silent about them.
 
-    The angles of joints of the path are read from the columns NAME_rad. InputError if columns are missing or fewer than
-    ten rows are usable.
+    The angles of joints of the path are read from the columns NAME_rad, or are conditions of the file. InputError if
+    columns are missing or fewer than ten rows are usable.
     """
     path = Path(path)
     columns = {key: getattr(how, f"{key}_column") or usual.name for key, usual in _USUAL.items()}
-    columns |= {f"joint {name}": f"{name}_rad" for name in joints}
-    usual = {q.name: key for key, q in _USUAL.items()} | {f"{name}_rad": f"joint {name}" for name in joints}
+    standing = condition_of(path.name, joints, {}, how)
+    moving = [name for name in joints if name not in standing]
+    columns |= {f"joint {name}": f"{name}_rad" for name in moving}
+    usual = {q.name: key for key, q in _USUAL.items()} | {f"{name}_rad": f"joint {name}" for name in moving}
     require_channels(how, usual)
     columns |= {usual[channel]: name for channel, name in how.named_columns.items()}
     for key, name in columns.items():
@@ -342,6 +345,7 @@ def read_measurement(path: Path, how: Measurement, joints: Sequence[str] = ()) -
             )
     motion = None
     if joints:
+        kept |= {f"joint {name}": np.full(len(time), angle) for name, angle in standing.items()}
         angles = np.column_stack([kept[f"joint {name}"] for name in joints])
         motion = JointMotion(names=tuple(joints), time_s=time, angle_rad=angles)
     return RawMeasurement(

@@ -93,6 +93,11 @@ class Found:
         return tuple(name for name in self.solution.values if not self.law.numbers[name].of_start)
 
     @property
+    def by_torque(self) -> bool:
+        """Forces are as good as torques of motors are known; else as their cells."""
+        return not all(log.run.cells for log in self.law.logs)
+
+    @property
     def reach(self) -> float:
         """Half-width of an interval in standard errors."""
         return float(student.ppf(0.975, max(self.solution.degrees, 1)))
@@ -167,7 +172,7 @@ def _free(system: System, number: Number, value: float, found: Found, *, describ
         why = f"it ended at a bound of its search; {number.advice or 'longer files'}"
     elif not identifiable:
         why = f"its standard error is {error:.2g} {number.spec.unit}; {number.advice or 'longer files'}"
-    elif number.spec.of_force:
+    elif number.spec.of_force and found.by_torque:
         why += ", as measured by the motor: its interval counts 10 % for the torque constant"
     whole, half = _reached(value, error, found, of_force=number.spec.of_force)
     known = identifiable and not by_stop
@@ -192,7 +197,8 @@ def _kept(system: System, number: Number, why: str) -> Estimate:
 
 def _reached(value: float, error: float, found: Found, *, of_force: bool) -> tuple[float, float]:
     """Standard error and half of the interval, of a force with the torque constant counted."""
-    return with_torque_constant(value, error, found.reach) if of_force else (error, found.reach * error)
+    counted = of_force and found.by_torque
+    return with_torque_constant(value, error, found.reach) if counted else (error, found.reach * error)
 
 
 def _interval(value: float, error: float, found: Found) -> tuple[float, float]:

@@ -68,8 +68,8 @@ def _put_several(
         for part in ("tendon", "friction"):
             row[part] = set_keys(getattr(tendon, part))
     for joint in finger.joints:
-        if joint.gravity_N_m:
-            raw["joints"][joint.name]["gravity_N_m"] = joint.gravity_N_m
+        own = {"gravity_N_m": joint.gravity_N_m, "stiffness_N_m_per_rad": joint.stiffness_N_m_per_rad}
+        raw["joints"][joint.name] |= {key: value for key, value in own.items() if value}
     scenario.put_motors(raw, finger.motors)
     raw["robust"] = _widest(finger, {e.name: e for e in estimates}, raw.get("robust", {}))
 

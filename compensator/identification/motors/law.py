@@ -153,7 +153,7 @@ class MechanismLaw:
 
     def errors(self, log: MotorsLog, answer: MotorResponse) -> tuple[Array, Array]:
         """Predicted less measured torques, and angles with no zero of the encoders; NaN where there is none."""
-        return answer.torque_N_m - log.torque_N_m, _centred(answer.angle_rad - log.joint_rad, log)
+        return answer.torque_N_m - log.torque_N_m, centred(answer.angle_rad - log.joint_rad, log)
 
     def percent(self, values: Values) -> float:
         """RMS error of a torque in % of its range, the worst of logs and motors."""
@@ -227,7 +227,7 @@ class MechanismLaw:
         for log in self.logs:
             answer, by = self._slopes(log, values, over)
             residuals += self._scaled(log, *self.errors(log, answer))
-            slopes += self._scaled(log, by.torque_N_m, _centred(by.angle_rad, log))
+            slopes += self._scaled(log, by.torque_N_m, centred(by.angle_rad, log))
         known = self._known(values)
         residuals.append(self._before(values))
         own = [[(n.name == k) / (values[n.name] * n.prior) for k in over] for n in known]
@@ -295,7 +295,7 @@ class MechanismLaw:
             raise SolveError(str(error)) from None
 
 
-def _centred(rows: Array, log: MotorsLog) -> Array:
+def centred(rows: Array, log: MotorsLog) -> Array:
     """Angles with no zero of the encoders, or their slopes."""
     return np.asarray(rows - rows[log.counted].mean(axis=0))
 

@@ -343,7 +343,8 @@ def _read_several(finger: Finger, file: Path, start_rad: Array, how: Measurement
     felt, cells = felt_columns(table, finger.motors, file, named)
     for own in felt:
         read = [column.of(table) for column in own]
-        found.append(sum(x if how.tare_s is None else _tared(x, time, how.tare_s, file.name) for x in read))
+        tared = [x if how.tare_s is None else _tared(x, time, how.tare_s, file.name) for x in read]
+        found.append(np.sum(tared, axis=0))
     seen, bent = ([find(table, channel, file, named) for channel in some] for some in (joints, others))
     measured = {n: column.of(table) for n, column in zip(finger.others, bent, strict=True) if column is not None}
     standing = condition_of(file.name, finger.others, measured, how)

@@ -36,6 +36,8 @@ def identification_report(found: MotorsIdentification, figures: Mapping[str, Fig
         notes.append(FileNote(name="suggested_motor.csv", content="motor angles for the next log"))
     shown = tuple(pictures[name] for name in _CAPTIONS if name in pictures and name != "suggested_motor")
     data = "".join(f" --{'data' if c.role == 'fit' else 'validate'} {quote(c.name)}" for c in found.comparisons)
+    conditions = (f"{c.name}:{j}={angle:.6g}" for c in found.comparisons for j, angle in c.standing_rad.items())
+    data += "".join(f" --condition {quote(each)}" for each in conditions)
     sections = (
         Section(title="Estimates", blocks=(_estimates(found),)),
         Section(title="Model and measurement", blocks=shown),
@@ -105,15 +107,21 @@ def _effects(found: MotorsIdentification) -> Table:
 def _files(found: MotorsIdentification) -> Table:
     columns = [f"torque {name}, {unit}" for name in found.motors for unit in ("RMS [N m]", "% of range")]
     columns += [f"{name}, RMS [deg]" for name in found.joints]
+    bends = list(found.comparisons[0].standing_rad)
+    felt = [k for k, each in enumerate(found.comparisons[0].felt_rms_deg) if np.isfinite(each)]
+    columns += [f"{found.joints[k]} by torques alone, RMS [deg]" for k in felt]
+    exponents = [f"mu theta of {name}" for name in found.comparisons[0].exponents] if bends else []
     return Table(
         caption="Error by file",
-        columns=("file", "role", *columns, "data issues"),
+        columns=("file", "role", *(f"{name} [rad]" for name in bends), *exponents, *columns, "data issues"),
         rows=[
             (
                 c.name,
                 c.role,
+                *(c.standing_rad[name] for name in bends),
+                *(c.exponents.values() if bends else ()),
                 *np.column_stack([c.torque_rms_N_m, c.torque_percent]).ravel().tolist(),
-                *(float(each) if np.isfinite(each) else None for each in c.joint_rms_deg),
+                *(float(each) if np.isfinite(each) else None for each in (*c.joint_rms_deg, *c.felt_rms_deg[felt])),
                 "; ".join(f.text for f in c.findings) or "none",
             )
             for c in found.comparisons

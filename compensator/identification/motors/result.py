@@ -39,6 +39,12 @@ class MotorsComparison:
     motor_rad, torque_N_m, model_N_m : ndarray, shape (rows, motors)
     joint_rad, model_rad : ndarray, shape (rows, joints)
         With the zeros of the encoders; NaN where there is none.
+    felt_rad : ndarray, shape (rows, joints)
+        Angles of several motors' joints by torques or cells alone, so too; NaN where no spring holds a joint.
+    standing_rad : mapping of str to float
+        Angles of joints that stood still in the file.
+    exponents : mapping of str to float
+        mu theta of each tendon there, of several motors.
     counted : ndarray of bool, shape (rows,)
         Rows that count: friction has forgotten what was before the file.
     findings : tuple of Finding
@@ -53,6 +59,9 @@ class MotorsComparison:
     model_N_m: Array
     joint_rad: Array
     model_rad: Array
+    felt_rad: Array
+    standing_rad: Mapping[str, float]
+    exponents: Mapping[str, float]
     counted: Mask
     findings: tuple[Finding, ...]
 
@@ -70,6 +79,11 @@ class MotorsComparison:
     def joint_rms_deg(self) -> Array:
         """RMS error of each joint's angle, shape (joints,); NaN without an encoder."""
         return np.asarray(np.degrees(_rms((self.model_rad - self.joint_rad)[self.counted])))
+
+    @property
+    def felt_rms_deg(self) -> Array:
+        """The same by the motors' torques alone, shape (joints,)."""
+        return np.asarray(np.degrees(_rms((self.felt_rad - self.joint_rad)[self.counted])))
 
     @property
     def encoders(self) -> tuple[int, ...]:
@@ -204,6 +218,9 @@ class MotorsIdentification(Result):
                     "torque_rms_N_m": _named(self.motors, c.torque_rms_N_m),
                     "torque_percent_of_range": _named(self.motors, c.torque_percent),
                     "joint_rms_deg": _named(self.joints, c.joint_rms_deg),
+                    "joint_by_torques_rms_deg": _named(self.joints, c.felt_rms_deg),
+                    "condition_rad": dict(c.standing_rad),
+                    "mu_theta": dict(c.exponents),
                     "findings": [f.text for f in c.findings],
                 }
                 for c in self.comparisons

@@ -16,7 +16,7 @@ from tendonff.compensator.identification.measured.conditions import completed, r
 from tendonff.compensator.identification.motors.estimates import DERIVED, Found, correlation_of, estimates_of
 from tendonff.compensator.identification.motors.first_look import look
 from tendonff.compensator.identification.motors.fitted import fitted_text, observer_text
-from tendonff.compensator.identification.motors.law import MechanismLaw
+from tendonff.compensator.identification.motors.law import MechanismLaw, centred
 from tendonff.compensator.identification.motors.log import (
     MotorsLog,
     answered_logs,
@@ -45,6 +45,7 @@ from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.models.joint.parameters.finger import Finger
 from tendonff.models.turns import in_turn
+from tendonff.ocp.fits.mechanism import Several
 
 Driven = JointScenario | FingerScenario
 
@@ -264,6 +265,11 @@ def _judged(log: MotorsLog, found: Found) -> MotorsComparison:
 def _compared(log: MotorsLog, role: str, law: MechanismLaw, values: Values) -> MotorsComparison:
     answer = law.respond(log, values)
     _, off = law.errors(log, answer)
+    rig, felt, exponents = law.rig(log, values), np.full_like(log.joint_rad, np.nan), {}
+    if isinstance(rig, Several):
+        felt = rig.joints_rad(log.run, log.torque_N_m, segments=law.segments)
+        places = {**log.run.standing_rad, **dict(zip(rig.mechanism.names, log.run.start_rad.tolist(), strict=True))}
+        exponents = {tendon.name: tendon.exponent_at(places) for tendon in rig.mechanism.tendons}
     return MotorsComparison(
         name=log.name,
         role=role,
@@ -273,6 +279,9 @@ def _compared(log: MotorsLog, role: str, law: MechanismLaw, values: Values) -> M
         model_N_m=answer.torque_N_m,
         joint_rad=log.joint_rad,
         model_rad=log.joint_rad + off,
+        felt_rad=np.where(np.isfinite(log.joint_rad), log.joint_rad + centred(felt - log.joint_rad, log), felt),
+        standing_rad=log.run.standing_rad,
+        exponents=exponents,
         counted=log.counted,
         findings=log.findings,
     )

@@ -1,6 +1,7 @@
 """A tendon from its drum to the joint, and the effect of the joint on its far end."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -169,6 +170,12 @@ class JointTendon:
     def follows(self, joint: str) -> bool:
         """Whether a section of its path bends or gets longer with a joint."""
         return any(joint in section.joints and section.moves for section in self.path.sections)
+
+    def exponent_at(self, places: Mapping[str, Array | float]) -> float:
+        """Logarithm of what pulling loses on the way, the sum of mu phi, where joints stand by name [rad]."""
+        own = self.friction.mu_dynamic, self.friction.release_dynamic
+        parts = self.path.parts
+        return math.fsum(float(s.angle_at(places)) * s.dynamic_coefficients(*own)[0] for s in parts)
 
     def moment_arm_at(self, angle_rad: Array) -> Array:
         """Moment arm with a tension that is the same along the path, -d(whole length)/dq [m]."""
