@@ -121,11 +121,13 @@ class BentInstrument:
         truth["joints.wrist.stiffness_N_m_per_rad"] = 0.05 * rng.uniform(0.8, 1.25)
         return cls(mechanism=with_numbers(known, truth), truth=truth, seed=seed)
 
-    def log(self, folder: Path, number: int, *, seconds: float = 12.0, masses: int = 10) -> tuple[Path, str]:
+    def log(
+        self, folder: Path, number: int, *, seconds: float = 12.0, masses: int = 10, step_s: float = 2e-6
+    ) -> tuple[Path, str]:
         """Log of one of `BENDS_RAD` in a motion of its own, and its condition as it is stated, to 0.03 rad."""
         rng = np.random.default_rng([self.seed, number])
         time = np.arange(round(seconds / ROW_S) + 1) * ROW_S
-        motor, found = self.turned(BENDS_RAD[number], *_motion(rng, time), time, masses)
+        motor, found = self.turned(BENDS_RAD[number], *_motion(rng, time), time, masses, step_s)
         columns = {"time_s": time}
         for name, angle, pulled in zip(CABLES, motor.T, found.drum_N.T, strict=True):
             tension = np.append(START_N, pulled)
@@ -137,7 +139,13 @@ class BentInstrument:
         return file, f"{file.name}:bend={BENDS_RAD[number] + 0.03 * rng.standard_normal():.4f}"
 
     def turned(
-        self, bend_rad: float, wanted_rad: Array, level_N: Array, time_s: Array, masses: int
+        self,
+        bend_rad: float,
+        wanted_rad: Array,
+        level_N: Array,
+        time_s: Array,
+        masses: int = 10,
+        step_s: float = 2e-6,
     ) -> tuple[Array, finger_plant.FingerResponse]:
         """Angles of motors that stretch the cables by lengths alone, and the plant's answer."""
         own = self.mechanism
@@ -148,8 +156,9 @@ class BentInstrument:
         motor = (arms * wanted_rad[:, None] + (tension - START_N) / known.tendons[0].tendon.stiffness_N_per_m) / drum_m
         cables = [_straight(cable, bend_rad) for cable in own.tendons]
         found = finger_plant.respond(
-            own.joints, cables, drum_m * np.eye(2), motor, time_s[1], np.zeros(1), np.full(2, START_N), masses=masses
-        )
+            own.joints, cables, drum_m * np.eye(2), motor, time_s[1], np.zeros(1), np.full(2, START_N),
+            masses=masses, step_s=step_s,
+        )  # fmt: skip
         return motor, found
 
 

@@ -20,13 +20,14 @@ def require_conditions(how: Measurement, joints: Sequence[str], files: Sequence[
     """Refuse conditions of joints that the paths do not follow, or of files that are not given."""
     for file, joint, _ in how.conditions_of_files:
         if joint not in joints:
-            listed = f": {', '.join(joints)}" if joints else ""
+            listed = f" ({', '.join(joints)})" if joints else ""
             raise InputError(
-                f'{scenario}: a condition names "{joint}"{suggestion(joint, joints)}; it must be a joint that sections '
-                f"follow and no tendon drives{listed}"
+                f"{scenario}: a condition must name a joint that sections follow and no tendon drives{listed}, got "
+                f'"{joint}"{suggestion(joint, joints)}'
             )
         if file and file not in files:
-            raise InputError(f'a condition names the file "{file}"{suggestion(file, files)}, which is not measured')
+            listed = ", ".join(files)
+            raise InputError(f'a condition must name a measured file ({listed}), got "{file}"{suggestion(file, files)}')
 
 
 def still_rad(angle_rad: Array, joint: str, file: str) -> float:

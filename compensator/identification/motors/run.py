@@ -55,6 +55,12 @@ _ONE_FILE = (
 )
 
 
+_BENT_LOOP = (
+    "a loop is fitted at one bend: its pre-tension is another wherever {} stands, which one motor does not tell from "
+    "friction; fit the files of each bend by themselves, with that wrap angle as angle_rad of the section"
+)
+
+
 @in_turn
 def identify_motors(
     scenario: Driven,
@@ -130,6 +136,12 @@ def _loop(
     except ParameterError as error:
         raise InputError(str(error)) from None
     given = how or Measurement()
+    named = (s for tendon in scenario.mechanism.tendons for s in tendon.path.sections if s.moves)
+    others = [joint for section in named for joint in section.joints if joint != scenario.mechanism.joint.name]
+    if others or given.conditions:
+        raise InputError(
+            f"{scenario.source.name}: {_BENT_LOOP.format(others[0] if others else given.conditions_of_files[0][1])}"
+        )
     logs, judges = read_logs(scenario, files, given), read_logs(scenario, judging, given)
     doubts = answered_logs(scenario, (*logs, *judges), confirm)
     for log in logs:
