@@ -4,7 +4,7 @@
 
 Each rig is the pair of `tests/bent_instrument.py`: ten files of 12 s, one for each bend of the sheath from 0.2 to
 3 rad, cells with 1 % of noise, motors and the wrist's encoder in 12 bits, each bend stated to 0.03 rad. Five files are
-fitted and the angle in the other five is asked for, then the other way round; so every bend is unseen once. Beside the
+fitted and the angle in the other five is asked for, and conversely; so every bend is unseen once. Beside the
 identified mechanism stand laws of four numbers by least squares on the same files, of tensions that went through a
 further low-pass of 5 Hz; phi is the wrap angle as stated, s the way each motor goes, built up within 3 mrad, P the play
 of ln T:
@@ -43,7 +43,7 @@ MASSES, LOW_PASS_HZ = 12, 5.0
 
 
 class Seen:
-    """What the laws are given of a file: tensions, ways, wrap angle, and the wrist's angle to be found."""
+    """A file as the laws see it: tensions, ways, wrap angle, and the angle of the wrist to be found."""
 
     def __init__(self, log: MotorsLog, drum_m: float) -> None:
         self.tension_N = filtfilt(*butter(2, 2 * LOW_PASS_HZ * log.run.step_s), (log.torque_N_m / drum_m).T)

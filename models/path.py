@@ -310,7 +310,7 @@ class JointMotion:
         return JointMotion(names=self.names, time_s=np.zeros(1), angle_rad=angles, range_rad=self.range_rad)
 
     def beside(self, standing_rad: Mapping[str, float]) -> "JointMotion":
-        """The same with further joints that stand still at angles by name [rad]."""
+        """The same with further joints at rest at angles by name [rad]."""
         own, further = self.angle_rad, np.array([*standing_rad.values()], dtype=np.float64)
         angle = np.hstack([own, np.broadcast_to(further, (len(own), len(further)))])
         names = (*self.names, *standing_rad)

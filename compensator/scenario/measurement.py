@@ -79,7 +79,7 @@ class Measurement:
     channels : tuple of str or None
         "CHANNEL=COLUMN", columns by the channels' usual names: "motor_flexor_rad=motorPosition[2]".
     conditions : tuple of str or None
-        "FILE:JOINT=RAD", or "JOINT=RAD" for all files: angles of joints that stand still in a measured file, such as
+        "FILE:JOINT=RAD", or "JOINT=RAD" for all files: angles of joints at rest in a measured file, such as
         the bend of a sheath; default: as the scenario says, or by a column JOINT_rad.
     guide_stiffness_N_per_m, guide_zero_m : float or None
         Of a driven output (explain = "input"), as `identify` writes them: stiffness of what pulls on the near end

@@ -54,7 +54,7 @@ class MotorRun:
     joint_rad : ndarray, shape (rows, joints), optional
         Of the joints, NaN without an encoder: over what range.
     standing_rad : mapping of str to float, optional
-        Angles of joints that no tendon drives and sections follow: they stand still, such as the bend of a sheath.
+        Angles of joints that no tendon drives and sections follow: at rest, such as the bend of a sheath.
     cells : bool, optional
         Torques are those of tension cells at the drums: what the motors feel beyond their tendons is not in them.
     """

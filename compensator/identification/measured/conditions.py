@@ -1,4 +1,4 @@
-"""Conditions of measured files: angles of joints that stand still in a file, such as the bend of a sheath.
+"""Conditions of measured files: angles of joints at rest in a file, such as the bend of a sheath.
 
 Friction and stiffness belong to the tendon and are alike in all files; the wrap angle is that of each file. A bend that
 no file states stays unknown: tensions tell mu times the wrap angle, and neither of the two by itself.
@@ -31,12 +31,12 @@ def require_conditions(how: Measurement, joints: Sequence[str], files: Sequence[
 
 
 def still_rad(angle_rad: Array, joint: str, file: str) -> float:
-    """Angle of a joint that stands still in a file; InputError where it moves."""
+    """Angle of a joint at rest in a file; InputError where it moves."""
     low, high = np.nanpercentile(angle_rad, [1, 99]) if np.isfinite(angle_rad).any() else (np.nan, np.nan)
     if not high - low <= STILL_RAD:
         raise InputError(
             f"{file}: {joint} moves by {high - low:.2g} rad; a condition holds for a whole file: cut the log where "
-            f"{joint} stands still, to {STILL_RAD:g} rad"
+            f"{joint} is at rest, to {STILL_RAD:g} rad"
         )
     return float(np.nanmedian(angle_rad))
 

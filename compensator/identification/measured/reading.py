@@ -214,7 +214,7 @@ def _check_missing(path: Path, table: Table, names: Mapping[str, str], key: str)
     if key in ("time", "input") or (key == "output" and not _proximal(table, names)):
         way_out = f" (choose one with --{key}-column, and its unit with --scale)"
     elif key.startswith("joint"):
-        way_out = "; the path moves with this joint: log its angle, or where it stands still give --condition"
+        way_out = "; the path moves with this joint: log its angle, or where it is at rest give --condition"
     else:
         return
     raise MissingColumnError(missing + way_out, key=key, present=present)

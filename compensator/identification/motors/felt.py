@@ -1,4 +1,4 @@
-"""What each of several motors feels: its torque, its current, or the tensions of cells at its drums."""
+"""Torques as several motors feel them: columns of torque, of current, or of tension cells at the drums."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

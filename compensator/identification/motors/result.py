@@ -42,7 +42,7 @@ class MotorsComparison:
     felt_rad : ndarray, shape (rows, joints)
         Angles of several motors' joints by torques or cells alone, so too; NaN where no spring holds a joint.
     standing_rad : mapping of str to float
-        Angles of joints that stood still in the file.
+        Angles of joints at rest in the file, which no tendon drives.
     exponents : mapping of str to float
         mu theta of each tendon there, of several motors.
     counted : ndarray of bool, shape (rows,)

@@ -31,7 +31,7 @@ def test_a_condition_stands_for_a_column_of_the_joint(logs):
         motion = read_measurement(file, Measurement(conditions=given), joints).motion
         assert motion.names == joints
         assert (motion.angle_rad == [angle, -0.1]).all()
-    with pytest.raises(InputError, match="where it stands still give --condition"):
+    with pytest.raises(InputError, match="where it is at rest give --condition"):
         read_measurement(logs[0], Measurement(conditions=given[:2]), joints)
 
 

@@ -37,7 +37,7 @@ _OFFSET = (
 )
 _CELLS = "Column of a tension between the ends, and the wrap angle from the actuator to it"
 _CHANNEL = "Column of a channel by its usual name: motor_flexor_rad=motorPosition[2]"
-_CONDITION = "Angle of a joint that stands still in a file, such as the bend of a sheath; without FILE: in all files"
+_CONDITION = "Angle of a joint at rest in a file, such as the bend of a sheath; without FILE: in all files"
 _TARE = "Seconds of every file in which the tendon is slack, or no motor loaded: cells and torques are zero there."
 _SKIP = "Leave out the start of every file; default: until the start-up transient has decayed."
 _COLUMNS = "Names of the columns, for a text file without a header"
