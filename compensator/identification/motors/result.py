@@ -1,7 +1,7 @@
 """Result of the identification of driven joints, as data and as `fit.json`."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -218,14 +218,20 @@ class MotorsIdentification(Result):
                     "torque_rms_N_m": _named(self.motors, c.torque_rms_N_m),
                     "torque_percent_of_range": _named(self.motors, c.torque_percent),
                     "joint_rms_deg": _named(self.joints, c.joint_rms_deg),
-                    "joint_by_torques_rms_deg": _named(self.joints, c.felt_rms_deg),
-                    "condition_rad": dict(c.standing_rad),
-                    "mu_theta": dict(c.exponents),
+                    **(self._of_several(c) if c.exponents else {}),
                     "findings": [f.text for f in c.findings],
                 }
                 for c in self.comparisons
             ],
             "warnings": list(self.warnings),
+        }
+
+    def _of_several(self, file: MotorsComparison) -> dict[str, Any]:
+        """Part of a file's entry in `fit.json` that several motors have."""
+        return {
+            "joint_by_torques_rms_deg": _named(self.joints, file.felt_rms_deg),
+            "condition_rad": dict(file.standing_rad),
+            "mu_theta": dict(file.exponents),
         }
 
     @property
@@ -304,9 +310,18 @@ def summary_lines(found: MotorsIdentification, folder: str = "") -> Sequence[str
         for e in found.estimates
         if e.identifiable and e.interval is not None
     ]
-    lines += [f"  {line}" for line in (found.missing,) if line]
+    lines += [f"  {line}" for line in (*_felt(found), found.missing) if line]
     lines.append(f"law: {found.law}")
     return [*lines, *((f"next: {step}",) if (step := next_step(found, folder)) else ())]
+
+
+def _felt(found: MotorsIdentification) -> Iterator[str]:
+    """Angles of joints by torques alone, of files that judge, where an encoder tells how near they come."""
+    files = found.of_role("validate") if found.described else ()
+    for k, name in enumerate(found.joints):
+        if known := [(c.felt_rms_deg, c.joint_rms_deg) for c in files if np.isfinite(c.felt_rms_deg[k])]:
+            torques, angles = (max(float(x[k]) for x in each) for each in zip(*known, strict=True))
+            yield f"{name} by torques alone to {torques:.2g} deg RMS, by angles of the motors to {angles:.2g} deg"
 
 
 def next_step(found: MotorsIdentification, folder: str = "") -> str:
