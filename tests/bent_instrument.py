@@ -127,7 +127,7 @@ class BentInstrument:
         """Log of one of `BENDS_RAD` in a motion of its own, and its condition as it is stated, to 0.03 rad."""
         rng = np.random.default_rng([self.seed, number])
         time = np.arange(round(seconds / ROW_S) + 1) * ROW_S
-        motor, found = self.turned(BENDS_RAD[number], *_motion(rng, time), time, masses, step_s)
+        motor, found = self.turned(BENDS_RAD[number], *motion_of(rng, time), time, masses, step_s)
         columns = {"time_s": time}
         for name, angle, pulled in zip(CABLES, motor.T, found.drum_N.T, strict=True):
             tension = np.append(START_N, pulled)
@@ -162,7 +162,7 @@ class BentInstrument:
         return motor, found
 
 
-def _motion(rng: np.random.Generator, time_s: Array) -> tuple[Array, Array]:
+def motion_of(rng: np.random.Generator, time_s: Array) -> tuple[Array, Array]:
     """Wanted angle, sines of three frequencies that begin at rest, and level of tension [N]."""
     fade = np.minimum(time_s / 1.5, 1.0) ** 2
     rates, phases = rng.uniform(0.15, 0.9, 3), rng.uniform(0, 2 * np.pi, 3)

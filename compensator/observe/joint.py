@@ -14,7 +14,7 @@ from tendonff.ocp.step.protocol import Array
 class LoopObserver:
     """Laws of [observer] with their memory."""
 
-    sees_motor = True
+    tensions = 0
     joints: tuple[str, ...] = ()
 
     def __init__(self, table: ObserverTable) -> None:

@@ -8,6 +8,7 @@ import ctypes
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.observe.estimate import Estimate, Observation, ObserverStatus, statuses
 from tendonff.compensator.scenario.driven.joint import JointScenario, sample_joint
 from tendonff.models.joint.parameters import Mechanism
+from tendonff.models.joint.parameters.finger import Finger
 from tendonff.ocp.codegen.compiler import why_no_compiler
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import CodeError
@@ -83,16 +85,11 @@ unsigned tff_watch_step(void *memory, double dt, double motor, double torque, co
 class MechanismObserver:
     """The compiled joint at the scenario's friction, and at less and more of it."""
 
-    sees_motor = True
+    tensions = 0
 
     def __init__(self, scenario: JointScenario, start: float | None) -> None:
         sampled = sample_joint(scenario)
         problem, mechanism = problem_of(scenario, sampled), scenario.mechanism
-        if not problem.loop and len(mechanism.tendons) > 1:
-            raise InputError(
-                f"{scenario.source.name}: a pair has two motors that share the load as they like, so their angles do "
-                "not determine the joint's; measure the tensions, and observe each tendon"
-            )
         plants = tuple(
             replace(scenario, name=f"{scenario.name} {word}", mechanism=rubbing(mechanism, factor))
             for word, factor in (("as it is", 1.0), ("less friction", 1 - SPREAD), ("more friction", 1 + SPREAD))
@@ -157,7 +154,10 @@ def _enclosed(values: Sequence[float]) -> Estimate:
     return Estimate(value=values[0], low=min(values), high=max(values))
 
 
-def rubbing(mechanism: Mechanism, factor: float) -> Mechanism:
+S = TypeVar("S", Mechanism, Finger)
+
+
+def rubbing(mechanism: S, factor: float) -> S:
     """The mechanism with all friction coefficients of its tendons times a factor."""
 
     def scaled(part: object, names: Sequence[str]) -> dict[str, float]:

@@ -3,12 +3,15 @@
 import math
 import os
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from typing import Any, Protocol
+
+import numpy as np
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.observe.estimate import Observation, ObserverStatus
 from tendonff.compensator.observe.joint import LoopObserver
 from tendonff.compensator.observe.mechanism import MechanismObserver
+from tendonff.compensator.observe.pair import PairObserver
 from tendonff.compensator.observe.tendon import TendonObserver
 from tendonff.compensator.scenario.driven.finger import FingerScenario
 from tendonff.compensator.scenario.driven.joint import JointScenario
@@ -16,18 +19,22 @@ from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.works import function_of
 from tendonff.models.errors import ParameterError
+from tendonff.models.joint.parameters import DriveKind
 from tendonff.models.turns import in_turn
 
 
 class ObserverCore(Protocol):
-    """Law of an observer: from tension and position of the near end, or from angle and torque of a motor."""
+    """Law of an observer: from tension and position of the near end, from two tensions, or angle and torque of a motor.
 
-    sees_motor: bool
+    `tensions` is how many it takes: 1 of a tendon, 2 of a pair, none where it sees the motor.
+    """
+
+    tensions: int
     joints: tuple[str, ...]
     status: tuple[ObserverStatus, ...]
 
-    def step(self, dt: float, first: float, second: float, joint_rad: Sequence[float], /) -> Observation:
-        """Advance; NaN for what is not measured."""
+    def step(self, dt: float, first: Any, second: float, joint_rad: Sequence[float], /) -> Observation:
+        """Advance; NaN for what is not measured. The first is a sequence of two tensions of a pair."""
 
 
 class Observer:
@@ -35,13 +42,15 @@ class Observer:
 
     Of a tendon it is the forward chain of `simulate` under the measured input tension. A measured position of the near
     end shows in addition what moves the far end from outside. Of a joint it is the chain from the motor's angle; the
-    motor's torque shows what the joint touches. Starts at rest under the scenario's first tension or angle. Needs a C
+    motor's torque shows what the joint touches. Of a pair whose joint has a spring it is the mechanism under the
+    tensions at its drums, simulated step by step. Starts at rest under the scenario's first tension or angle. Needs a C
     compiler, or the package ziglang.
 
     Parameters
     ----------
     scenario : str, path, Scenario or JointScenario
-        Of one tendon; of a joint with one motor; or of a joint with the laws that `identify` writes as [observer].
+        Of one tendon; of a joint with one motor, or on a spring between two; or of a joint with the laws that
+        `identify` writes as [observer].
     start : float, optional
         Output tension [N] or angle of the joint [rad] at the start; default: the scenario's first. NaN where the output
         tension is not known: then `given` is needed, and the bounds are those of any history until the tendon has slid.
@@ -87,7 +96,7 @@ class Observer:
     def step(
         self,
         *,
-        tension_N: float | None = None,
+        tension_N: float | Sequence[float] | None = None,
         position_m: float | None = None,
         motor_rad: float | None = None,
         motor_torque_N_m: float | None = None,
@@ -98,8 +107,9 @@ class Observer:
 
         Parameters
         ----------
-        tension_N : float, optional
-            Of a tendon: input tension [N]. None or NaN for one that did not arrive: the last estimate is held.
+        tension_N : float, or sequence of float, optional
+            Of a tendon: input tension [N]; of a pair those at both drums, in the order of its tendons. None or NaN for
+            one that did not arrive: the last estimate is held.
         position_m : float, optional
             Of a tendon: position of the near end relative to the start [m], positive towards the actuator; None where
             it is not measured.
@@ -115,19 +125,20 @@ class Observer:
         ParameterError
             If an angle of a joint is missing.
         """
-        length = self.step_s if dt is None else dt
-        tension, position, motor, torque = (
-            None if x is None else float(x) for x in (tension_N, position_m, motor_rad, motor_torque_N_m)
-        )
-        core, of_motor = self._core, (motor, torque)
-        if core.sees_motor and (tension, position) != (None, None):
+        length, core = self.step_s if dt is None else dt, self._core
+        of_motor, of_tension = (motor_rad, motor_torque_N_m), (tension_N, position_m)
+        if not core.tensions and of_tension != (None, None):
             raise ParameterError("an observer of a joint takes motor_rad and motor_torque_N_m, not a tension")
-        if not core.sees_motor and of_motor != (None, None):
+        if core.tensions and of_motor != (None, None):
             raise ParameterError("an observer of a tendon takes tension_N and position_m, not the motor's angle")
-        first, second = of_motor if core.sees_motor else (tension, position)
-        return core.step(
-            length, math.nan if first is None else first, math.nan if second is None else second, self._given(joints)
-        )
+        if core.tensions > 1:
+            pulls = (math.nan,) * core.tensions if tension_N is None else tuple(np.ravel(np.asarray(tension_N, float)))
+            if len(pulls) != core.tensions or position_m is not None:
+                raise ParameterError(f"an observer of a pair takes {core.tensions} tensions alone, got {tension_N}")
+            return core.step(length, pulls, math.nan, self._given(joints))
+        given = of_tension if core.tensions else of_motor
+        first, second = (math.nan if x is None else float(x) for x in given)  # type: ignore[arg-type]
+        return core.step(length, first, second, self._given(joints))
 
     @property
     def status(self) -> tuple[ObserverStatus, ...]:
@@ -158,4 +169,7 @@ def of_joint(scenario: JointScenario, start: float | None, given: float | None) 
     """The law of a driven joint: what `identify` wrote, or its mechanism; InputError for a start that it lacks."""
     if given is not None or (scenario.observer is not None and start is not None):
         raise InputError(f"{scenario.source.name}: an observer of a joint takes no {'start' if start else 'given'}")
-    return MechanismObserver(scenario, start) if scenario.observer is None else LoopObserver(scenario.observer)
+    if scenario.observer is not None:
+        return LoopObserver(scenario.observer)
+    pair = scenario.mechanism.drive.kind is DriveKind.PAIR and len(scenario.mechanism.tendons) > 1
+    return PairObserver(scenario, start) if pair else MechanismObserver(scenario, start)

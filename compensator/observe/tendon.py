@@ -44,7 +44,7 @@ unsigned tff_observe_step(
 class TendonObserver:
     """The compiled observer of one tendon; the arguments are those of `Observer`."""
 
-    sees_motor = False
+    tensions = 1
 
     def __init__(self, scenario: Scenario, start: float | None, given: float | None) -> None:
         problem = Problem.of(scenario)

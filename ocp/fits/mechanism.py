@@ -6,7 +6,7 @@ of its gear first of all, turns over within a short way of the motor at every re
 
 import functools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -17,7 +17,6 @@ from tendonff.models.fidelity import Level
 from tendonff.models.joint.description import describe
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.models.joint.parameters.finger import Finger
-from tendonff.models.mechanism import Force
 from tendonff.models.path import JointMotion
 from tendonff.ocp.joint.protocol import JointProblem
 from tendonff.ocp.joint.simulate import JointOutcome, simulate_joint
@@ -276,14 +275,11 @@ class Several:
         The motors' angles say only which way gears rub and how motors speed up. NaN where no spring holds a joint, for
         torques then do not tell where it stands, and after a row without an answer.
         """
-        joints, motors = self.mechanism.joints, self.mechanism.motors
+        joints = self.mechanism.joints
         if not all(joint.stiffness_N_m_per_rad > 0 for joint in joints):
             return np.full((len(torque_N_m), len(joints)), np.nan)
         held = torque_N_m + (torque_N_m - self.torque_N_m(run, torque_N_m))
-        begun = self.start(run, run.motor_rad, segments).problem
-        names = [motor.body for motor in motors]
-        drives = (Force(body=d.body) if d.body in names else d for d in begun.mechanism.drives)
-        forced = replace(begun, mechanism=replace(begun.mechanism, drives=tuple(drives)))
+        forced = self.start(run, run.motor_rad, segments).problem.forced()
         answer = simulate_mechanism(forced, _refined(held, refinement), run.step_s / refinement)
         found = np.full(((len(held) - 1) * refinement + 1, len(joints)), np.nan)
         found[: len(answer.position)] = answer.position[:, : len(joints)]

@@ -10,7 +10,19 @@ from tendonff.models.cached import cached_property
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.joint.balance import JointLaw
-from tendonff.models.mechanism import Arm, Body, Damper, DryFriction, Gravity, Mechanism, Servo, Spring, Stops, Tendon
+from tendonff.models.mechanism import (
+    Arm,
+    Body,
+    Damper,
+    DryFriction,
+    Force,
+    Gravity,
+    Mechanism,
+    Servo,
+    Spring,
+    Stops,
+    Tendon,
+)
 from tendonff.models.mechanism.geometry import moment_arms
 from tendonff.models.mechanism.loads import NOWHERE, LoadLaw
 from tendonff.models.mechanism.sharing import Sharing
@@ -120,6 +132,12 @@ class MechanismProblem:
     def starting(self, tension_N: Array) -> "MechanismProblem":
         """The same with tensions at the start, shape (tendons,)."""
         return replace(self, tension_N=tension_N)
+
+    def forced(self) -> "MechanismProblem":
+        """The same with motors that are given their torque or force, and not their motion."""
+        motors = self.names[self.known :]
+        drives = (Force(body=drive.body) if drive.body in motors else drive for drive in self.mechanism.drives)
+        return replace(self, mechanism=replace(self.mechanism, drives=tuple(drives)))
 
     def chains(self) -> tuple[Chain, ...]:
         """A chain for each tendon, with all bodies where they stand at the start and both ends led."""
