@@ -75,6 +75,7 @@ moment_arm_m = -0.0025
 kind = "pair"
 drum_radius_m = 0.006
 least_tension_N = 3.0
+coulomb_N_m = 3.0e-3                  # no cell at a drum feels it
 
 [reference]
 quantity = "joint_angle"

@@ -55,6 +55,7 @@ def test_files_of_other_bends_tell_one_friction_one_stiffness_and_the_spring_of_
         rig.truth["joints.wrist.stiffness_N_m_per_rad"], rel=0.02
     )
     assert "motors.open.drive.coulomb_N_m" not in fit["estimates"]  # no motor is in the way of its cell
+    assert scenario.mechanism.drive.coulomb_N_m == 3e-3
 
 
 def test_each_file_is_listed_with_its_bend_and_the_joint_by_tensions_alone(logs, fitted):
