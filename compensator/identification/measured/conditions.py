@@ -4,6 +4,7 @@ Friction and stiffness belong to the tendon and are alike in all files; the wrap
 no file states stays unknown: tensions tell mu times the wrap angle, and neither of the two by itself.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from tendonff.compensator.files.text import InputError, suggestion
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.scenario.measurement import Measurement
+from tendonff.models.path import FURTHEST_RAD
 
 STILL_RAD = 0.05
 """A joint whose angle has less range than this is at rest."""
@@ -18,7 +20,8 @@ STILL_RAD = 0.05
 
 def require_conditions(how: Measurement, joints: Sequence[str], files: Sequence[str], scenario: str) -> None:
     """Refuse conditions of joints that the paths do not follow, or of files that are not given."""
-    for file, joint, _ in how.conditions_of_files:
+    for file, joint, angle in how.conditions_of_files:
+        _require_rad(angle, joint, file or scenario)
         if joint not in joints:
             listed = f" ({', '.join(joints)})" if joints else ""
             raise InputError(
@@ -38,7 +41,17 @@ def still_rad(angle_rad: Array, joint: str, file: str) -> float:
             f"{file}: {joint} moves by {high - low:.2g} rad; a condition holds for a whole file: cut the log where "
             f"{joint} is at rest, to {STILL_RAD:g} rad"
         )
-    return float(np.nanmedian(angle_rad))
+    return _require_rad(float(np.nanmedian(angle_rad)), joint, file)
+
+
+def _require_rad(angle_rad: float, joint: str, file: str) -> float:
+    """Refuse an angle that no joint has [rad], and return the others."""
+    if abs(angle_rad) > FURTHEST_RAD:
+        raise InputError(
+            f"{file}: {joint} must be within +-{FURTHEST_RAD:g} rad, got {angle_rad:g}; {angle_rad:g} deg are "
+            f"{math.radians(angle_rad):.4g} rad"
+        )
+    return angle_rad
 
 
 def condition_of(file: str, joints: Sequence[str], measured: Mapping[str, Array], how: Measurement) -> dict[str, float]:

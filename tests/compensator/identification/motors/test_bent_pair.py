@@ -104,6 +104,7 @@ def test_the_bend_of_a_file_may_be_a_column_of_it(logs, tmp_path):
             ["bend_1.csv:bnd=0.5"],
             r'instrument.toml: a condition must name a joint .*\(bend\), got "bnd", did you mean "bend"\?',
         ),
+        (["bend_1.csv:bend=90"], r"bend_1.csv: bend must be within \+-7 rad, got 90; 90 deg are 1.571 rad"),
         (["bend_1.csv:wrist=0.5"], r'no tendon drives \(bend\), got "wrist"'),
         (["bend_l.csv:bend=0.5"], r'a measured file \(.*\), got "bend_l.csv", did you mean'),
     ],
