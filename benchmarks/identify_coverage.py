@@ -5,10 +5,12 @@ Every rig is an independent plant (`plant.c`) drawn as in `identify.py`; its log
 cell 2 % off (stated in [measurement]), a kept stiffness of the tendon 50 % off, an output 2 ms late, a second
 relaxation, an uneven path, a pulley. With --unlisted the error is one that no option, law or constant of identification
 was chosen for: friction that falls with tension, that grows along the path, a far cell that shows 1 % of the near one,
-cells whose gain or zero drifts over the log. With --static the quasi-static laws alone are judged, on the rig without
-a model error and on one whose contact is 30 times as stiff. Logs are kept in the folder of temporary files.
+cells whose gain or zero drifts over the log. With --promise the inverse designed from each fitted scenario is simulated
+on the rig, beside the error that the design expects and its worst case. With --static the quasi-static laws alone are
+judged, on the rig without a model error and on one whose contact is 30 times as stiff. Logs are kept in the folder of
+temporary files.
 
-    python benchmarks/identify_coverage.py [SEEDS [FIRST [RESULTS]]] [--static] [--unlisted]
+    python benchmarks/identify_coverage.py [SEEDS [FIRST [RESULTS]]] [--static] [--unlisted] [--promise]
 
 Started again, rigs that are in RESULTS (coverage.jsonl) are not identified again.
 """
@@ -26,6 +28,8 @@ import numpy as np
 from identify import EXAMPLES, SAMPLE_S, drawn, strokes, truth_of
 from independent_plant import Plant
 
+from tendonff.compensator.compensators.base import Problem, with_motion
+from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.identification.answer.result import Identification
 from tendonff.compensator.identification.run import identify
@@ -160,7 +164,17 @@ def _truth(case: Case, name: str, found: Identification) -> float:
     return value
 
 
-def result(nominal: Scenario, seed: int, group: str, *, static: bool) -> dict[str, Any]:
+def promise(case: Case, fitted: Scenario) -> dict[str, float]:
+    """RMS error that a design leaves on the rig, and what it says of it [% of range]."""
+    problem = Problem.of(fitted)
+    profile, reference = with_motion(problem, "inverse", compensator("inverse").profile(problem)), problem.reference
+    got = case.plant.respond(profile.force_N, reference.step_s, float(profile.force_N[0]))[:, 1]
+    band = problem.expect({"inverse": profile}).best
+    left = 100 * float(np.sqrt(np.mean((got - reference.tension_N) ** 2))) / reference.range_N
+    return {"left": left, "expected": band.expected_percent, "worst": band.worst.rmse_percent_of_range}
+
+
+def result(nominal: Scenario, seed: int, group: str, *, static: bool, promised: bool = False) -> dict[str, Any]:
     """Identification of a rig and the truth."""
     case = case_of(nominal, seed, group)
     log = log_of(case, seed, group)
@@ -173,6 +187,8 @@ def result(nominal: Scenario, seed: int, group: str, *, static: bool) -> dict[st
     except TendonffError as error:
         return row | {"seconds": time.process_time() - start, "law": f"refused: {error}"}
     row |= {"seconds": time.process_time() - start, "law": found.law, "fit_percent": found.fit_percent}
+    if promised:
+        row["promise"] = promise(case, found.scenario)
     estimates = {e.name: e for e in found.estimates}
     for name in names:
         if (e := estimates.get(name)) is not None and e.interval is not None:
@@ -227,6 +243,12 @@ def summary(rows: Sequence[dict[str, Any]]) -> Iterable[str]:
         f"  truth in the interval: {100 * np.mean(sizes <= 1):.1f} % of {len(sizes)} values, "
         f"median error / half-width {np.median(sizes):.3f}"
     )
+    said = [row["promise"] for row in rows if "promise" in row]
+    if said:
+        left, expected, worst = (np.array([each[key] for each in said]) for key in ("left", "expected", "worst"))
+        below = [int((left <= most).sum()) for most in (expected, worst)]
+        yield f"  design leaves {left.mean():.3f} % of range (mean), {expected.mean():.3f} expected"
+        yield f"  of {len(left)} at most the expected error {below[0]}, at most the worst case {below[1]}"
     for place in (0, 1):
         for kind in dict.fromkeys(entry[place] for entry in every):
             some = np.array([entry[2] for entry in every if entry[place] == kind])
@@ -237,7 +259,7 @@ def summary(rows: Sequence[dict[str, Any]]) -> Iterable[str]:
             )
 
 
-def main(count: int, first: int, results: Path, *, static: bool, unlisted: bool) -> None:
+def main(count: int, first: int, results: Path, *, static: bool, unlisted: bool, promise: bool) -> None:
     rows = [json.loads(text) for text in results.read_text().splitlines()] if results.exists() else []
     done = {(row["seed"], row["group"]) for row in rows}
     nominal = load_scenario(EXAMPLES / "finger.toml")
@@ -245,7 +267,7 @@ def main(count: int, first: int, results: Path, *, static: bool, unlisted: bool)
     for seed in range(first, first + count):
         for group in groups:
             if (seed, group) not in done:
-                rows.append(result(nominal, seed, group, static=static))
+                rows.append(result(nominal, seed, group, static=static, promised=promise))
                 print(line(rows[-1]), flush=True)
                 with results.open("a", encoding="utf-8") as file:
                     print(json.dumps(rows[-1]), file=file)
@@ -256,5 +278,5 @@ def main(count: int, first: int, results: Path, *, static: bool, unlisted: bool)
 if __name__ == "__main__":
     chosen = [word for word in sys.argv[1:] if not word.startswith("--")]
     seeds, first_seed, file = (*chosen, *("100", "0", "coverage.jsonl")[len(chosen) :])
-    options = {name: f"--{name}" in sys.argv for name in ("static", "unlisted")}
+    options = {name: f"--{name}" in sys.argv for name in ("static", "unlisted", "promise")}
     main(int(seeds), int(first_seed), Path(file), **options)

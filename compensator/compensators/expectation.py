@@ -6,7 +6,7 @@ the worst RMS error over them, and the best profile is the one with the smallest
 
 import math
 from collections.abc import Callable, Hashable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -30,6 +30,12 @@ S = TypeVar("S")
 
 FRICTIONLESS = "frictionless"
 """Name of the compensator that stands for "without friction compensation"."""
+
+WITHOUT_WAVES = (
+    "steps, samples or play of the drive start waves in the tendon; the simulation in the finer steps that follow them "
+    "failed, so the errors are without them and may be too small; make the reference slower or [run] step_s smaller"
+)
+"""Warning on errors without waves of the tendon."""
 
 LARGE_PERCENT = 10.0
 """An RMS error above this is large: a tenth of what is wanted [% of range]."""
@@ -70,6 +76,8 @@ class ErrorBand:
         Least and largest output over all of them.
     errors : Superposition
         Errors over time, by what is uncertain.
+    is_without_waves : bool
+        Waves that the drive starts in the tendon are not in the errors: the simulation that follows them failed.
     """
 
     scores: tuple[Score, ...]
@@ -84,6 +92,7 @@ class ErrorBand:
     low: FloatArray
     high: FloatArray
     errors: Superposition = field(repr=False)
+    is_without_waves: bool = False
 
     @property
     def nominal(self) -> Score:
@@ -229,14 +238,15 @@ class Expectation:
 
     @property
     def warnings(self) -> list[str]:
-        """Over-compensation is the dangerous side: name it."""
+        """Warnings of what the errors lack, and of over-compensation, the dangerous side."""
+        found = [WITHOUT_WAVES] if self.best.is_without_waves else []
         over = {
             name: band
             for name, band in self.bands.items()
             if name not in ("none", FRICTIONLESS) and _OVERCOMPENSATION < band.amplification < math.inf
         }
         if not over or self.doubt.is_assumed:
-            return []
+            return found
         swings = ", ".join(f"{name} {two_digits(100 * band.amplification)}" for name, band in over.items())
         largest = max(over.values(), key=lambda band: band.amplification).amplified_sample
         where = sample_words(largest.numbers) or "the nominal values"
@@ -244,7 +254,7 @@ class Expectation:
             f"over-compensation, in % of the swing, largest over the samples ({where}): {swings}; inside a feedback "
             "loop over-compensation injects energy: choose mu too low rather than too high"
         )
-        return [text]
+        return [*found, text]
 
 
 def sample_words(numbers: Mapping[str, float]) -> str:
@@ -351,10 +361,14 @@ def bands_of(
     for name, profile in profiles.items():
         key = given(profile)
         if key not in known:
-            change = 0.0 if shaken is None else shaken(doubt.system, profile) - respond(doubt.system, profile)[0]
-            if not np.isfinite(change).all():
-                change = 0.0
-            known[key] = _band(doubt, wanted, lambda system, profile=profile: respond(system, profile), change)  # type: ignore[misc]
+            change: FloatArray | float = 0.0
+            failed = False
+            if shaken is not None:
+                coarse, fine = respond(doubt.system, profile)[0], shaken(doubt.system, profile)
+                failed = bool(np.isfinite(coarse).all() and not np.isfinite(fine).all())
+                change = fine - coarse if np.isfinite(fine - coarse).all() else 0.0
+            band = _band(doubt, wanted, lambda system, profile=profile: respond(system, profile), change)  # type: ignore[misc]
+            known[key] = replace(band, is_without_waves=failed)
         bands[name] = known[key]
     return bands
 

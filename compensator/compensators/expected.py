@@ -94,7 +94,8 @@ def robustness_table(found: Expectation, labels: Mapping[str, str], segments: in
         rows.append((labels[name], *errors, unit.factor * worst.rmse, unit.factor * band.worst_peak, over, at))
     return Table(
         caption=f"Errors over {len(found.doubt.samples)} samples of the parameters on {segments} masses; "
-        "expected: half of all draws are below; over-compensation: largest swing of the output beyond the reference's",
+        "expected: half of all draws by noise alone are below; over-compensation: largest swing of the output beyond "
+        "the reference's",
         columns=(
             "profile",
             "nominal [% of range]",

@@ -96,10 +96,11 @@ class Superposition:
     def median_rmse(self) -> float:
         """RMS error that half of all draws of the uncertain numbers stay below, in the unit of the error.
 
-        The error goes straight from the nominal one to those at both ends; of correlated numbers it is linear.
+        The error goes straight from the nominal one to those at both ends; of correlated numbers it is linear, and what
+        they are drawn by is noise alone: the law by which they were found is taken for the right one.
         """
         points = np.random.default_rng(self.uncertainty.seed).random((_DRAWS, len(self.low)))
-        weights, parts = self._weights(drawn_places(self.uncertainty, points)), self._parts
+        weights, parts = self._weights(drawn_places(self.uncertainty, points, noise_alone=True)), self._parts
         squares = np.einsum("di,ij,dj->d", weights, parts @ parts.T / parts.shape[1], weights)
         return math.sqrt(max(float(np.median(squares)), 0.0))
 

@@ -166,13 +166,17 @@ def draw_systems(system: S, uncertainty: Uncertainty, count: int) -> tuple[Sampl
     return tuple(_sample(system, spreads, row) for row in drawn_places(uncertainty, shifted))
 
 
-def drawn_places(uncertainty: Uncertainty, points: FloatArray) -> FloatArray:
-    """Places in the intervals, from −1 to 1, for points of the unit cube, shape (points, intervals) both."""
+def drawn_places(uncertainty: Uncertainty, points: FloatArray, *, noise_alone: bool = False) -> FloatArray:
+    """Places in the intervals, from −1 to 1, for points of the unit cube, shape (points, intervals) both.
+
+    With `noise_alone` the law by which correlated numbers were found is the right one.
+    """
     places = 2 * points - 1
-    if together := list(uncertainty.correlated):
+    together, found = list(uncertainty.correlated), uncertainty.correlation
+    if found is not None:
         from scipy.special import ndtri
 
-        root = correlation_root(uncertainty.correlations[np.ix_(together, together)])
+        root = correlation_root(np.array(found.by_noise if noise_alone else found.rows))
         normal = ndtri(np.clip(points[:, together], 1e-12, 1 - 1e-12)) / TWO_SIDED
         places[:, together] = np.clip(normal @ root, -1, 1)
     return places

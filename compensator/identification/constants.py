@@ -46,6 +46,9 @@ class Tuned:
     nearly_as_good : float
         What laws within this factor of the least validation error state is doubt of the chosen one's answer; an answer
         whose error grows by more while the noise of the input is taken out is not taken (rigs).
+    decisive : float
+        One of two laws with as many values is the better one where its misfit, with the input estimated, is less by so
+        much (rigs: where both are nearly alike the misfits differ by up to 60, where they are not by 250 at least).
     other_channel_below : float
         The other channel is explained instead where the error falls below this share (recordings).
     worth_a_constant : float
@@ -136,6 +139,7 @@ class Tuned:
     small_share: float = 0.03
     simpler_within: float = 1.02
     nearly_as_good: float = 1.5
+    decisive: float = 100.0
     other_channel_below: float = 0.6
     worth_a_constant: float = 4.0
     worth_a_speed_term: float = 1.4

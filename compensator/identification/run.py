@@ -271,7 +271,8 @@ def _answer(study: Study) -> Identification:
         study.pace.begin("simulation of the fitted scenario")
         fitted = carried_on(study, law)
         uneven = messages.about_uneven_path(chain, scenario.transmission.path.total_angle_rad)
-        fitted = replace(fitted, scenario=with_spread(fitted.scenario, estimates, names, correlation))
+        noise = correlation if chain is None else chain.noise
+        fitted = replace(fitted, scenario=with_spread(fitted.scenario, estimates, names, correlation, noise))
         study = study.noted(
             *messages.about_fitted(fitted, records, outcome.fit_percent), uneven, "" if chain is None else chain.caution
         )

@@ -1,12 +1,12 @@
 """Intervals of a fit as the uncertainty that a design from it reckons with: the table [robust.spread]."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from tendonff.compensator.compensators.uncertain import ASSUMED
+from tendonff.compensator.compensators.uncertain import ASSUMED, TWO_SIDED
 from tendonff.compensator.identification.answer.result import Estimate
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.measured import Array
@@ -22,8 +22,12 @@ _FACTORS = {"mu": MU_PULL, "stiffness": Parameter.STIFFNESS, "bristle_stiffness"
 """Keys of [robust] that an identified value supersedes."""
 
 
-def with_spread(scenario: Scenario, estimates: Sequence[Estimate], names: Sequence[str], matrix: Array) -> Scenario:
+def with_spread(
+    scenario: Scenario, estimates: Sequence[Estimate], names: Sequence[str], matrix: Array, noise: Array
+) -> Scenario:
     """The scenario with the interval of every identified value, and their correlation: `matrix`, of the values `names`.
+
+    `noise` is the part of the correlation that is no doubt about the law.
 
     Coefficients of both directions that are one value, or known only together, vary together. Friction that is not
     identified has the width that the scenario states or, where it states none, the one that a design assumes: beside
@@ -45,6 +49,8 @@ def with_spread(scenario: Scenario, estimates: Sequence[Estimate], names: Sequen
         if name not in done and estimate.interval is not None:
             width = _half_width(estimate)
             low, high = max(estimate.interval[0], 0.0), estimate.interval[1]
+            if not Parameter(name).spec.may_vanish and high > 0:
+                low = max(low, estimate.value**2 / high)  # as many times less as it may be more
             if width is not None:
                 spreads.append(Spread(keys=(key,), half_width=width))
             elif low < high:
@@ -57,18 +63,26 @@ def with_spread(scenario: Scenario, estimates: Sequence[Estimate], names: Sequen
         kept, known["mu"] = _of_kept_friction(scenario, taken, covered)
         spreads += kept
     robust = replace(scenario.robust, spread=(*others, *spreads), correlation=None, **known)
-    return replace(scenario, robust=replace(robust, correlation=_correlation(spreads, names, matrix)))
+    errors = {key: _error(estimate) for estimate, key in found.values()}
+    return replace(scenario, robust=replace(robust, correlation=_correlation(spreads, names, matrix, noise, errors)))
 
 
-def _correlation(spreads: Sequence[Spread], names: Sequence[str], matrix: Array) -> Correlation | None:
-    """Correlation of the intervals that a fit has; an interval that is cut off at nothing goes by itself."""
-    rows = {Parameter(name).spec.key: k for k, name in enumerate(names) if name in PARAMETERS}
-    kept = [spread for spread in spreads if spread.keys[0] in rows and spread.half_width is not None]
+def _correlation(
+    spreads: Sequence[Spread], names: Sequence[str], matrix: Array, noise: Array, errors: Mapping[str, float]
+) -> Correlation | None:
+    """Correlation of the intervals that a fit has; an interval that is cut off at nothing goes by itself.
+
+    `errors` are the standard errors by key, in those of the normal distribution that has the interval.
+    """
+    place = {Parameter(name).spec.key: k for k, name in enumerate(names) if name in PARAMETERS}
+    kept = [spread for spread in spreads if spread.keys[0] in place and spread.half_width is not None]
     if len(kept) < 2:
         return None
-    at = [rows[spread.keys[0]] for spread in kept]
-    found = np.round(matrix[np.ix_(at, at)], 3)
-    return Correlation(keys=tuple(spread.name for spread in kept), rows=tuple(map(tuple, found.tolist())))
+    at = [place[spread.keys[0]] for spread in kept]
+    own = np.array([errors[spread.keys[0]] for spread in kept])
+    both = matrix[np.ix_(at, at)], noise[np.ix_(at, at)] * np.outer(own, own)
+    rows, by_noise = (tuple(map(tuple, np.round(each, 3).tolist())) for each in both)
+    return Correlation(keys=tuple(spread.name for spread in kept), rows=rows, noise=by_noise)
 
 
 def _of_kept_friction(scenario: Scenario, taken: set[str], covered: set[str]) -> tuple[list[Spread], float]:
@@ -85,6 +99,13 @@ def _of_kept_friction(scenario: Scenario, taken: set[str], covered: set[str]) ->
         return [], width
     kept = [key for key in keys if key not in covered and number_of(scenario.transmission, key)]
     return [Spread(keys=(key,), half_width=width) for key in kept], 0.0
+
+
+def _error(estimate: Estimate) -> float:
+    """Standard error over that of the normal distribution that has the interval; the interval is one of Student's t."""
+    if estimate.interval is None or not estimate.standard_error:
+        return 1.0
+    return min(2 * TWO_SIDED * estimate.standard_error / (estimate.interval[1] - estimate.interval[0]), 1.0)
 
 
 def _half_width(estimate: Estimate) -> float | None:

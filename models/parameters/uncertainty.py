@@ -98,24 +98,34 @@ class Correlation:
         Intervals by their keys, as [robust.spread] has them.
     rows : tuple of tuple of float
         Correlation of each with each [-], 1 with itself.
+    noise : tuple of tuple of float, optional
+        The part of `rows` that noise alone makes [-]; the rest of an interval is doubt about the law. Default: all.
     """
 
     keys: tuple[str, ...]
     rows: tuple[tuple[float, ...], ...]
+    noise: tuple[tuple[float, ...], ...] | None = None
 
     def __post_init__(self) -> None:
         count = len(self.keys)
         if count < 2 or len(set(self.keys)) != count:
             raise ParameterError(f"correlation: keys must be two different ones at least, got {list(self.keys)}")
-        if [len(row) for row in self.rows] != [count] * count:
-            raise ParameterError(f"correlation: rows must be {count} rows of {count} numbers, one for each key")
-        matrix = np.array(self.rows)
-        symmetric = np.allclose(matrix, matrix.T, atol=1e-9) and np.allclose(np.diag(matrix), 1)
-        if not symmetric or float(np.linalg.eigvalsh(matrix).min()) < -_ROUNDING:
-            raise ParameterError(
-                "correlation: rows must be symmetric, with 1 on the diagonal and no negative eigenvalue; copy them "
-                "from fitted.toml"
-            )
+        for name, rows in (("rows", self.rows), ("noise", self.by_noise)):
+            if [len(row) for row in rows] != [count] * count:
+                raise ParameterError(f"correlation: {name} must be {count} rows of {count} numbers, one for each key")
+            matrix = np.array(rows)
+            own = np.diag(matrix)
+            symmetric = np.allclose(matrix, matrix.T, atol=1e-9) and (np.allclose(own, 1) or name == "noise")
+            if not symmetric or own.max() > 1 + 1e-9 or float(np.linalg.eigvalsh(matrix).min()) < -_ROUNDING:
+                raise ParameterError(
+                    f"correlation: {name} must be symmetric, with {1 if name == 'rows' else 'at most 1'} on the "
+                    "diagonal and no negative eigenvalue; copy them from fitted.toml"
+                )
+
+    @property
+    def by_noise(self) -> tuple[tuple[float, ...], ...]:
+        """The part that noise alone makes."""
+        return self.rows if self.noise is None else self.noise
 
 
 _ROUNDING = 0.02  # of the rows' decimals, in their least eigenvalue

@@ -75,12 +75,18 @@ class Solution:
 
     def correlation(self) -> Array:
         """Correlation matrix of the values, shape (k, k); zero with values that the data does not see."""
+        found = self.share(self.covariance)
+        np.fill_diagonal(found, 1.0)
+        return found
+
+    def share(self, part: Array) -> Array:
+        """Part of the covariance over the standard errors, shape (k, k); 0 with values that the data does not see."""
         deviation = np.sqrt(np.clip(np.diag(self.covariance), 0, None))
         seen = np.isfinite(deviation) & (deviation > 0)
-        found = np.eye(len(deviation))
+        found = np.zeros(self.covariance.shape)
         if seen.any():
-            part = self.covariance[np.ix_(seen, seen)] / np.outer(deviation[seen], deviation[seen])
-            found[np.ix_(seen, seen)] = np.clip(part, -1, 1)
+            own = part[np.ix_(seen, seen)] / np.outer(deviation[seen], deviation[seen])
+            found[np.ix_(seen, seen)] = np.clip(own, -1, 1)
         return found
 
 

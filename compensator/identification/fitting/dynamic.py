@@ -13,16 +13,17 @@ from tendonff.compensator.identification.fitting.chain_law import (
     fit_free,
 )
 from tendonff.compensator.identification.fitting.errors import Prediction
-from tendonff.compensator.identification.fitting.noisy_input import look_again, residuals_of
+from tendonff.compensator.identification.fitting.noisy_input import residuals_of
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece, fit_pieces, spans_of
+from tendonff.compensator.identification.fitting.second_look import look_again
 from tendonff.compensator.identification.fitting.uncertainty import (
     ByFile,
+    doubt_of_other_laws,
     expected_errors,
     file_estimates,
     slopes_over_all,
     with_common_errors,
     with_floors,
-    with_other_laws,
     with_scatter,
     with_taken_for_granted,
 )
@@ -89,7 +90,8 @@ def _left_in(run: FitPiece, found: Prediction) -> float:
 class DynamicFit(ChainLaw):
     """The chain, fitted, with the scenario's own number of masses: its errors are those of the answer that goes on."""
 
-    solution: Solution  # of the free ones, with the input's noise in its covariance
+    solution: Solution  # of the free ones, with the input's noise and doubt about the law in its covariance
+    noise: Array  # its correlation without the doubt about the law: the diagonal is the share of noise
     # standard error that each parameter would have if it were free as well; infinite where the data is blind
     expected: dict[Parameter, float]
     law: ChosenLaw  # with the laws that were compared
@@ -215,14 +217,16 @@ def fit_dynamic(
     begin("dynamic stage: uncertainty")
     quick, slopes, every = seen(task, solution)
     files = file_estimates(quick, slopes, solution)
-    solution, concentration = with_other_laws(with_common_errors(solution), slopes, every, quick)
-    solution = with_floors(with_scatter(solution, files), mean_N)
+    law_doubt, concentration = doubt_of_other_laws(solution, slopes, every, quick)
+    solution = with_floors(with_scatter(with_common_errors(solution), files), mean_N)
     solution = with_taken_for_granted(solution, slopes, every, quick, gains=gains, kept_uncertainty=kept_uncertainty)
+    whole = replace(solution, covariance=solution.covariance + law_doubt)
     return DynamicFit(
         model=replace(task.model, count=transmission.path.segments),
         values=task.complete(solution.values),
         explain=explain,
-        solution=solution,
+        solution=whole,
+        noise=whole.share(solution.covariance),
         expected=expected_errors(slopes, every),
         law=law,
         mean_N=mean_N,

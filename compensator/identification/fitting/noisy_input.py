@@ -6,24 +6,18 @@ taken for the smoothed one and a correction, linear between knots in time, that 
 cost. Where output and elongation speak of the input, as they do after each reversal, they contribute to it. A
 Gauss-Newton step over values and knots, the knots eliminated window by window, is what moves the values; the slopes are
 those of a coarse chain, the residuals those of the fine one.
-
-Constants of the law are judged again then (`look_again`). While noise on the input is taken for friction, whether a rig
-has load-independent friction is hardly identifiable, and an offset of the output cell hides in the two directions'
-coefficients. With the input estimated their errors are five to ten times smaller: the law with all of them free is
-fitted, and those that are not identifiable are removed again.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tendonff.compensator.identification.constants import TUNED
-from tendonff.compensator.identification.fitting.chain_law import ChosenLaw, candidate, fit_free
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.smoothing import low_pass_piece
-from tendonff.compensator.identification.parameters import PARAMETERS, SPEED_TERMS, Parameter
+from tendonff.compensator.identification.parameters import Parameter
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fits.chain import InputWindow, input_windows
@@ -136,6 +130,21 @@ def with_implied_input(task: ChainResiduals, solution: Solution) -> ChainResidua
     return replace(task, pieces=pieces)
 
 
+def misfit(task: ChainResiduals, solution: Solution, usual: tuple[float, float]) -> float:
+    """Squared residuals with the input that the values imply, in units of their noise, and what its correction costs.
+
+    `usual` is the size of residuals by channel, as `ChainResiduals.channel_rms` has it, which laws that are compared
+    share; SolveError if the chain fails.
+    """
+    total = 0.0
+    for rows in _windows(task, solution, usual):
+        weight, _, solved = _eliminated(rows)
+        knots = solved[:, -1]
+        left = rows.residuals + rows.by_knots @ knots
+        total += float(weight @ left**2 + knots @ (rows.price @ knots - 2 * rows.asked))
+    return total
+
+
 def _clustered(inverse: Array, scores: Array) -> Array:
     """Covariance by the scatter of blocks, but not below that of independent noise."""
     blocks, count = scores.shape
@@ -169,9 +178,9 @@ def _feasible(normal: Array, wanted: Array, step: Array, least: Array) -> Array:
     return step
 
 
-def _windows(task: ChainResiduals, solution: Solution) -> Iterator[_Rows]:
+def _windows(task: ChainResiduals, solution: Solution, usual: tuple[float, float] | None = None) -> Iterator[_Rows]:
     full, found = task.complete(solution.values), solution.residuals
-    usual = task.channel_rms(found)
+    usual = usual or task.channel_rms(found)
     channels = zip(task.by_channel(found.values), task.by_channel(found.blocks), strict=True)
     for number, (left, (blocks, _)) in enumerate(channels):
         if len(blocks):
@@ -277,137 +286,3 @@ def _sampled(slopes: Array, time_s: Array, at_s: Array, cutoff_Hz: float) -> Arr
     before = np.clip(place.astype(np.int64), 0, len(time_s) - 2)
     share = (place - before)[:, None]
     return np.asarray((1 - share) * smooth[before] + share * smooth[before + 1])
-
-
-def look_again(
-    law: ChosenLaw,
-    task: ChainResiduals,
-    solution: Solution,
-    span_N: float,
-    *,
-    offsets: bool,
-    with_granted: Callable[[ChainResiduals, Solution], Solution] = lambda _, solution: solution,
-) -> tuple[ChosenLaw, ChainResiduals, Solution, str]:
-    """The law, its task on many masses, with the constants that the data tell, and its values with the input
-    estimated; where that fails all stay as they are, and the last says why.
-
-    `with_granted` adds to a solution's errors what is taken for granted; `span_N` is the output tension's range.
-    """
-    try:
-        again = _looked_again(law, task, solution, span_N, offsets, with_granted)
-        _check_no_worse((task, solution), again[1:])
-        return *again, ""
-    except SolveError as error:
-        caution = (
-            f"the noise of the input could not be taken out of the values ({error}): load-independent friction may be "
-            "too high, and the intervals too narrow; log the input with less noise, or more samples"
-        )
-        return law, task, solution, caution
-
-
-def _looked_again(
-    law: ChosenLaw,
-    task: ChainResiduals,
-    solution: Solution,
-    span_N: float,
-    offsets: bool,
-    with_granted: Callable[[ChainResiduals, Solution], Solution],
-) -> tuple[ChosenLaw, ChainResiduals, Solution]:
-    proximal = task.pieces[0].explain is Explain.POSITION
-    if D.INPUT_BIAS in task.free or all(run.record.input_noise_N <= 0 for run in task.pieces):
-        return law, task, with_input_estimated(task, solution)
-    full = task.complete(solution.values)
-    constants = [] if D.LOAD_EXPONENT in task.free else [D.ADHESION]  # nearly the same in most data
-    offered = [*((D.OUTPUT_BIAS,) if offsets and not proximal else ()), *constants, D.MU_RELEASE]
-    free = (*task.free, *(name for name in offered if name not in task.free))
-    wide = replace(task, model=replace(task.model, symmetric=False), free=free)
-    at = {str(name): full[name] for name in free}
-    wide_fit = with_input_estimated(
-        wide, replace(solution, values=at, residuals=residuals_of(wide, at)), rounds=1, signed=True
-    )
-    wide_fit = with_granted(wide, wide_fit)
-    own, dropped = task.model.values(), set[Parameter]()
-    for name, sure in ((D.OUTPUT_BIAS, TUNED.very_sure), (D.ADHESION, TUNED.sure)):
-        if name in free and own[name] == 0:
-            size = abs(wide_fit.values[name]) if name is D.OUTPUT_BIAS else wide_fit.values[name]
-            if not size > sure * wide_fit.standard_error(name):
-                wide_fit = _without(wide_fit, name)
-                dropped.add(name)
-    for name in SPEED_TERMS:  # the coarse chain's long steps imitate them
-        if name in free and own[name] == 0 and not wide_fit.values[name] > TUNED.sure * wide_fit.standard_error(name):
-            for gone in (name, D.STRIBECK_VELOCITY) if name is D.STATIC_EXCESS else (name,):
-                wide_fit = _without(wide_fit, gone, by=wide_fit.values[gone] - own[gone])
-                dropped.add(gone)
-    symmetric = task.model.symmetric and _is_symmetric(wide_fit)
-    if symmetric:
-        dropped.add(D.MU_RELEASE)
-    kept = tuple(name for name in free if name not in dropped)
-    chosen = replace(
-        task,
-        model=replace(task.model, symmetric=symmetric),
-        free=kept,
-        fixed={**full, **{name: own[name] for name in dropped - {D.MU_RELEASE}}},
-    )
-    at = {str(name): float(wide_fit.values[name]) for name in kept}
-    if dropped & set(SPEED_TERMS):  # far from nothing, perhaps: the others are searched anew on few masses
-        start = {D(name): value for name, value in at.items()}
-        quick = replace(law.task, model=replace(law.task.model, symmetric=symmetric), free=kept, fixed=chosen.fixed)
-        at = fit_free(quick, {**chosen.fixed, **start}, span_N, 15, 1e-4).values
-    found = with_input_estimated(chosen, replace(solution, values=at, residuals=residuals_of(chosen, at)))
-    return _renamed(law, chosen, found), chosen, found
-
-
-def _check_no_worse(before: tuple[ChainResiduals, Solution], after: tuple[ChainResiduals, Solution]) -> None:
-    """Raise SolveError where a law explains much less than it did.
-
-    Values that are right leave what the noise of the input is rectified to, and others take it for friction: where the
-    error grew, both are compared by their errors behind the input that each of them implies.
-    """
-    both = (before, after)
-    sizes = [_size(found.residuals) for _, found in both]
-    if sizes[1] > TUNED.nearly_as_good * sizes[0]:
-        sizes = [_size(residuals_of(with_implied_input(task, found), found.values)) for task, found in both]
-    grown = sizes[1] / max(sizes[0], 1e-300)
-    if grown > TUNED.nearly_as_good:
-        raise SolveError(f"the error of the law grew by a factor of {grown:.2g}")
-
-
-def _size(residuals: Residuals) -> float:
-    """RMS of the residuals, large ones counted linearly."""
-    return float(np.sqrt(np.mean(2 * (np.sqrt(1 + residuals.values**2) - 1))))
-
-
-def _without(solution: Solution, name: Parameter, by: float | None = None) -> Solution:
-    """Values and covariance of the others where one of them is nothing, or less by so much."""
-    place, covariance = list(solution.values).index(name), solution.covariance
-    share, size = covariance[:, place] / covariance[place, place], solution.values[name] if by is None else by
-    values = {
-        other: value - float(along) * size for (other, value), along in zip(solution.values.items(), share, strict=True)
-    }
-    return replace(solution, values=values, covariance=covariance - np.outer(share, covariance[place]))
-
-
-def _is_symmetric(solution: Solution) -> bool:
-    """Whether a single coefficient holds for both directions: their difference is small, and known to be."""
-    pull, release = (list(solution.values).index(name) for name in (D.MU_PULL, D.MU_RELEASE))
-    covariance = solution.covariance
-    variance = covariance[pull, pull] + covariance[release, release] - 2 * covariance[pull, release]
-    apart = abs(solution.values[D.MU_PULL] - solution.values[D.MU_RELEASE])
-    deviation = float(np.sqrt(max(variance, 0.0)))
-    return bool(apart < TUNED.sure * deviation < TUNED.sure * TUNED.symmetric_share * solution.values[D.MU_PULL])
-
-
-def _renamed(law: ChosenLaw, task: ChainResiduals, solution: Solution) -> ChosenLaw:
-    """The chosen law under the name of what it has now, among those that were compared."""
-    if set(task.free) == set(law.task.free) and task.model.symmetric == law.task.model.symmetric:
-        return law
-    name = "symmetric with presliding" if task.model.symmetric else "asymmetric with presliding"
-    name += "".join(f", {extra.spec.effect}" for extra in PARAMETERS if extra.spec.effect and extra in task.free)
-    judge = law.judge and replace(law.judge, model=replace(law.judge.model, symmetric=task.model.symmetric))
-    quick = replace(law.task, model=replace(law.task.model, symmetric=task.model.symmetric), free=task.free)
-    values = task.complete(solution.values)
-    quick = replace(quick, fixed=values)
-    found = quick.evaluate({name: values[D(name)] for name in solution.values})
-    own = replace(candidate(name, quick, replace(solution, residuals=found), judge), chosen=True)
-    others = [replace(one, chosen=False) for one in law.candidates if one.name != name]
-    return replace(law, candidates=(*others, own), judge=judge)

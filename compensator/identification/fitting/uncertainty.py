@@ -41,15 +41,15 @@ def expected_errors(found: Residuals, names: Sequence[Parameter]) -> dict[Parame
     return dict(zip((names[k] for k in own), np.sqrt(np.diag(covariance)), strict=True))
 
 
-def with_other_laws(
+def doubt_of_other_laws(
     solution: Solution, found: Residuals, names: Sequence[Parameter], task: ChainResiduals
-) -> tuple[Solution, float]:
-    """Add to the covariance what laws with one more effect make doubtful, each weighted by what the data say of it.
+) -> tuple[Array, float]:
+    """Covariance of what laws with one more effect make doubtful, each weighted by what the data say of it.
 
     One Gauss-Newton step from the solution, where `found` has slopes over `names`, tells where the answer would go with
     the effect and how much the error would fall; Akaike's weights follow, with as many samples as there are independent
     ones. A path whose wrap angle is not even along its length is one of the effects: it shows in the elongation and
-    moves the stiffness most. Returned with the solution: by how much more of the wrap angle the nearer half carries
+    moves the stiffness most. Returned with the doubt: by how much more of the wrap angle the nearer half carries
     than half [-]; 0 where the data do not tell.
     """
     free = [names.index(D(n)) for n in solution.values]
@@ -57,7 +57,7 @@ def with_other_laws(
     own_step, own_size = _newton(found, free)
     own, _ = block_covariance(replace(found, slopes=found.slopes[:, free]), robust=True)
     if not np.isfinite(own).all():  # nothing to add to what is not known
-        return solution, 0.0
+        return np.zeros_like(own), 0.0
     moves, spreads, evidence = [np.zeros(len(free))], [own], [0.0]
     others: list[tuple[Parameter | None, Residuals, int]] = [
         (extra, found, names.index(extra))
@@ -87,8 +87,7 @@ def with_other_laws(
     share = np.exp(np.array(evidence) - max(evidence))
     share /= share.sum()
     total = sum(s * (c + np.outer(m, m)) for s, c, m in zip(share, spreads, moves, strict=True))
-    doubt = TUNED.other_laws * _nearest_covariance(total - own)
-    return replace(solution, covariance=solution.covariance + doubt), concentration
+    return TUNED.other_laws * _nearest_covariance(total - own), concentration
 
 
 def _nearest_covariance(found: Array) -> Array:

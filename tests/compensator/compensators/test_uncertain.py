@@ -1,5 +1,6 @@
 """Samples of what is not known, and errors over them."""
 
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -7,12 +8,19 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.compensators.base import Problem
-from tendonff.compensator.compensators.expectation import behind_drives, two_digits
+from tendonff.compensator.compensators.expectation import (
+    WITHOUT_WAVES,
+    bands_of,
+    behind_drives,
+    expectation_of,
+    two_digits,
+)
 from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.compensators.profile import Profile
 from tendonff.compensator.compensators.superposition import Superposition
 from tendonff.compensator.compensators.uncertain import Doubt, sample_systems
 from tendonff.compensator.scenario.sampled.sampling import Reference
+from tendonff.compensator.scenario.unit import NEWTON
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
@@ -184,14 +192,26 @@ def test_the_worst_case_of_numbers_measured_together_is_that_of_95_percent_of_al
     assert 0.87 < np.mean(np.linalg.norm(draws @ slopes, axis=1) < said) < 0.97
 
 
-@pytest.mark.parametrize(("together", "radius"), [(False, np.sqrt(2 / np.pi)), (True, np.sqrt(2 * np.log(2)) / 1.96)])
-def test_the_expected_error_is_the_median_over_all_draws(generic: Transmission, together: bool, radius: float) -> None:
-    """Of two errors at different times: half of the square lies in that circle, half of a normal distribution."""
+@pytest.mark.parametrize(
+    ("together", "noise", "radius"),
+    [
+        (False, None, np.sqrt(2 / np.pi)),
+        (True, None, np.sqrt(2 * np.log(2)) / 1.96),
+        (True, ((0.09, 0.0), (0.0, 0.09)), 0.3 * np.sqrt(2 * np.log(2)) / 1.96),
+    ],
+)
+def test_the_expected_error_is_the_median_over_all_draws(
+    generic: Transmission, together: bool, noise: tuple[tuple[float, ...], ...] | None, radius: float
+) -> None:
+    """Of two errors at different times: half of the square lies in that circle, half of a normal distribution.
+
+    Doubt about the law, which the intervals hold beside the noise, is no part of it.
+    """
     keys = ("tendon.stiffness_N_per_m", "load.stiffness_N_per_m")
     known = Uncertainty(
         spread=tuple(Spread(keys=(key,), half_width=0.1) for key in keys),
         samples=9,
-        correlation=Correlation(keys=keys, rows=((1.0, 0.0), (0.0, 1.0))) if together else None,
+        correlation=Correlation(keys=keys, rows=((1.0, 0.0), (0.0, 1.0)), noise=noise) if together else None,
     )
     ends = np.array([[0.0, 0.0], [-2.0, 0.0], [2.0, 0.0], [0.0, -2.0], [0.0, 2.0]])
     found = Superposition.of(Doubt.of(generic, known), ends).median_rmse
@@ -221,10 +241,33 @@ def test_what_comes_late_of_a_cycle_is_the_end_of_the_one_before(generic: Transm
     )
 
 
+@pytest.mark.parametrize(("fine", "said"), [(0.5, False), (math.nan, True)])
+def test_waves_that_could_not_be_simulated_are_said_to_be_missing(
+    generic: Transmission, fine: float, said: bool
+) -> None:
+    """The errors are then those of the coarser steps, as they would be without such a drive."""
+    doubt, wanted = Doubt.of(generic, Uncertainty(mu=0.1, samples=3)), np.linspace(0.0, 2.0, 5)
+    bands = bands_of(
+        doubt,
+        wanted,
+        {"inverse": wanted},
+        lambda _, profile: (profile + 0.25, False),
+        lambda profile: profile.tobytes(),
+        {},
+        lambda _, profile: profile + fine,
+    )
+    found = expectation_of(doubt, Level.PRESLIDING, bands, "range", NEWTON, None)
+    assert found.best.nominal.rmse == pytest.approx(0.25 if said else 0.5)
+    assert [text for text in found.warnings if "may be too small" in text] == [WITHOUT_WAVES] * said
+
+
 def test_a_correlation_that_none_can_have_is_refused() -> None:
     with pytest.raises(ParameterError, match="symmetric, with 1 on the diagonal"):
         Correlation(keys=("a", "b", "c"), rows=((1, 0.9, 0.9), (0.9, 1, -0.9), (0.9, -0.9, 1)))
     with pytest.raises(ParameterError, match="rows must be 2 rows of 2 numbers"):
         Correlation(keys=("a", "b"), rows=((1.0,), (0.5, 1.0)))
+    for noise in (((1.1, 0.0), (0.0, 0.5)), ((0.5, 0.6), (0.6, 0.5))):
+        with pytest.raises(ParameterError, match="noise must be symmetric, with at most 1 on the diagonal"):
+            Correlation(keys=("a", "b"), rows=((1.0, 0.5), (0.5, 1.0)), noise=noise)
     with pytest.raises(ParameterError, match="has no interval"):
         replace(MEASURED, spread=()).check_correlation()

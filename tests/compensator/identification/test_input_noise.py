@@ -6,16 +6,17 @@ import numpy as np
 import pytest
 from synthetic import Faults, write_synthetic
 
-from tendonff.compensator.identification.fitting import noisy_input, uncertainty
+from tendonff.compensator.identification.constants import TUNED
+from tendonff.compensator.identification.fitting import noisy_input, second_look, uncertainty
 from tendonff.compensator.identification.fitting.chain_law import fit_free
 from tendonff.compensator.identification.fitting.noisy_input import (
-    look_again,
     residuals_of,
     with_implied_input,
     with_input_estimated,
 )
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals, fit_pieces, spans_of
-from tendonff.compensator.identification.fitting.uncertainty import slopes_over_all, with_other_laws
+from tendonff.compensator.identification.fitting.second_look import look_again
+from tendonff.compensator.identification.fitting.uncertainty import doubt_of_other_laws, slopes_over_all
 from tendonff.compensator.identification.measured.cleaning import clean
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.parameters import CORE, ParametricChain
@@ -36,10 +37,10 @@ def nominal(examples):
     return load_scenario(examples / "finger.toml")
 
 
-def fitted(nominal, folder, seed, noise):
+def fitted(nominal, folder, seed, noise, **true):
     """A fit that has the law right, before and after the input is estimated."""
     t = nominal.transmission
-    truth = replace(t, friction=replace(t.friction, adhesion_N=ADHESION_N))
+    truth = replace(t, friction=replace(t.friction, **(true or {"adhesion_N": ADHESION_N})))
     rng = np.random.default_rng(seed)
     time = np.arange(0, 16, STEP_S)
     turns = np.concatenate([[30.0], np.ravel([[rng.uniform(45, 100), rng.uniform(10, 30)] for _ in range(10)])])
@@ -112,7 +113,7 @@ def test_values_that_explain_less_once_the_noise_is_taken_out_are_not_taken(nomi
     off = plain.values | {D.MU_PULL: 1.13 * plain.values[D.MU_PULL]}
     worse = replace(plain, values=off, residuals=residuals_of(task, off))
     for other, taken in ((joint, True), (worse, False)):
-        monkeypatch.setattr(noisy_input, "_looked_again", lambda *_, other=other: ("another law", task, other))
+        monkeypatch.setattr(second_look, "_looked_again", lambda *_, other=other: ("another law", task, other))
         law, _, solution, caution = look_again("the law", task, plain, 1.0, offsets=False)
         assert (law, solution is other, not caution) == ("another law" if taken else "the law", taken, taken)
     assert "the error of the law grew by a factor of" in caution
@@ -129,10 +130,30 @@ def test_laws_are_compared_behind_the_input_that_they_imply(nominal, tmp_path):
     assert np.linalg.norm(left[1]) < 1.05 * np.linalg.norm(left[0])
 
 
+@pytest.mark.parametrize(
+    ("true", "told"), [({"adhesion_N": 1.5}, False), ({"load_exponent": 0.2, "reference_tension_N": 40.0}, True)]
+)
+def test_friction_that_falls_with_the_load_is_told_from_adhesion_by_the_misfit(nominal, tmp_path, true, told):
+    """The law with adhesion is fitted in either case; the other one starts from it, and takes its place where true."""
+    task, plain, _ = fitted(nominal, tmp_path, 1, 0.003, **true)
+    free = (*CORE, D.STIFFNESS, D.ADHESION)
+    model = replace(task.model, transmission=nominal.transmission, load_reference_N=40.0)
+    start = {**plain.values, D.ADHESION: 1.5}
+    task = replace(task, model=model, free=free, fixed={**task.fixed, **start, D.LOAD_EXPONENT: 0.0})
+    solution = fit_free(task, task.fixed, float(np.ptp(task.pieces[0].measured)), 8, 1e-4)
+    found = with_input_estimated(task, solution)
+    rival, other = second_look._with_other_dependence(task, found)
+    assert (D.LOAD_EXPONENT in rival.free, D.ADHESION in rival.free) == (True, False)
+    mine, its = second_look._misfits([(task, found), (rival, other)])
+    assert (mine - its > TUNED.decisive) is told
+    if told:
+        assert other.values[D.LOAD_EXPONENT] == pytest.approx(0.2, rel=0.1)
+
+
 def test_a_path_that_cannot_be_split_for_the_doubt_about_it_is_no_silence(nominal, tmp_path, monkeypatch):
     task, plain, _ = fitted(nominal, tmp_path, 0, 0.0)
     every = (*task.free, *(name for name in D if name not in task.free and name is not D.LOAD_EXPONENT))
     slopes = slopes_over_all(replace(task, fixed=task.complete(plain.values)), every)
     monkeypatch.setattr(uncertainty, "Section", failing(ParameterError("no such section")))
     with pytest.raises(ParameterError, match="no such section"):
-        with_other_laws(plain, slopes, every, task)
+        doubt_of_other_laws(plain, slopes, every, task)

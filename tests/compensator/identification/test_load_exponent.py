@@ -20,8 +20,12 @@ from tests.independent_plant import respond
 pytestmark = [pytest.mark.compiler, pytest.mark.nightly]  # a fit of half a minute
 
 
-def test_a_polymer_tendon_is_identified_and_compensated(examples, tmp_path, monkeypatch, record_property):
-    """mu ~ T^-0.2: the exponent within 5 %, 0.1 % of range left after design, and the promise holds and is small."""
+@pytest.mark.parametrize("seed", [0, 11, 12])
+def test_a_polymer_tendon_is_identified_and_compensated(examples, tmp_path, monkeypatch, record_property, seed):
+    """mu ~ T^-0.2: the exponent within 5 %, 0.1 % of range left after design, and the promise holds and is small.
+
+    With the noise of the last two the law was adhesion, or had an offset that the cell has not: 1.7 and 0.4 % left.
+    """
     monkeypatch.setattr(pace, "MOST", 1e3)  # tests compile quickly, and compute slowly
     scenario = load_scenario(examples / "finger.toml")
     t = scenario.transmission
@@ -41,7 +45,7 @@ def test_a_polymer_tendon_is_identified_and_compensated(examples, tmp_path, monk
     run = simulate(
         Chain.of(truth, Level.PRESLIDING, 40), np.interp(fine, time, force), 5e-4, initial_tension_N=40.0
     ).require()
-    noise = np.random.default_rng(0)
+    noise = np.random.default_rng(seed)
 
     def logged(channel):
         kept = channel[::4]
@@ -67,7 +71,10 @@ def test_a_polymer_tendon_is_identified_and_compensated(examples, tmp_path, monk
     seen = respond(truth, reference.time_s, profile.force_N, reference.initial_tension_N, masses=12)
     error = seen.output_N - reference.tension_N
     percent = 100 * float(np.sqrt(np.mean(error**2))) / reference.range_N
-    said = problem.expect({"inverse": profile}).best.worst.rmse_percent_of_range
-    record_property("figure", f"mu ~ T^-0.2, identified and designed: {percent:.2g} % of range, {said:.2g} % said")
+    band = problem.expect({"inverse": profile}).best
+    said, expected = band.worst.rmse_percent_of_range, band.expected_percent
+    text = f"{percent:.2g} % of range, {expected:.2g} % expected, {said:.2g} % at most"
+    record_property("figure", f"mu ~ T^-0.2, identified and designed: {text}")
     assert percent < 0.1
     assert percent < said < 0.35
+    assert 0.04 < expected < 0.075
