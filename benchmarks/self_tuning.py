@@ -5,7 +5,8 @@
 Two sines (or every one of `MOTIONS`), 8 s, 1 kHz, 2 ms of delay, noise of 0.5 % of range or of travel. Errors are RMS
 after 2 s in % of range (after the change and 2 s where something changes in mid-run: those of the last second are
 stated too); *worst* is the largest ratio to the plain inverse over any second, of seconds in which more than 0.5 % of
-range is left. `--load-exponent 0.2` states friction that falls with the tension, at the tension of the start.
+range is left, *any* that of all seconds, *share* how many of all have more than 1.3 times and more than 0.5 %.
+`--load-exponent 0.2` states friction that falls with the tension, at that of the start; `--seed` is of the noise.
 """
 
 import argparse
@@ -228,7 +229,9 @@ def compiled(scenario: Scenario, problem: Problem) -> ctypes.CDLL:
     return load_library("\n".join(["#include <stdlib.h>", *lines, DRIVER]))
 
 
-def play(library: ctypes.CDLL, scenario: Scenario, problem: Problem, world: World, *, deaf: bool) -> tuple[Any, ...]:
+def play(
+    library: ctypes.CDLL, scenario: Scenario, problem: Problem, world: World, *, deaf: bool, seed: int = 0
+) -> tuple[Any, ...]:
     """Error over time, in % of range, status, and what was found."""
     assert scenario.adaptation is not None
     reference, sensor = problem.reference, scenario.adaptation.sensor
@@ -245,7 +248,7 @@ def play(library: ctypes.CDLL, scenario: Scenario, problem: Problem, world: Worl
             return held[0] - noise[len(tuner.log)]
         return value
 
-    noise = scenario.adaptation.noise * np.random.default_rng(0).normal(size=len(reference.tension_N))
+    noise = scenario.adaptation.noise * np.random.default_rng(seed).normal(size=len(reference.tension_N))
     tension, status = INDEPENDENT.closed_loop(
         rig, tuner, reference.tension_N, measure, noise, delay=world.delay, change=world.change
     )
@@ -266,6 +269,7 @@ def main() -> None:
     parser.add_argument("--parameters", default="", help="default: the scenario's")
     parser.add_argument("--motions", default="two sines", help="names, separated by commas; or all")
     parser.add_argument("--load-exponent", type=float, default=0.0, help="stated in the scenario")
+    parser.add_argument("--seed", type=int, default=0, help="of the noise")
     parser.add_argument("--gain", type=float, default=None, help="integral action [1/s]; default: the scenario's")
     options = parser.parse_args()
     motions = list(MOTIONS) if options.motions == "all" else options.motions.split(",")
@@ -277,14 +281,16 @@ def main() -> None:
         for case in options.cases:
             world = CASES[case]
             plain, _, _ = play(library, scenario, problem, world, deaf=True)
-            error, status, log = play(library, scenario, problem, world, deaf=False)
+            error, status, log = play(library, scenario, problem, world, deaf=False, seed=options.seed)
             late, second = round(2 / STEP_S), round(1 / STEP_S)
             seconds = [slice(k, k + second) for k in range(0, len(error) - second, second // 4)]
-            ratios = [rms(error[s]) / rms(plain[s]) for s in seconds if rms(error[s]) > 0.5]
+            ratios = np.array([rms(error[s]) / rms(plain[s]) for s in seconds])
+            counts = np.array([rms(error[s]) > 0.5 for s in seconds])
             print(
                 f"{name:9} {motion:11} {options.sensor:17} {case:40} plain {rms(plain[late:]):6.2f}  "
                 f"tuned {rms(error[late:]):6.2f}  "
-                f"last {rms(error[-second:]):6.2f} worst {max(ratios, default=0):5.2f}  frozen "
+                f"last {rms(error[-second:]):6.2f} worst {np.where(counts, ratios, 0).max():5.2f}  "
+                f"any {ratios.max():6.2f}  share {100 * np.mean(counts & (ratios > 1.3)):3.0f} %  frozen "
                 f"{100 * np.mean((status & 64) > 0):3.0f} %  doubt {100 * np.mean((status & 256) > 0):3.0f} %  "
                 f"{np.round(log[-1, :2], 3)} gain {log[-1, 4]:.3f}",
                 flush=True,

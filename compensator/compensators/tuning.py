@@ -41,27 +41,22 @@ class Certified:
 
 
 def check_tuning(scenario: Scenario) -> None:
-    """Refuse self-tuning behind a position servo, and a load exponent that there is none of.
+    """Refuse self-tuning behind a position servo, and that of a load exponent where friction differs from mass to mass.
 
     The model of the tuner is driven by the force that was applied.
     """
-    if scenario.adaptation is not None and scenario.transmission.actuator.drive is Drive.POSITION:
+    if scenario.adaptation is None:
+        return
+    if scenario.transmission.actuator.drive is Drive.POSITION:
         raise InputError(
             f'{scenario.source.name} [adaptation]: self-tuning needs a force drive; leave it out, or use "force"'
         )
-    if scenario.adaptation is not None and Tunable.LOAD_EXPONENT in scenario.adaptation.parameters:
-        _check_load_exponent(scenario)
-
-
-def _check_load_exponent(scenario: Scenario) -> None:
-    where, stated = f"{scenario.source.name} [adaptation] parameters", scenario.transmission.friction.load_exponent
-    if not stated:
+    sections = scenario.joints or scenario.transmission.path.sections
+    if sections and Tunable.LOAD_EXPONENT in scenario.adaptation.parameters:
         raise InputError(
-            f'{where}: "load_exponent" is a factor on [friction] load_exponent, which is {stated or 0}; state it there '
-            "with reference_tension_N, 0.2 for polymers"
+            f'{scenario.source.name} [adaptation] parameters: "load_exponent" is tuned on a path of one piece at rest '
+            "only; leave it out here"
         )
-    if scenario.joints or scenario.transmission.path.sections:
-        raise InputError(f'{where}: "load_exponent" is tuned on a path of one piece at rest only; leave it out here')
 
 
 def tuning_of(problem: Problem, settings: Adaptation) -> Tuning:
@@ -110,7 +105,7 @@ def learnt(problem: Problem, tuning: Tuning) -> Information:
     run = tuner.run(rig, reference.tension_N[1:], np.zeros(len(reference.tension_N) - 1), adapt=False)
     weight = np.minimum(run.moved / tuning.full_speed, 1.0)
     gated = np.where(weight > GATE, weight, 0.0)
-    return information(tuning, reference.time_s[1:], run.slopes, gated, nuisances_of(tuned, tuning))
+    return information(tuning, reference.time_s[1:], run.slopes, gated, nuisances_of(tuned, tuning), tuned.priors)
 
 
 def friction_spread(problem: Problem) -> float:

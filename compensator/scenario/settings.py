@@ -107,12 +107,12 @@ class Adaptation:
         Age of the joint angles when they arrive, in steps, 0 to 63: the tuner takes them on at the rate of so many
         steps. Default 0.
     parameters : tuple of Tunable, optional
-        What is tuned, one or two: "mu", "mu_pull", "mu_release", "load_stiffness", "tendon_stiffness", "load_exponent"
-        where `[friction]` states one. Default mu_pull
-        and mu_release from the output tension; mu from the position, from which the directions are separately
-        identifiable only where load stiffness and start tension are known.
+        What is tuned, one or two: "mu", "mu_pull", "mu_release", "load_stiffness", "tendon_stiffness", "load_exponent".
+        Default mu_pull and mu_release from the output tension; mu from the position, from which the directions are
+        separately identifiable only where load stiffness and start tension are known.
     range : tuple of float, optional
-        Bounds of each estimate relative to the scenario's value [-]. Default 0.5 to 2.
+        Bounds of each estimate relative to the scenario's value [-]; 1 more of load_exponent adds 1 to it. Default 0.5
+        to 2.
     integral_gain_per_s : float, optional
         Integral action on the logarithm of the measured output tension [1/s], >= 0; 0 for none. It acts in full where
         the model leaves something unexplained, with a third elsewhere. Default: three eighths of what is certified

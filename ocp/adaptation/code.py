@@ -9,10 +9,24 @@ import casadi as ca
 from tendonff.models.fidelity import Level
 from tendonff.models.layout import fields_of
 from tendonff.models.parameters import Transmission
+from tendonff.models.parameters.transmission import LARGEST_EXPONENT
 from tendonff.models.tendon.chain import Chain
 from tendonff.models.tendon.elements import Whole, whole_of
-from tendonff.ocp.adaptation.recursion import covariance_names, return_law, trust_law, update_law
-from tendonff.ocp.adaptation.tuning import DOUBTED, EXPLAINED, GATE, MAX_DELAY, PEAK, SPREADS, Nuisance, Tunable, Tuning
+from tendonff.ocp.adaptation.recursion import Prior, covariance_names, return_law, trust_law, update_law
+from tendonff.ocp.adaptation.tuning import (
+    DOUBTED,
+    EXPLAINED,
+    GATE,
+    MAX_DELAY,
+    PEAK,
+    SPREADS,
+    START_DEVIATION,
+    STATED_EXPONENT,
+    UNKNOWN_EXPONENT,
+    Nuisance,
+    Tunable,
+    Tuning,
+)
 from tendonff.ocp.codegen.compiler import find_compiler, load_library, why_no_compiler
 from tendonff.ocp.codegen.partial_evaluation import FoldedLaw, PartialEvaluator
 from tendonff.ocp.codegen.precision import Precision
@@ -37,10 +51,11 @@ _SCALED: dict[Tunable, tuple[str, ...]] = {
         "relaxing_stiffness_N_per_m",
         "second_relaxing_stiffness_N_per_m",  # where the tendon has one
     ),
-    Tunable.LOAD_EXPONENT: ("load_exponent",),
 }
 _OF_SECTIONS = _FRICTION[0] + _FRICTION[1]
 LOAD_STIFFNESS = "far_stiffness_N_per_m"
+LEAST_LOAD = 1e-2
+"""Least tension, of that at the start, under which friction still changes with it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,10 +76,26 @@ class TunedChain:
             whole=whole_of(transmission, level), chain=Chain.of(transmission, level, segments), parameters=parameters
         )
 
-    def with_factors(self, factors: Mapping[Tunable, ca.SX | float]) -> Chain:
-        """The chain at other factors; numbers or CasADi scalars."""
+    @property
+    def priors(self) -> tuple[Prior, ...]:
+        """Priors of the factors; the exponent stays within what materials have."""
+        stated = float(fields_of(self.whole.friction).get("load_exponent", 0.0))
+        width = (STATED_EXPONENT if stated else UNKNOWN_EXPONENT) / START_DEVIATION
+        exponent = Prior(width=width, least=1 - stated, most=1 + LARGEST_EXPONENT - stated)
+        return tuple(exponent if p is Tunable.LOAD_EXPONENT else Prior() for p in self.parameters)
+
+    def with_factors(self, factors: Mapping[Tunable, ca.SX | float], load: ca.SX | float = 0.0) -> Chain:
+        """The chain at other factors; numbers or CasADi scalars.
+
+        A factor of 1 + dn on the load exponent adds dn to it, 0 where none is stated: friction of the whole path
+        changes by (T/T_0)^-dn at its mean tension T. `load` is ln(T/T_0), see `load_law`: in slip the mean of ln T over
+        all masses, so that the law of each mass is met to first order in dn, at the cost of one power a sample.
+        """
         known = fields_of(self.whole.friction) | fields_of(self.whole.link)
         scales = {n: f for key, f in factors.items() for n in _SCALED.get(key, ()) if n in known}
+        if Tunable.LOAD_EXPONENT in factors:
+            fall = ca.exp((1 - factors[Tunable.LOAD_EXPONENT]) * load)
+            scales |= {n: scales.get(n, 1.0) * fall for n in _OF_SECTIONS if n in known}
         own = self.chain.moving  # then sections may have friction of their own
         values = {n: f * known[n] for n, f in scales.items() if not (own and n in _OF_SECTIONS)}
         far = self.chain.far
@@ -84,14 +115,15 @@ class TunedChain:
         known = dict(zip(self.parameters, factors, strict=True))
         if self.chain.moving:  # friction is the masses' own: see `own_slopes`
             known = {key: f for key, f in known.items() if not set(_SCALED.get(key, ())) & set(_OF_SECTIONS)}
-        symbolic = self.with_factors(known).numbers()
+        load = ca.SX.sym("load")
+        symbolic = self.with_factors(known, load).numbers()
         every = ca.vertcat(*factors)
         found = {name: ca.SX(value) for name, value in symbolic.items()}
         names = tuple(name for name, value in found.items() if ca.depends_on(value, every))
         outputs = {name: found[name] for name in names}
         outputs |= {f"{n}_by_f{k}": ca.jacobian(found[n], f) for n in names for k, f in enumerate(factors)}
         comment = "Numbers of the chain that are tuned, and their slopes over the factors."
-        return Law(name="retuned_numbers", comment=comment, inputs=tuple(factors), outputs=outputs), names
+        return Law(name="retuned_numbers", comment=comment, inputs=(*factors, load), outputs=outputs), names
 
     def scaled_rows(self) -> list[tuple[int, int]]:
         """Rows of `Chain.of_masses` that carry a factor, with its place among the parameters."""
@@ -159,7 +191,13 @@ def tuner_context(
         "masses": chain.count,
         "numbers": list(chain.numbers()),
         "retuned": names,
-        "retuned_inputs": tuple(f.name() for f in law.inputs if ca.depends_on(ca.vertcat(*law.outputs.values()), f)),
+        "retuned_inputs": tuple(
+            f"f[{f.name()[1:]}]" if f.name() != "load" else "load"
+            for f in law.inputs
+            if ca.depends_on(ca.vertcat(*law.outputs.values()), f)
+        ),
+        "by_load": Tunable.LOAD_EXPONENT in tuned.parameters,
+        "widths": ["" if p.width == 1 else f"{literal(p.width**2, precision)} * " for p in tuned.priors],
         "retuned_outputs": tuple(law.outputs),
         "retuned_link": any(name.startswith("link_") for name in names),
         "retuned_load": LOAD_STIFFNESS if LOAD_STIFFNESS in names else "",
@@ -185,8 +223,22 @@ def tuner_laws(tuned: TunedChain, nuisances: tuple[Nuisance, ...], *, on_target:
     count = len(tuned.parameters)
     numbers = tuned.retuned_numbers()[0]
     own = (tuned.own_slopes(),) if tuned.chain.moving and not on_target else ()
-    update = update_law(count, tuple(SPREADS[n] for n in nuisances))
-    return update, trust_law(count), return_law(), *((numbers,) if numbers.outputs else ()), *own
+    update = update_law(count, tuple(SPREADS[n] for n in nuisances), tuned.priors)
+    load = (load_law(tuned.whole.value("adhesion_N")),) if Tunable.LOAD_EXPONENT in tuned.parameters else ()
+    return update, trust_law(count), return_law(), *((numbers,) if numbers.outputs else ()), *own, *load
+
+
+def load_law(adhesion_N: float) -> Law:
+    """ln(T/T_0) of the path [-]: T is the geometric mean of the tensions at its ends, T_0 that of the start."""
+    given = [ca.SX.sym(name) for name in ("near", "far", "start")]
+    near, far, start = (tension + adhesion_N for tension in given)
+    least = LEAST_LOAD * start
+    return Law(
+        name="tuning_load",
+        comment="Logarithm of the mean tension of the path over that of the start: friction may fall with it.",
+        inputs=tuple(given),
+        outputs={"load": ca.log(ca.fmax(near, least) * ca.fmax(far, least) / (start * start)) / 2},
+    )
 
 
 def render_tuner(template: str, context: Mapping[str, object]) -> str:

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tendonff.ocp.adaptation.tuning import SPREADS, Nuisance, Tuning
+from tendonff.ocp.adaptation.recursion import Prior
+from tendonff.ocp.adaptation.tuning import SPREADS, Nuisance, Tunable, Tuning
 from tendonff.ocp.step.protocol import Array
 
 TARGET = 0.03
@@ -55,9 +56,10 @@ class Information:
         if after is None:
             return (
                 f"this reference does not identify {parameter} from {sensor}: standard deviation "
-                f"{100 * self.deviation[-1, index]:.2g} % at its end; let it slide further in both directions"
+                f"{_amount(parameter, self.deviation[-1, index])} at its end; let it slide further in both directions"
             )
-        return f"this reference identifies {parameter} within {100 * TARGET:.0f} % after {after:.2g} s from {sensor}"
+        within = _amount(parameter, TARGET)
+        return f"this reference identifies {parameter} within {within} after {after:.2g} s from {sensor}"
 
     def _together(self) -> tuple[str, ...]:
         """Whether two factors have one effect."""
@@ -69,16 +71,26 @@ class Information:
         return (f"{names} cannot be separated by {sensor}: {why}",)
 
 
+def _amount(parameter: Tunable, change: float) -> str:
+    """Change of a factor in words; that of an exponent is no share."""
+    return f"{change:.2g}" if parameter is Tunable.LOAD_EXPONENT else f"{100 * change:.2g} %"
+
+
 def information(
-    tuning: Tuning, time_s: Array, slopes: Array, weight: Array, nuisances: tuple[Nuisance, ...] = ()
+    tuning: Tuning,
+    time_s: Array,
+    slopes: Array,
+    weight: Array,
+    nuisances: tuple[Nuisance, ...] = (),
+    priors: tuple[Prior, ...] = (),
 ) -> Information:
     """Add up the information of every sample.
 
     Slopes are those of the measured quantity over each factor, and behind them over each nuisance parameter, shape
-    (n, parameters + nuisance parameters); weights are from 0 to 1.
+    (n, parameters + nuisance parameters); weights are from 0 to 1, priors those of the factors.
     """
     count = len(tuning.parameters)
-    spreads = [tuning.start_deviation] * count + [SPREADS[n] for n in nuisances]
+    spreads = [p.width * tuning.start_deviation for p in priors or (Prior(),) * count] + [SPREADS[n] for n in nuisances]
     scaled = slopes * np.array(spreads)
     each = weight[:, None, None] * scaled[:, :, None] * scaled[:, None, :] / tuning.variance
     # In units of what is known at the start every eigenvalue of the information is at least 1, rounding apart.

@@ -11,6 +11,9 @@ one for part of a cycle, nothing stays unexplained; but the estimate goes and co
 """
 
 import functools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import casadi as ca
 
@@ -39,6 +42,20 @@ WANDERS = 90.0
 
 CURVED = 5.0
 """Relative growth of the covariance for a factor that moves by 1: the slopes of the way there were others."""
+
+
+SMALLEST = 1e-12
+"""Least variance of a factor that is divided by."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Prior:
+    """Knowledge of one factor beside that of all."""
+
+    width: float = 1.0  # standard deviation at the start, and step of the random walk, over those of the others
+    # least, most: bounds of physics, within those of all
+    least: float = -math.inf
+    most: float = math.inf
 
 
 def _indexed(name: str, count: int) -> list[ca.SX]:
@@ -98,7 +115,17 @@ def return_law() -> Law:
     )
 
 
-def update_law(count: int, spreads: tuple[float, ...] = ()) -> Law:
+def _kept_inside(moves: list[ca.SX], f: list[ca.SX], P: list[list[ca.SX]], priors: Sequence[Prior]) -> list[ca.SX]:
+    """The moves of everything where a factor stops at a bound of its own: those most likely given that it does."""
+    for k, prior in enumerate(priors):
+        if prior.least > -math.inf or prior.most < math.inf:
+            back = ca.fmax(ca.fmin(f[k] + moves[k], prior.most), prior.least) - (f[k] + moves[k])
+            share = back / ca.fmax(P[k][k], SMALLEST)
+            moves = [move + (back if i == k else P[i][k] * share) for i, move in enumerate(moves)]
+    return moves
+
+
+def update_law(count: int, spreads: tuple[float, ...] = (), priors: Sequence[Prior] = ()) -> Law:
     """Factors, nuisance parameters and covariance after one measurement.
 
     `mean_new` is the mean of `e` over a short time, in units of `deviation`, `lasting_new` that over a longer one at
@@ -111,8 +138,10 @@ def update_law(count: int, spreads: tuple[float, ...] = ()) -> Law:
     spreads : tuple of float, optional
         Standard deviation at the start of each nuisance parameter; they come behind the factors in slopes and
         covariance. What stays unexplained opens them and closes the factors.
+    priors : sequence of Prior, optional
+        Of each factor.
     """
-    total = count + len(spreads)
+    total, priors = count + len(spreads), priors or (Prior(),) * count
     e, w, mean, quick, level = (ca.SX.sym(name) for name in ("e", "weight", "mean", "quick", "level"))
     lasting, long = ca.SX.sym("lasting"), ca.SX.sym("long_share")
     R, deviation, drift, start, slew, low, high = (
@@ -131,12 +160,13 @@ def update_law(count: int, spreads: tuple[float, ...] = ()) -> Law:
     fastest = functools.reduce(ca.fmax, [ca.fabs(gain[i] * clipped) for i in range(count)])
     slower = slew / ca.fmax(fastest, slew)  # no factor moves faster than the inverse may follow
     gain = [slower * g for g in gain]
-    found_f = [ca.fmax(ca.fmin(f[i] + gain[i] * clipped, high), low) for i in range(count)]
-    found_b = [ca.fmax(ca.fmin(b[k] + gain[count + k] * clipped, 1), -1) for k in range(len(spreads))]
+    moves = _kept_inside([g * clipped for g in gain], f, P, priors)
+    found_f = [ca.fmax(ca.fmin(f[i] + moves[i], high), low) for i in range(count)]
+    found_b = [ca.fmax(ca.fmin(b[k] + moves[count + k], 1), -1) for k in range(len(spreads))]
 
     grown = 1 + CURVED * ca.fabs(clipped) * sum((ca.fabs(g) for g in gain[:count]), start=ca.SX(0))
-    walks = [drift / level] * count + [drift * level * WANDERS * x * x for x in spreads]
-    most = [start * start] * count + [ca.SX(x * x) for x in spreads]
+    walks = [drift * p.width**2 / level for p in priors] + [drift * level * WANDERS * x * x for x in spreads]
+    most = [start * start * p.width**2 for p in priors] + [ca.SX(x * x) for x in spreads]
     after = [
         [grown * (P[i][j] - gain[i] * Ps[j]) + (w * walks[i] if i == j else 0) for j in range(total)]
         for i in range(total)

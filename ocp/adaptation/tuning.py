@@ -37,6 +37,13 @@ PEAK = 1.5
 """Ratio of the residual over `QUICK_S` to its mean over `SLOW_S` from which the former counts."""
 
 
+UNKNOWN_EXPONENT = 0.2
+"""Standard deviation of the load exponent at the start where none is stated; polymers have 0.1 to 0.33."""
+
+STATED_EXPONENT = 0.06
+"""Where one is stated."""
+
+
 class Sensor(StrEnum):
     """Measured quantity."""
 
@@ -63,7 +70,7 @@ class Tunable(StrEnum):
     MU_RELEASE = "mu_release"
     LOAD_STIFFNESS = "load_stiffness"  # k_l, with the load's spring anchored at the tension of the start
     TENDON_STIFFNESS = "tendon_stiffness"  # k1 and k2
-    LOAD_EXPONENT = "load_exponent"  # n of friction that falls with the load
+    LOAD_EXPONENT = "load_exponent"  # n of friction that falls with the load: 1 more of the factor is 1 more of n
 
 
 class Nuisance(StrEnum):

@@ -342,8 +342,8 @@ def _warnings(cases: list[Case], known: Information, certificate: FeedbackCertif
         )
     if any(case.variation.load_exponent and case.worst_second[0] > WORSE_SECOND for case in cases):
         notes.append(
-            "where friction falls with the tension state [friction] load_exponent, and tune it: "
-            f'parameters = ["{Tunable.MU}", "{Tunable.LOAD_EXPONENT}"]'
+            f'where friction falls with the tension tune its exponent too: parameters = ["{Tunable.MU}", '
+            f'"{Tunable.LOAD_EXPONENT}"]'
         )
     frozen = [
         f"{case.variation.name} (after {after:.2f} s)"

@@ -110,13 +110,11 @@ def test_friction_and_load_are_tuned_on_a_path_that_moves(finger):
     assert run.factors[-1, 0] == pytest.approx(1.2, rel=0.02)
 
 
-@pytest.mark.parametrize(
-    ("name", "stated", "why"), [("finger", "", "which is 0; state"), ("finger_moving", "0.2", "at rest")]
-)
-def test_an_exponent_is_tuned_only_where_one_is_stated_and_the_path_rests(examples, name, stated, why):
-    text = (examples / f"{name}.toml").read_text(encoding="utf-8")
+def test_an_exponent_is_tuned_stated_or_not_where_the_path_rests(examples):
     table = TABLE.replace('"load_stiffness"', '"load_exponent"')
-    if stated:
-        text = text.replace("[friction]", f"[friction]\nload_exponent = {stated}\nreference_tension_N = 30.0", 1)
-    with pytest.raises(InputError, match=why):
-        check_tuning(parse_scenario(text + table, examples / f"{name}.toml"))
+    for stated in ("", "load_exponent = 0.2\nreference_tension_N = 30.0"):
+        text = (examples / "finger.toml").read_text(encoding="utf-8").replace("[friction]", f"[friction]\n{stated}", 1)
+        check_tuning(parse_scenario(text + table, examples / "finger.toml"))
+    with pytest.raises(InputError, match="at rest"):
+        text = (examples / "finger_moving.toml").read_text(encoding="utf-8")
+        check_tuning(parse_scenario(text + table, examples / "finger_moving.toml"))

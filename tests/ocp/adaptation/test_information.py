@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tendonff.ocp.adaptation.information import information
+from tendonff.ocp.adaptation.recursion import Prior
 from tendonff.ocp.adaptation.tuning import Sensor, Tunable, Tuning
 
 
@@ -49,3 +50,16 @@ def test_what_cannot_be_separated_at_all_stays_as_uncertain_as_it_was():
     found = information(known, np.arange(60) * 1e-3, slopes, np.ones(60))
     assert found.deviation == pytest.approx(known.start_deviation / np.sqrt(2), rel=1e-6)
     assert found.correlation == pytest.approx(-1, abs=1e-6)
+
+
+def test_an_exponent_is_known_within_an_amount_and_friction_within_a_share():
+    found = information(
+        tuning(Tunable.MU, Tunable.LOAD_EXPONENT),
+        np.arange(500) * 1e-3,
+        30 * np.random.default_rng(0).normal(size=(500, 2)),
+        np.ones(500),
+        priors=(Prior(), Prior(width=0.2)),
+    )
+    assert found.deviation[0, 1] <= 0.2 * 0.3 < found.deviation[0, 0]
+    assert "identifies mu within 3 % after" in found.sentences()[0]
+    assert "identifies load_exponent within 0.03 after" in found.sentences()[1]

@@ -13,6 +13,7 @@ from tendonff.ocp.adaptation.recursion import (
     MOST,
     RECALL,
     TRUST,
+    Prior,
     covariance_names,
     return_law,
     trust_law,
@@ -22,9 +23,9 @@ from tendonff.ocp.adaptation.recursion import (
 R, DEVIATION, START, LOW, HIGH, QUICK, LONG, SLEW = 0.7, 0.2, 0.3, 0.5, 2.0, 0.05, 0.02, 10.0
 
 
-def update(count, f, P, e, s, weight, *, spreads=(), b=(), **given):
+def update(count, f, P, e, s, weight, *, spreads=(), priors=(), b=(), **given):
     """One update by name of the output; P as a full matrix."""
-    law = update_law(count, spreads)
+    law = update_law(count, spreads, priors)
     entries = [P[int(name[1]), int(name[2])] for name in covariance_names(count + len(spreads))]
     known = {"mean": 0.0, "lasting": 0.0, "level": 1.0, "drift": 0.0, "slew": SLEW} | given
     known |= {"quick": QUICK, "long_share": LONG, "R": R, "deviation": DEVIATION, "start": START}
@@ -192,3 +193,25 @@ def test_a_model_that_explains_nothing_does_not_count():
     P = np.array([[1e-6]])
     assert share([0.5], P, level=50.0) == pytest.approx(0.75, rel=1e-3)
     assert share([0.5], P, level=100.0) == share([0.5], P, level=900.0) == 0.0
+
+
+def test_a_factor_whose_prior_is_narrower_wanders_less_and_stays_within_its_own_bounds():
+    """At rest in value: the random walk alone, up to the variance of the start; then an error that pushes it out."""
+    priors = Prior(), Prior(width=0.2, least=0.9, most=1.1)
+    _, P, _ = step(2, [1.0, 1.0], np.zeros((2, 2)), 0.0, [0.0, 0.0], 1.0, priors=priors, drift=1e-4)
+    assert np.diag(P) == pytest.approx([1e-4, 0.2**2 * 1e-4])
+    _, P, _ = step(2, [1.0, 1.0], START**2 * np.eye(2), 0.0, [0.0, 0.0], 1.0, priors=priors, drift=1e-4)
+    assert np.diag(P) == pytest.approx([START**2, 0.2**2 * START**2])
+    for sign, ends in ((1, [HIGH, 1.1]), (-1, [LOW, 0.9])):
+        f, _, _ = step(2, [1.0, 1.0], 1e4 * np.eye(2), sign * 1e3, [1.0, 1.0], 1.0, priors=priors)
+        assert f == pytest.approx(ends)
+
+
+def test_a_factor_that_stops_at_its_bound_takes_the_others_to_what_is_most_likely_there():
+    """The least squares with the second factor at its bound; clipping it alone would leave the first one off."""
+    P, s, e = np.array([[0.09, -0.05], [-0.05, 0.04]]), np.array([1.0, 1.3]), -0.02
+    free, _, _ = step(2, [1.0, 1.0], P, e, s, 1.0)
+    bound = Prior(), Prior(least=1.0, most=1.5)
+    f, _, _ = step(2, [1.0, 1.0], P, e, s, 1.0, priors=bound)
+    assert free[1] < 1
+    assert f == pytest.approx([free[0] - P[0, 1] / P[1, 1] * (free[1] - 1), 1.0])

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import given
@@ -11,7 +12,8 @@ from random_examples import tried_on
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.tendon.chain import Chain
-from tendonff.ocp.adaptation.code import TunedChain
+from tendonff.models.tendon.friction import at_load
+from tendonff.ocp.adaptation.code import TunedChain, load_law
 from tendonff.ocp.adaptation.tuner import SelfTuner, SimulatedRig, TunerStatus
 from tendonff.ocp.adaptation.tuning import Sensor, Tunable, Tuning
 from tendonff.ocp.tendon.inverse import invert
@@ -278,3 +280,15 @@ def test_a_tuner_and_its_numbers_must_agree(bench):
     tuned = TunedChain.of(bench.transmission, Level.PRESLIDING, (Tunable.MU,))
     with pytest.raises(ParameterError, match="must carry the factors"):
         SelfTuner(tuned, 1e-3, bench.tuning(TENSION, (Tunable.MU_PULL,)), bench.limits, 30.0)
+
+
+def test_an_exponent_that_is_tuned_is_the_law_of_every_mass_at_the_mean_tension(bench):
+    """Coefficient of an element where the ends have 45 and 80 N, 60 in the mean, and the start 30."""
+    tuned = TunedChain.of(bench.transmission, Level.PRESLIDING, (Tunable.MU, Tunable.LOAD_EXPONENT))
+    load = float(load_law(0.0).function()(45.0, 80.0, 30.0))
+    found = tuned.with_factors({Tunable.LOAD_EXPONENT: 1.2}, load).numbers()
+    for name in ("friction_mu_dynamic_pull", "friction_mu_static_release"):
+        known = float(tuned.chain.numbers()[name])
+        there, _ = at_load(ca.SX(known), ca.SX(60.0), ca.SX(0.2), ca.SX(30.0))
+        assert float(found[name]) == pytest.approx(float(ca.evalf(there)), rel=1e-12)
+        assert float(found[name]) < 0.9 * known
