@@ -86,7 +86,7 @@ def feedback_files(
         "start": module.start,
         "started": started,
         "code": folded.code,
-        "call": law_calls(f"{prefix}_feedback", {"feedback_step": folded})("feedback_step", given, states, found),
+        "call": law_calls({"feedback_step": folded})("feedback_step", given, states, found),
         "age_state": LEARNED[3],
         "golden": golden,
         "references": numbers([row[0] for row in golden]),

@@ -292,7 +292,7 @@ def _moving_context(tuned: TunedChain, own_slopes: FoldedLaw) -> dict[str, objec
         "scaled_rows": tuned.scaled_rows(),
         "per_mass": per_mass,
         "own_outputs": own_slopes.outputs,
-        "own_call": law_calls(PREFIX, {"own_slopes": own_slopes})("own_slopes", known),
+        "own_call": law_calls({"own_slopes": own_slopes})("own_slopes", known),
     }
 
 

@@ -21,7 +21,7 @@ from tendonff.ocp.step.folding import Weights, chain_evaluator, record_code, res
 from tendonff.ocp.step.joints import Joints
 from tendonff.ocp.step.laws import ElementLaws, end_mass, end_mass_tangent, way_of
 from tendonff.ocp.step.render import Compliances, Limits, law_calls
-from tendonff.ocp.step.target import compliances_of, controller_limits, folded_inverse, step_code
+from tendonff.ocp.step.target import compliances_of, controller_limits, folded_inverse, folded_links, step_code
 from tendonff.ocp.step.target_joints import SLOPE_OF, Contact, contact_code
 
 
@@ -55,7 +55,8 @@ def inverse_free_code(
     folder = chain_evaluator(chain, weights, prefix, precision, contact, names)
     laws = ElementLaws.of(chain, folded=True) if contact is None else contact.laws
     gain = folder.fold(laws.link_gain())
-    folded = (gain, *folded_inverse(chain, folder, laws, relative=relative, free=names))
+    links = folded_links(chain, folder, laws)
+    folded = (gain, *folded_inverse(chain, folder, laws, links, relative=relative, free=names))
     compliances = None
     if relative:
         load = f"({literal(1.0, precision)} / c->{LOAD_STIFFNESS})" if LOAD_STIFFNESS in names else ""
@@ -228,7 +229,7 @@ def _free_code(
     record, rows = record_code(folder, columns)
     return FreeCode(
         record=f"/* What depends on the weight H [s] of the scheme, and what is tuned. */\n{record}",
-        rows=rows,
+        rows=f"static {rows}",
         code="\n".join([*(law.code for law in used), *(code.render(template) for template in templates)]),
-        gain_call="" if by_length else law_calls(folder.prefix, laws)("link_gain", {"gain": "&rows[k].gain"}),
+        gain_call="" if by_length else law_calls(laws)("link_gain", {"gain": "&rows[k].gain"}),
     )

@@ -49,7 +49,8 @@ _Made = tuple[int, tuple[_Node, ...]]
 class FoldedLaw:
     """A law with its parameters folded in, as a static C function."""
 
-    name: str  # C identifier without the prefix of the file
+    prefix: str  # of its C identifier
+    name: str  # C identifier without the prefix
     inputs: tuple[str, ...]  # arguments that remain, in the law's order
     outputs: tuple[str, ...]  # results, through pointers
     weighted: bool  # whether it reads the coefficient record
@@ -62,6 +63,8 @@ class PartialEvaluator:
 
     prefix: str  # prefix of every C name
     precision: Precision
+    record: str = ""  # C type of the coefficient record; default: `<prefix>_weights`
+    shared: bool = False  # the laws stand in a header
     parameters: Mapping[str, Values]  # value of each known argument for each weight H
     reorder: bool = False  # fewer operations at the price of other roundings
     # names, after the prefix, of functions to call for operations of a CasADi tape instead of those of the library
@@ -74,6 +77,11 @@ class PartialEvaluator:
     # known arguments that follow from others, as a law gave them: see `follow`
     followed: dict[str, _Node] = field(default_factory=dict)
     _nodes: dict[str, _Node] = field(default_factory=dict)  # of the coefficients
+
+    @property
+    def weights_type(self) -> str:
+        """C type of the coefficient record."""
+        return self.record or f"{self.prefix}_weights"
 
     @property
     def weights(self) -> int:
@@ -170,11 +178,12 @@ class PartialEvaluator:
         for output, node in zip(outputs, results, strict=True):
             lines.append(f"    *{output} = {text_of(node)};")
         inputs = tuple(symbol.name() for symbol in law.inputs if symbol.name() in used)
-        record = [f"const {self.prefix}_weights *w"] if weighted else []
+        record = [f"const {self.weights_type} *w"] if weighted else []
         arguments = record + [f"{real} {n}" for n in inputs] + [f"{real} *{n}" for n in outputs]
-        head = f"/* {law.comment} */\nstatic void {self.prefix}_{name}(\n    {', '.join(arguments)})\n{{\n"
+        kind = "static inline void" if self.shared else "static void"
+        head = f"/* {law.comment} */\n{kind} {self.prefix}_{name}(\n    {', '.join(arguments)})\n{{\n"
         code = head + "\n".join(lines) + "\n}\n"
-        return FoldedLaw(name=name, inputs=inputs, outputs=outputs, weighted=weighted, code=code)
+        return FoldedLaw(prefix=self.prefix, name=name, inputs=inputs, outputs=outputs, weighted=weighted, code=code)
 
     def _coefficient(self, law: str, node: _Node) -> str:
         """Field of the coefficient record that holds these values."""

@@ -37,11 +37,14 @@ def chain_evaluator(
     *,
     floors: Mapping[str, float] | None = None,
     whole: bool = True,
+    record: str = "",
+    coefficients: dict[str, tuple[float, ...]] | None = None,
 ) -> PartialEvaluator:
     """Parameters that fold the laws of a chain for the rows of a scheme.
 
     On a path in sections (`contact`) a link is the whole tendon, or with `whole` unset its ratio is unknown. Numbers
-    that are `free` are known at run time only; of some of them the caller keeps `floors`.
+    that are `free` are known at run time only; of some of them the caller keeps `floors`. Laws that share a `record`
+    add to the same `coefficients`.
     """
     reorder = precision is Precision.FLOAT or contact is not None
     ratios = link_ratios(chain.elements.ratio) if contact is None else (1.0,)
@@ -59,10 +62,12 @@ def chain_evaluator(
     folder = PartialEvaluator(
         prefix=prefix,
         precision=precision,
+        record=record,
         parameters=parameters,
         reorder=reorder,
         floors=floors,
         steady=() if contact is None else contact.own,
+        coefficients={} if coefficients is None else coefficients,
     )
     if gains:
         folder.follow("gain", ElementLaws.of(chain).link_gain())
@@ -90,15 +95,13 @@ def weighted_sum(law: Law, *names: str) -> Law:
 
 
 def record_code(folder: PartialEvaluator, columns: Mapping[str, tuple[float, ...]]) -> tuple[str, str]:
-    """Type of the record of what depends on the weight H, and the function that gives its rows."""
-    real, name = folder.precision.value, f"{folder.prefix}_weights"
+    """Type of the record of what depends on the weight H, and a constant array of its rows, `<prefix>_rows`."""
+    real, name = folder.precision.value, folder.weights_type
     fields = "\n".join(f"    {real} {column};" for column in columns)
     each = [", ".join(literal(v, folder.precision) for v in row) for row in zip(*columns.values(), strict=True)]
-    rows = "\n".join(f"        {{ {row} }}," for row in each)
-    return f"typedef struct {{\n{fields}\n}} {name};\n", (
-        f"static const {name} *{folder.prefix}_rows(void)\n{{\n    static const {name} rows[{len(each)}] = {{\n{rows}\n"
-        "    };\n    return rows;\n}\n"
-    )
+    rows = "\n".join(f"    {{ {row} }}," for row in each)
+    array = f"{name.removesuffix('_weights')}_rows[{len(each)}]"
+    return f"typedef struct {{\n{fields}\n}} {name};\n", f"const {name} {array} = {{\n{rows}\n}};\n"
 
 
 def rest_statements(slopes: Array, precision: Precision, array: str = "self->x") -> str:

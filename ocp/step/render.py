@@ -59,6 +59,7 @@ class OnJoints:
     """Data of a path in sections that a controller stores."""
 
     types: str  # prefix of the C names of the path itself
+    contact: str  # prefix of those of friction on its bends
     own: tuple[str, ...]  # numbers of friction that differ from bend to bend, or with the joints
     # joints, far_driven: there are any; one moves the far end
     joints: bool
@@ -104,7 +105,7 @@ def core_text(prefix: str) -> str:
     return text.replace("tff_", f"{prefix}_").replace("TFF_", f"{prefix.upper()}_")
 
 
-def law_calls(prefix: str, laws: Mapping[str, FoldedLaw]) -> Callable[..., str]:
+def law_calls(laws: Mapping[str, FoldedLaw]) -> Callable[..., str]:
     """Convention by which generated code calls its laws: see `StepCode.call`.
 
     Laws of an end mass that differ between the ends are named with "_near" or "_far" behind.
@@ -122,7 +123,7 @@ def law_calls(prefix: str, laws: Mapping[str, FoldedLaw]) -> Callable[..., str]:
             return f"{link}->{name.replace('end_', f'{end}_', 1)}"
 
         passed = [*([link] if known.weighted else []), *map(value, known.inputs)]
-        return f"{prefix}_{known.name}({', '.join([*passed, *(arguments[name] for name in known.outputs)])})"
+        return f"{known.prefix}_{known.name}({', '.join([*passed, *(arguments[name] for name in known.outputs)])})"
 
     return call
 
@@ -133,6 +134,7 @@ class StepCode:
 
     prefix: str  # prefix of every C name
     precision: Precision
+    record_type: str = ""  # C type of the record of coefficients; default: `<prefix>_weights`
     layout: StateLayout  # its count does not matter
     laws: Mapping[str, FoldedLaw]
     # count, size: C text of the number of masses, in functions and where arrays are declared
@@ -178,7 +180,7 @@ class StepCode:
             own = f"contact[{self.on_joints.types}_path_bend_of[{{mass}}]].{{name}}"
         elif not self.moving:
             own = ""
-        return law_calls(self.prefix, self.laws)(law, given, *parts, end=end, link=link, own=own, mass=mass)
+        return law_calls(self.laws)(law, given, *parts, end=end, link=link, own=own, mass=mass)
 
     @property
     def small(self) -> bool:
@@ -210,15 +212,16 @@ class StepCode:
     def render(self, template: str) -> str:
         """Template of `ocp/step/templates`, filled in."""
         limits, precision, states = self.limits, self.precision, self.layout
-        enter = f"const {self.prefix}_weights *const c = given;\n    (void)c;"
+        record_type = self.record_type or f"{self.prefix}_weights"
+        enter = f"const {record_type} *const c = given;\n    (void)c;"
         if (
             self.host and not self.small
         ):  # a copy that nothing can change lets the compiler keep the numbers in registers
-            enter = f"const {self.prefix}_weights local = given[0], *const c = &local;"
+            enter = f"const {record_type} local = given[0], *const c = &local;"
         real, restrict = precision.value, "restrict " if self.host and not self.small else ""
         own = ("piece_mass_kg", *self.friction_numbers) if self.moving and self.host else ()
         on_joints = self.on_joints
-        contact = f"const {self.prefix}_contact *contact, " if on_joints else ""
+        contact = f"const {on_joints.contact}_contact *contact, " if on_joints else ""
 
         def number(value: float) -> str:
             return literal(value, precision)
@@ -232,6 +235,7 @@ class StepCode:
 
         return _TEMPLATES.get_template(template).render(
             prefix=self.prefix,
+            record_type=record_type,
             upper=self.prefix.upper(),
             real=real,
             fabs="fabsf" if precision is Precision.FLOAT else "fabs",
@@ -241,8 +245,8 @@ class StepCode:
             if self.host and not self.moving
             else enter,
             count=self.count,
-            weights=f"const {self.prefix}_weights *c",
-            given=f"const {self.prefix}_weights *given",
+            weights=f"const {record_type} *c",
+            given=f"const {record_type} *given",
             solve="solve_host.c.j2" if self.host else "solve_target.c.j2",
             host=self.host,
             view="" if self.host else "w->",

@@ -42,22 +42,33 @@ _OF_WEIGHTS = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ChainCode:
-    """Parts of a C file about the chain."""
+class SchemeCode:
+    """Parts of a C file about one of the schemes of a chain."""
 
     header: str  # types of the stepper; empty for the inverse
-    record: str  # the coefficient record and its values, one row per weight of the scheme
     laws: str  # element laws as static functions
     body: str  # the scheme around them
-    rest: str  # statements that fill `x`, of an inverse `self->x`, with the state at rest under `tension`
-    contact: str = ""  # record of friction on a bend, where the path moves or has sections; else empty
     # statements that set `travel` to that of the actuator's end since the rest under `self->start`; of the inverse. On
     # a path in sections to its position but for a constant
     travel: str = ""
     free: tuple[str, ...] = ()  # numbers of the chain that the inverse takes as arguments
     reweigh: str = ""  # function that gives the rows for a step of any length; of the inverse
-    kinds: int = 1  # rows of one weight
     inputs: tuple[str, ...] = ()  # names of the inputs of a time step, in their order
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChainCode:
+    """A chain in C: what its schemes share, which is named after the prefix alone, and the schemes."""
+
+    record: str  # type of the record of coefficients
+    values: str  # its rows, one per weight of the scheme
+    kinds: int  # rows of one weight
+    links: str  # laws of the links for a header; empty where each scheme has its own
+    rest: str  # statements that fill `x` with the state at rest under `tension`
+    contact: str  # record of friction on a bend, where the path moves or has sections; else empty
+    touch: str  # its functions
+    inverse: SchemeCode | None
+    plant: SchemeCode | None
 
 
 def controller_limits(precision: Precision) -> Limits:
@@ -87,85 +98,140 @@ SETTABLE = (
 """Numbers of a chain that an exported inverse can take at run time; those of friction at least COEFFICIENT_FLOOR."""
 
 
-def inverse_code(
-    chain: Chain, step_s: float, prefix: str, precision: Precision, *, settable: bool = False
+def chain_code(
+    chain: Chain,
+    step_s: float,
+    prefix: str,
+    precision: Precision,
+    *,
+    inverse: bool = True,
+    forward: Chain | None = None,
 ) -> ChainCode:
-    """The exact inverse; where it is settable, those of `SETTABLE` that the laws need are left to the caller."""
-    weights = scheme_rows(step_s)
-    left = SETTABLE if settable else ()
-    contact = _contact(chain, prefix, precision, settable=settable)
-    if contact is not None and settable:
-        left = ("piece_adhesion_N",)
-    floors = {name: 0.0 if name == "piece_adhesion_N" else COEFFICIENT_FLOOR for name in left}
-    folder = chain_evaluator(chain, weights, prefix, precision, contact, left, floors=floors)
-    laws = ElementLaws.of(chain, folded=settable) if contact is None else contact.laws
+    """A chain in C: its exact inverse, whose friction the caller can set, and the time step of `forward`, if any.
+
+    `forward` differs from the chain in its ends only. The input of its time step says whether a tension cell stands in
+    for the near end (`led_by_tension`); the rest position of the load's spring is an input too, where no joint moves
+    the far end.
+    """
+    weights, coefficients = scheme_rows(step_s), dict[str, tuple[float, ...]]()
+    contact = None
+    if chain.moving:
+        contact = contact_code(chain, Joints.of(chain), prefix, precision, settable=True, types=prefix, shared=True)
+
+    def folder_of(chain: Chain, scheme: str, free: tuple[str, ...] = (), *, whole: bool = True) -> PartialEvaluator:
+        floors = {name: 0.0 if name == "piece_adhesion_N" else COEFFICIENT_FLOOR for name in free}
+        return chain_evaluator(
+            chain, weights, f"{prefix}_{scheme}", precision, contact, free,
+            floors=floors, whole=whole, record=f"{prefix}_weights", coefficients=coefficients,
+        )
+
+    left = SETTABLE if contact is None else ("piece_adhesion_N",)
+    folder = folder_of(chain, "inverse", left)
+    laws = ElementLaws.of(chain, folded=True) if contact is None else contact.laws
+    shared = folder if contact is not None else replace(folder, prefix=prefix, shared=True)
+    links = folded_links(chain, shared, laws)
+    back = _inverse_code(chain, folder, laws, links, contact, left) if inverse else None
+    ahead = None
+    if forward is not None:
+        folder = folder_of(forward, "chain", whole=False)
+        laws = ElementLaws.of(forward) if contact is None else contact.laws
+        ahead = _plant_code(forward, folder, laws, links if contact is None else folded_links(chain, folder, laws), contact)
+    record, rows = _record(folder, weights)
+    return ChainCode(
+        record=record,
+        values=rows,
+        kinds=folder.weights // len(weights),
+        links="" if contact else "\n".join(law.code for law in links),
+        rest=_rest(chain, precision),
+        contact=contact.record if contact else "",
+        touch=contact.functions if contact else "",
+        inverse=back,
+        plant=ahead,
+    )
+
+
+def _inverse_code(
+    chain: Chain,
+    folder: PartialEvaluator,
+    laws: ElementLaws,
+    links: tuple[FoldedLaw, ...],
+    contact: Contact | None,
+    left: tuple[str, ...],
+) -> SchemeCode:
+    """The exact inverse; those of `left` that the laws need are arguments."""
+    precision = folder.precision
     compliances = None if precision is Precision.DOUBLE else compliances_of(chain, precision)
-    folded = folded_inverse(chain, folder, laws, relative=compliances is not None)
+    folded = folded_inverse(chain, folder, laws, links, relative=compliances is not None)
     free = tuple(name for name in left if any(name in law.inputs for law in folded))
     code = step_code(chain, folder.prefix, precision, folded, compliances=compliances, contact=contact, free=free)
     ratios = link_ratios(chain.elements.ratio) if contact is None else (1.0,)
     lengths = tuple(literal(ratio, precision) for ratio in ratios)
-    code = replace(code, weigh=folder.weigh(), lengths=lengths)
-    return ChainCode(
+    code = replace(code, record_type=folder.weights_type, weigh=folder.weigh(), lengths=lengths)
+    return SchemeCode(
         header="",
-        record=_record(folder, weights),
-        laws=_text(folded, contact),
+        laws=_own(folder, folded),
         body=code.render("inverse.c.j2"),
-        rest=_rest(chain, precision, relative=compliances is not None),
-        contact=contact.record if contact else "",
         travel=_travel(chain, precision, compliances, folder.prefix),
         free=free,
         reweigh=f"{folder.weigh().code}\n{code.render('reweigh.c.j2')}",
-        kinds=len(lengths),
     )
 
 
-def plant_code(chain: Chain, step_s: float, prefix: str, precision: Precision, *, led: bool = False) -> ChainCode:
-    """The time step; `led`: its input says whether a tension cell stands in for the near end (`led_by_tension`).
-
-    Then the rest position of the load's spring is an input too, where no joint moves the far end.
-    """
-    limits = plant_limits(precision)
-    weights = scheme_rows(step_s, limits.splits)
-    contact = _contact(chain, prefix, precision, shared=led)
-    folder = chain_evaluator(chain, weights, prefix, precision, contact, whole=False)
-    laws = ElementLaws.of(chain) if contact is None else contact.laws
+def _plant_code(
+    chain: Chain,
+    folder: PartialEvaluator,
+    laws: ElementLaws,
+    links: tuple[FoldedLaw, ...],
+    contact: Contact | None,
+) -> SchemeCode:
+    """The time step."""
     near, cell, far = {"pull": -1.0}, {"pull": -1.0, "x_c": 0.0}, {"f_c": 0.0, "pull": 1.0}
-    if not led or chain.far_joint is not None:
+    if chain.far_joint is not None:
         far["x_c"] = 0.0
     if not chain.near.stiffness_N_per_m:
         near["x_c"] = 0.0
     ends = {
         "near": folder.fold(end_mass(chain.near), "end_mass_near", fixed=_end(chain, "near") | near),
         "far": folder.fold(end_mass(), "end_mass_far", fixed=_end(chain, "far") | far),
+        "cell": folder.fold(end_mass(), "end_mass_cell", fixed=_end(chain.led_by_tension(), "near") | cell),
     }
-    if led:
-        ends["cell"] = folder.fold(end_mass(), "end_mass_cell", fixed=_end(chain.led_by_tension(), "near") | cell)
     folded = (
-        folder.fold(laws.link_start()),
+        *links,
         folder.fold(laws.link_force()),
-        folder.fold(laws.link_states()),
         folder.fold(laws.path_mass()),
         *ends.values(),
         *((folder.fold(laws.link_gain()),) if contact else ()),
     )
-    code = step_code(chain, folder.prefix, precision, folded, limits=limits, contact=contact)
+    code = step_code(
+        chain, folder.prefix, folder.precision, folded, limits=plant_limits(folder.precision), contact=contact
+    )
     split = {name: name.split("_", 1) for name in INPUT_NAMES}
     taken = tuple(name for name, (end, what) in split.items() if _ARGUMENTS[what] in ends[end].inputs)
-    code = replace(code, inputs=taken)
-    return ChainCode(
+    code = replace(code, record_type=folder.weights_type, inputs=taken)
+    return SchemeCode(
         header=code.render("types.h.j2") + code.render("target.h.j2"),
-        record=_record(folder, weights),
-        laws=_text(folded, contact),
+        laws=_own(folder, folded),
         body=(code.render("moving_target.c.j2") if contact else "") + code.render("kernel.c.j2"),
-        rest=_rest(chain, precision, array="x"),
-        contact=contact.record if contact else "",
         inputs=code.inputs,
     )
 
 
+def folded_links(chain: Chain, folder: PartialEvaluator, laws: ElementLaws) -> tuple[FoldedLaw, ...]:
+    """Laws of a link that inverse and time step share: its force at zero rate, and its states at the end of a step."""
+    start = laws.link_start()
+    if folder.reorder:
+        start = weighted_sum(start, "e_base", *(f"{name}_base" for name in chain.link.states))
+    return folder.fold(start), folder.fold(laws.link_states())
+
+
 def folded_inverse(
-    chain: Chain, folder: PartialEvaluator, laws: ElementLaws, *, relative: bool, free: Sequence[str] = ()
+    chain: Chain,
+    folder: PartialEvaluator,
+    laws: ElementLaws,
+    links: tuple[FoldedLaw, ...],
+    *,
+    relative: bool,
+    free: Sequence[str] = (),
 ) -> tuple[FoldedLaw, ...]:
     """The laws of the exact inverse, with everything folded in but numbers of the ends that are free.
 
@@ -175,13 +241,9 @@ def folded_inverse(
     far, rate = {"f_c": 0.0, "x_c": 0.0, "pull": 1.0}, {}
     if relative:
         far["f"], rate["force"] = 0.0, 0.0
-    start = laws.link_start()
-    if folder.reorder:
-        start = weighted_sum(start, "e_base", *(f"{name}_base" for name in chain.link.states))
     return (
-        folder.fold(start),
+        *links,
         folder.fold(laws.link_rate(), fixed=rate),
-        folder.fold(laws.link_states()),
         *(() if chain.far_joint else (folder.fold(far_velocity(), fixed=_end(chain, "far", free) | far),)),
         folder.fold(near_force(chain.near), fixed=_end(chain, "near", free) | {"x_c": 0.0, "pull": -1.0}),
         folder.fold(laws.path_mass_inverse(drop=relative)),
@@ -203,9 +265,9 @@ def step_code(
     """Values for the templates of a chain on a controller; `tuned` for one of the schemes of a tuner."""
     on_joints = None
     if contact is not None:
-        types = prefix.rpartition("_")[0]
         on_joints = OnJoints(
-            types=types.rpartition("_")[0] if tuned else types,
+            types=contact.types,
+            contact=contact.prefix,
             own=contact.own,
             joints=chain.motion is not None,
             far_driven=chain.far_joint is not None,
@@ -228,17 +290,9 @@ def step_code(
     )
 
 
-def _contact(
-    chain: Chain, prefix: str, precision: Precision, *, settable: bool = False, shared: bool = False
-) -> Contact | None:
-    if not chain.moving:
-        return None
-    return contact_code(chain, Joints.of(chain), prefix, precision, settable=settable, shared=shared)
-
-
-def _text(folded: tuple[FoldedLaw, ...], contact: Contact | None) -> str:
-    parts = [law.code for law in folded] + ([contact.functions] if contact else [])
-    return "\n".join(parts)
+def _own(folder: PartialEvaluator, folded: tuple[FoldedLaw, ...]) -> str:
+    """Text of the laws that no header has."""
+    return "\n".join(law.code for law in folded if law.prefix == folder.prefix)
 
 
 def compliances_of(chain: Chain, precision: Precision, load: str = "") -> Compliances:
@@ -315,7 +369,7 @@ def _end(chain: Chain, which: str, free: Sequence[str] = ()) -> dict[str, float]
     return {name: value for name, value in known.items() if name.replace("end", which, 1) not in free}
 
 
-def _record(folder: PartialEvaluator, weights: Weights) -> str:
+def _record(folder: PartialEvaluator, weights: Weights) -> tuple[str, str]:
     kinds = folder.weights // len(weights)
     columns = {
         "H": tuple(w for w, _ in weights for _ in range(kinds)),
@@ -323,7 +377,8 @@ def _record(folder: PartialEvaluator, weights: Weights) -> str:
         **folder.coefficients,
     }
     comment = "\n".join(_OF_LINKS if kinds == _KINDS else _OF_WEIGHTS)
-    return "{}\n{}\n{}".format(comment, *record_code(folder, columns))
+    record, rows = record_code(folder, columns)
+    return f"{comment}\n{record}", rows
 
 
 def require_linear(chain: Chain) -> None:
@@ -332,8 +387,8 @@ def require_linear(chain: Chain) -> None:
         raise CodeError("a tendon with `stiffening` cannot be exported yet; leave it out, at the stiffness there")
 
 
-def _rest(chain: Chain, precision: Precision, *, relative: bool = False, array: str = "self->x") -> str:
+def _rest(chain: Chain, precision: Precision) -> str:
     """Statements for the state at rest: affine in the tension, so two evaluations of `rest_state` say it all."""
     require_linear(chain)
     slopes = chain.rest_state(1.0).vector() - chain.rest_state(0.0).vector()
-    return rest_statements(slopes * (0.0 if relative else 1.0), precision, array)
+    return rest_statements(slopes, precision, "x")

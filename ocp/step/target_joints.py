@@ -35,6 +35,8 @@ _SPARE = 1.25
 class Contact:
     """Friction of the bends of a path, as C."""
 
+    types: str  # prefix of the C names of the path
+    prefix: str  # of its own
     laws: ElementLaws  # with one symbol for numbers that are always equal
     own: tuple[str, ...]  # numbers that differ from bend to bend or with the joints: fields of the record
     # constants, floors: the chain's other numbers, and lower bounds of some of those in the record
@@ -119,12 +121,14 @@ def contact_code(
             if joints.names
             else []
         ),
-        *(_function("Friction everywhere.", f"{prefix}_touch_all", head, [*calls[False].values()]) if settable else []),
+        *(_function("Friction everywhere.", f"{prefix}_touch_all", head, [*calls[False].values()], shared) if settable else []),
         *_function("Friction at the start.", f"{prefix}_contact_init", f"{prefix}_contact *contact", init, shared),
     ]
     fields = (*own, *sorted(name for name in renewed if name.startswith(SLOPE_OF)))
     everything = {**chain.numbers(), **{name: float(values[0]) for name, values in known.items()}}
     return Contact(
+        types=types,
+        prefix=prefix,
         laws=replace(ElementLaws.of(chain), friction=friction, friction_symbols=_distinct(friction)),
         own=own,
         constants={name: value for name, value in everything.items() if name not in own},

@@ -26,7 +26,7 @@ def adaptive_context(
     laws = {law.name: printer.fold(law) for law in (between_law(), tuning_law())}
     start = known[0][1].tuning.start()
     numbers = [_own(name) for name in asdict(known[0][1].tuning) if name != "delay_samples"]
-    call = law_calls(f"{prefix}_joint", laws)
+    call = law_calls(laws)
     every = {name: f"t->{name}" for name in numbers}
     state = {name: f"self->{name}" for name in start}
     found = {f"{name}_new": f"&self->{name}" for name in start} | {"bound": "&bound", "doubt": "&doubt"}

@@ -21,6 +21,7 @@ from tendonff.compensator.export.adaptive import adaptive_code
 from tendonff.compensator.export.joint_jumps import FACTOR as JUMP_FACTOR
 from tendonff.compensator.export.joint_jumps import largest_starts_rad
 from tendonff.compensator.export.modules import (
+    ADAPTIVE,
     ADAPTIVE_MODULES,
     BOUNDS,
     FOLDER_FILES,
@@ -44,7 +45,7 @@ from tendonff.ocp.codegen.printer import literal
 from tendonff.ocp.codegen.templates import environment
 from tendonff.ocp.step.joints import Joints
 from tendonff.ocp.step.scheme import BDF2_CARRY, BDF2_WEIGHT
-from tendonff.ocp.step.target import plant_code, plant_limits
+from tendonff.ocp.step.target import chain_code, plant_limits
 from tendonff.ocp.step.target_joints import contact_code
 
 # What carries the C into other tools: template, and the module without which there is no such file ("follower": any
@@ -95,21 +96,21 @@ def c_sources(
             (m.name for m in ADAPTIVE_MODULES),
             adaptive_code(problem, scenario.adaptation, precision, prefix, bounds),
         )
-    if "inverse" in names:
-        code["inverse"] = settable_inverse(problem, precision, prefix)
-    servo = actuator.servo_stiffness_N_per_m or 0.0
-    forward, shared = chain.with_end_stiffness(servo, chain.far.stiffness_N_per_m), shared_sources(problem, names)
-    if "chain" in shared:
-        run = asdict(plant_code(forward, step, f"{prefix}_chain", precision, led=True))
-        code |= {
-            "chain": run | _start_context(forward),
-            "plant": {"inputs": run["inputs"]},
-            "observer": {"inputs": run["inputs"]},
-        }
+    servo, shared = actuator.servo_stiffness_N_per_m or 0.0, shared_sources(problem, names)
+    forward = chain.with_end_stiffness(servo, chain.far.stiffness_N_per_m)
+    if "state" in shared:
+        made = chain_code(
+            chain, step, prefix, precision, inverse="inverse" in names, forward=forward if "chain" in shared else None
+        )
+        code["state"] = {name: getattr(made, name) for name in ("record", "values", "kinds", "links", "rest", "contact", "touch")}
+        if made.inverse is not None:
+            code["inverse"] = settable_inverse(problem, made.inverse, precision, prefix) | {"kinds": made.kinds}
+        if made.plant is not None:
+            code |= {"chain": asdict(made.plant), "plant": {"inputs": made.plant.inputs}}
+            code["observer"] = {"inputs": made.plant.inputs}
     if "observer" in names:
         design: ObserverDesign = further.get("observed") or ObserverDesign(problem=problem)
-        started = _start_context(forward) | {"drive": design.chain.drive}
-        code["observer"] = code.get("observer", {}) | observer_code(design) | started
+        code["observer"] = code.get("observer", {}) | observer_code(design)
     headers = ("types", *shared, *(header for module in modules for header in (*module.headers, module.name)))
     texts = {f"{prefix}_{name}.h": _render(f"{name}.h.j2", context | code.get(name, {})) for name in headers}
     for name in (*shared, *names):
@@ -118,9 +119,11 @@ def c_sources(
 
 
 def shared_sources(problem: Problem, names: Collection[str]) -> tuple[str, ...]:
-    """Sources that modules of these names share, without prefix: parameters, limits, the path, the forward chain."""
+    """Sources that modules of these names share, without prefix: parameters, limits, path, state, the forward chain."""
     runs = PLANT.name in names or (OBSERVER.name in names and CapstanLaw.of(problem.transmission).plays is None)
-    return ("parameters", "limits", *(("path",) if problem.chain.moving else ()), *(("chain",) if runs else ()))
+    path = ("path",) if problem.chain.moving else ()
+    state = ("state",) if runs or {"inverse", STREAM.name, ADAPTIVE.name} & set(names) else ()
+    return ("parameters", "limits", *path, *state, *(("chain",) if runs else ()))
 
 
 def folder_files(
@@ -281,7 +284,7 @@ def _context(
     others = (STREAM, PLANT, OBSERVER, *ADAPTIVE_MODULES)
     followers = [m for m in modules if not m.plays_back and m not in others]  # of a reference, without delay
     output = max(size, 4) + 8 + 3 * size
-    entry = _padded(4 * size + 4, size)
+    entry = _padded(5 * size + 4, size)
     past = 2 * count + 3 if precision is Precision.FLOAT else 0
     joints = Joints.of(chain) if chain.moving else None  # else all masses are alike and nothing moves
     moving = joints is not None and bool(joints.names)
@@ -296,17 +299,17 @@ def _context(
     free = 1 if joints else free
     state = {
         "inverse": _padded(
-            output + (2 * reals + (7 if ramp else 6) + free + past) * size + entry + 4 + path[True], size
+            output + (2 * reals + (6 if ramp else 5) + free + past) * size + entry + 4 + path[True], size
         ),
-        "capstan": _padded(output + (6 if law.plays is None else 5 + 3 * PLAYS) * size + entry, size),
-        "table": _padded(output + 5 * size + entry + 4, size),
+        "capstan": _padded(output + (5 if law.plays is None else 4 + 3 * PLAYS) * size + entry, size),
+        "table": _padded(output + 4 * size + entry + 4, size),
         "plant": _padded((2 * reals + (3 if servo else 2)) * size + 16 + path[False], size),
         "observer": _observer_bytes(chain, law, size, path[False]),
         "profile": _padded(output + 4, size),
         "bounds": _padded(4 * size + 4, size),
     }
     if design is not None and "stream" in names:
-        line = design.line + (6 if precision is Precision.FLOAT else 5) + (2 * (design.ahead + 1) + 2 if ramp else 0)
+        line = design.line + (5 if precision is Precision.FLOAT else 4) + (2 * (design.ahead + 1) + 2 if ramp else 0)
         places = _padded(4, size) + 8 if ramp else 4
         line += len(joints.names) if joints is not None else 0  # angles of the last call
         state["stream"] = _padded(output + state["inverse"] + line * size + entry + places, size)
@@ -421,7 +424,7 @@ def _path_bytes(chain: Chain, joints: Joints, prefix: str, precision: Precision,
 
 def _observer_bytes(chain: Chain, law: CapstanLaw, size: int, path: int) -> int:
     """State of the observer [bytes]."""
-    common = _padded(3 * size + 8, size) + _padded(4 * size + 4, size) + 4 * size
+    common = _padded(3 * size + 8, size) + _padded(5 * size + 4, size) + 3 * size
     if law.plays is not None:
         return _padded(common + PLAYS * size + 4, size)
     far = 0 if chain.far_joint is not None else 3 * size + 4

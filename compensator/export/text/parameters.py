@@ -15,7 +15,7 @@ from tendonff.ocp.codegen.partial_evaluation import PartialEvaluator
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import Law
 from tendonff.ocp.step.joints import Joints
-from tendonff.ocp.step.target import SETTABLE, inverse_code
+from tendonff.ocp.step.target import SETTABLE, SchemeCode
 from tendonff.ocp.step.target_joints import contact_code
 
 _MU_MAX = 2.0
@@ -62,9 +62,8 @@ def parameters_of(problem: Problem) -> tuple[Parameter, ...]:
     )
 
 
-def settable_inverse(problem: Problem, precision: Precision, prefix: str) -> dict[str, object]:
+def settable_inverse(problem: Problem, code: SchemeCode, precision: Precision, prefix: str) -> dict[str, object]:
     """The exact inverse whose friction the controller may change: what its templates need."""
-    code = inverse_code(problem.chain, problem.reference.step_s, f"{prefix}_inverse", precision, settable=True)
     retune: dict[str, object] = {"retune": ""}
     if not problem.chain.moving:  # else every bend has numbers of its own
         law = _settable_law(problem, code.free)
