@@ -63,7 +63,7 @@ class ChainCode:
     record: str  # type of the record of coefficients
     values: str  # its rows, one per weight of the scheme
     kinds: int  # rows of one weight
-    links: str  # laws of the links for a header; empty where each scheme has its own
+    links: str  # laws of the links, for a header
     rest: str  # statements that fill `x` with the state at rest under `tension`
     contact: str  # record of friction on a bend, where the path moves or has sections; else empty
     touch: str  # its functions
@@ -128,20 +128,18 @@ def chain_code(
     left = SETTABLE if contact is None else ("piece_adhesion_N",)
     folder = folder_of(chain, "inverse", left)
     laws = ElementLaws.of(chain, folded=True) if contact is None else contact.laws
-    shared = folder if contact is not None else replace(folder, prefix=prefix, shared=True)
-    links = folded_links(chain, shared, laws)
+    links = folded_links(chain, replace(folder, prefix=prefix, shared=True), laws)
     back = _inverse_code(chain, folder, laws, links, contact, left) if inverse else None
     ahead = None
     if forward is not None:
         folder = folder_of(forward, "chain", whole=False)
-        laws = ElementLaws.of(forward) if contact is None else contact.laws
-        ahead = _plant_code(forward, folder, laws, links if contact is None else folded_links(chain, folder, laws), contact)
+        ahead = _plant_code(forward, folder, ElementLaws.of(forward) if contact is None else contact.laws, links, contact)
     record, rows = _record(folder, weights)
     return ChainCode(
         record=record,
         values=rows,
         kinds=folder.weights // len(weights),
-        links="" if contact else "\n".join(law.code for law in links),
+        links="\n".join(law.code for law in links),
         rest=_rest(chain, precision),
         contact=contact.record if contact else "",
         touch=contact.functions if contact else "",

@@ -22,7 +22,7 @@ from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.tendon.inverse import invert
 
 HERE = Path(__file__).parent
-MODULES = ("parameters", "limits", "chain", "inverse", "capstan", "table", "plant", "observer")
+MODULES = ("parameters", "limits", "state", "chain", "inverse", "capstan", "table", "plant", "observer")
 KINDS = ("inverse", "capstan", "table", "plant", "observer")
 _SHOWN = re.compile("[0-9a-f]{8}|[0-9a-f]{16}")
 HOST_FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno")
@@ -232,7 +232,7 @@ def _bench(folder: Path, kinds: tuple[str, ...]) -> list[str | Path]:
 def _objects(compiler: tuple[str, ...], source: Path, kinds: tuple[str, ...]) -> list[Path]:
     """Compiled modules: all, or one alone and what it needs."""
     more = {"stream": "inverse", "plant": "chain", "observer": "chain"}.get(kinds[0])
-    needed = ("parameters", "limits", "path", *((more,) if more else ()))
+    needed = ("parameters", "limits", "path", "state", *((more,) if more else ()))
     modules = MODULES if kinds == KINDS else (*needed, *kinds)
     return [compiled(compiler, made) for name in modules if (made := source / f"tff_{name}.c").exists()]
 

@@ -23,7 +23,7 @@ from tendonff.ocp.codegen.compiler import load_library
 from tendonff.ocp.codegen.engine import Engine
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.sensitivity import force_sensitivity
-from tendonff.ocp.step.target import inverse_code, plant_code
+from tendonff.ocp.step.target import chain_code
 from tendonff.ocp.tendon.inverse import InverseStatus, invert
 from tendonff.ocp.tendon.simulate import simulate
 
@@ -195,27 +195,27 @@ def test_its_sensitivity_is_the_slope_of_central_differences(generic: Transmissi
 def test_it_is_exported_as_c(generic: Transmission, tmp_path: pathlib.Path) -> None:
     """The inverse in C gives the forces of the Python inverse; the plant in C its tensions."""
     chain, reference = chain_with_two_bristles(generic), wave(12.0)
-    parts = ["#include <math.h>\n"]
-    for name, code in (
-        ("inv", inverse_code(chain, STEP, "inv", Precision.DOUBLE)),
-        ("plant", plant_code(chain, STEP, "plant", Precision.DOUBLE)),
-    ):
-        rest = code.rest.replace("self->x", "x")
-        parts += [f"#define {name.upper()}_COUNT {chain.count}\n", code.header, code.record, code.laws, code.body]
-        parts.append(f"void {name}_rest(double tension, double *x) {{ int j;\n{rest}\n}}\n")
+    code = chain_code(chain, STEP, "tff", Precision.DOUBLE, forward=chain)
+    assert code.inverse is not None and code.plant is not None
+    parts = ["#include <math.h>\n", *(f"#define TFF_{name}_COUNT {chain.count}\n" for name in ("INVERSE", "CHAIN"))]
+    inputs = ", ".join(code.plant.inputs)
+    parts += [code.record, code.values, code.links, f"typedef struct {{ double {inputs}; int led; }} tff_chain_input;"]
+    parts += [text for scheme in (code.inverse, code.plant) for text in (scheme.header, scheme.laws, scheme.body)]
+    parts.append(f"void start(double tension, double *x) {{ int j;\n{code.rest}\n}}\n")
+    given = "".join(f"{chain.numbers()[name]!r}, " for name in code.inverse.free)
     parts.append(
-        """
-        double run_inverse(double reference, int fresh, double *x, double *x_old) {
+        f"""
+        double run_inverse(double reference, int fresh, double *x, double *x_old) {{
             double least;
-            return inv_invert_step(inv_rows(), reference, fresh, x, x_old, &least);
-        }
-        double run_plant(double force, int fresh, double *x, double *x_old) {
-            plant_work w;
-            plant_report r = { 0 };
-            const plant_input u = { force };
-            plant_step(plant_rows(), &u, fresh, x, x_old, &w, &r);
-            return r.converged ? w.force[PLANT_COUNT] : -1.0;
-        }
+            return tff_inverse_invert_step(tff_rows, reference, fresh, {given}x, x_old, &least);
+        }}
+        double run_plant(double force, int fresh, double *x, double *x_old) {{
+            tff_chain_work w;
+            tff_chain_report r = {{ 0 }};
+            const tff_chain_input u = {{ force, 0.0, 0 }};
+            tff_chain_step(tff_rows, &u, fresh, x, x_old, &w, &r);
+            return r.converged ? w.force[TFF_CHAIN_COUNT] : -1.0;
+        }}
         """
     )
     library = load_library("\n".join(parts))
@@ -223,8 +223,8 @@ def test_it_is_exported_as_c(generic: Transmission, tmp_path: pathlib.Path) -> N
     expected = invert(chain, reference, STEP).force_N
     answer = simulate(chain, expected, STEP, initial_tension_N=30.0).require().output_tension_N
     states = {name: np.empty(chain.layout.size) for name in ("inv", "plant")}
-    for name, x in states.items():
-        getattr(library, f"{name}_rest")(ctypes.c_double(30.0), ctypes.c_void_p(x.ctypes.data))
+    for x in states.values():
+        library.start(ctypes.c_double(30.0), ctypes.c_void_p(x.ctypes.data))
         assert x == pytest.approx(chain.rest_state(30.0).vector(), abs=1e-15)
     old = {name: x.copy() for name, x in states.items()}
     places = {name: [ctypes.c_void_p(a[name].ctypes.data) for a in (states, old)] for name in states}
