@@ -32,7 +32,8 @@ _PLANT = """
 #include "tff_plant.h"
 static tff_plant self;
 static tff_chain_work work;
-static const tff_chain_weights instant = { .link_start_2 = 1.0 }; /* a step of no length */
+/* A step of no length: what elongation and relaxed elongation alone make of the force. */
+static const tff_weights instant = { .link_start_1 = WHOLE_N_PER_M, .link_start_2 = RELAXING_N_PER_M };
 void start(double tension, const double *joint_rad)
 {
     tff_plant_init(&self, tension);
@@ -81,7 +82,7 @@ def _compiled(driver: str, modules: tuple[str, ...], rig: Transmission, start_N:
         folder = Path(scratch)
         export_project(scenario_of(rig, start_N, step_s), profile_N=np.full(2, start_N)).write(folder)
         (folder / "driver.c").write_text(driver, encoding="utf-8")
-        sources = ["driver.c", *(f"tff_{name}.c" for name in ("parameters", "limits", "path", *modules))]
+        sources = ["driver.c", *(f"tff_{name}.c" for name in ("parameters", "limits", "path", "state", *modules))]
         flags = ["-std=c99", "-O2", "-shared", "-fPIC", "-ffp-contract=off", "-o", "code.so", *sources, "-lm"]
         if complaint := run_compiler(compiler, flags, folder):
             raise CodeError(f"the exported sources: {complaint}")
@@ -119,7 +120,11 @@ class ExportedPlant:
     """
 
     def __init__(self, rig: Transmission, start_N: float, step_s: float) -> None:
-        self._code = _compiled(_PLANT, ("plant",), rig, start_N, step_s)
+        tendon = rig.tendon
+        relaxing = tendon.relaxing_stiffness_N_per_m
+        numbers = {"WHOLE": tendon.stiffness_N_per_m + relaxing, "RELAXING": relaxing}
+        known = "".join(f"#define {name}_N_PER_M {value!r}\n" for name, value in numbers.items())
+        self._code = _compiled(known + _PLANT, ("plant",), rig, start_N, step_s)
         real, array = ctypes.c_double, ctypes.POINTER(ctypes.c_double)
         self._code.start.argtypes = [real, array]
         self._code.step.argtypes = [real, array, array]
