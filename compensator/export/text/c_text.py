@@ -323,7 +323,7 @@ def _context(
         "rated": [] if joints is None else _rated(joints),
         "joint_jumps_rad": largest_starts_rad(chain, step),
         "jump_factor": f"{JUMP_FACTOR:g}",
-        "friction_shares": _friction_shares(chain),
+        "friction_shares": tuple(_friction_shares(chain, math.exp(e)) for e in (law.pull_exponent, -law.release_exponent)),
         "title": f"{prefix}: feedforward force for a tendon",
         "count": count,
         "reals": reals,
@@ -437,12 +437,14 @@ def _rated(joints: Joints) -> list[bool]:
     return [bool(np.any(own)) for own in lengths.T]
 
 
-def _friction_shares(chain: Chain) -> list[float]:
-    """Share of each mass in what friction can hold along the path, at joint angle zero."""
+def _friction_shares(chain: Chain, ratio: float) -> list[float]:
+    """Share of each mass in the friction along a path that slips with this ratio of tensions, at joint angle zero."""
     pull, _ = chain.friction.slip_coefficients
     exponent = equivalent_exponent(np.minimum(np.broadcast_to(np.asarray(pull, float), (chain.count,)), 1 - 1e-12))
-    total = float(exponent.sum())
-    return (exponent / total).tolist() if total > 0 else [1 / chain.count] * chain.count
+    held = exponent if exponent.sum() > 0 else np.ones(chain.count)
+    beyond = np.append(np.cumsum(held[::-1])[::-1], 0.0) / held.sum()  # of all friction, from the near side of each mass on
+    levels = np.expm1(math.log(ratio) * beyond) if ratio != 1 else beyond
+    return (-np.diff(levels) / levels[0]).tolist()
 
 
 def _padded(size: int, alignment: int) -> int:
