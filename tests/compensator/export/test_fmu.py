@@ -209,7 +209,7 @@ def test_only_what_a_unit_needs_is_computed(finger, monkeypatch):
     monkeypatch.setattr(fmu, "table_of", never)
     with zipfile.ZipFile(io.BytesIO(build_fmu(finger, Kind.INVERSE).content)) as archive:
         names = {name for name in archive.namelist() if name.startswith("sources/tff_") and name.endswith(".c")}
-    assert names == {f"sources/tff_{name}.c" for name in ("parameters", "limits", "inverse")}
+    assert names == {f"sources/tff_{name}.c" for name in ("parameters", "limits", "state", "inverse")}
 
 
 @pytest.mark.parametrize(

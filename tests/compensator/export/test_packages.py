@@ -130,7 +130,7 @@ def test_the_ros_2_controller_takes_the_joints_that_move_the_path_from_their_sta
     if shutil.which("g++") is None or shutil.which("gcc") is None:
         pytest.skip("g++ is not installed")
     scenario = load_scenario(examples / "finger_moving.toml")
-    program = built(scenario, tmp_path, ("parameters", "limits", "path", "inverse"))
+    program = built(scenario, tmp_path, ("parameters", "limits", "path", "state", "inverse"))
     problem = Problem.of(scenario)
     reference, runtime = sample_reference(scenario), Runtime(scenario, kind="inverse")
     rows = slice(0, 400)
@@ -158,7 +158,7 @@ def test_the_ros_2_controller_of_a_position_drive_commands_positions_from_where_
         pytest.skip("g++ is not installed")
     actuator = replace(scenario.transmission.actuator, drive=Drive.POSITION, servo_stiffness_N_per_m=2e5)
     servo = replace(scenario, transmission=replace(scenario.transmission, actuator=actuator))
-    program = built(servo, tmp_path, ("parameters", "limits", "inverse"))
+    program = built(servo, tmp_path, ("parameters", "limits", "state", "inverse"))
     reference, runtime = sample_reference(servo), Runtime(servo, kind="inverse")
     tensions = reference.tension_N[:300]
     expected = np.array([0.37 + runtime.step(float(tension)) for tension in tensions])
@@ -176,7 +176,7 @@ def test_the_ros_2_controller_answers_what_the_c_answers_at_any_rate(files, fold
         pytest.skip("g++ is not installed")
     sources = {name: text for name, text in files.items() if name.startswith("tff_") and name.endswith((".c", ".h"))}
     (answered,) = run_on_host(sources, "tff", Precision.DOUBLE, [{"inverse": course}])
-    program = controller(folder, tmp_path, ("parameters", "limits", "inverse"))
+    program = controller(folder, tmp_path, ("parameters", "limits", "state", "inverse"))
     given = "\n".join(repr(float(v)) for v in course)
     runtime = Runtime(scenario, kind="inverse", start=float(course[0]))
     slower = np.array([runtime.step(float(reference), dt=2.5e-3) for reference in course])
@@ -195,7 +195,7 @@ def test_the_ros_2_controller_goes_on_from_the_effort_that_acts(folder, course, 
     """5 N more than the reference: friction is taken to hold them, and no update changes the effort by a newton."""
     if shutil.which("g++") is None or shutil.which("gcc") is None:
         pytest.skip("g++ is not installed")
-    program = controller(folder, tmp_path, ("parameters", "limits", "inverse"))
+    program = controller(folder, tmp_path, ("parameters", "limits", "state", "inverse"))
     given = "\n".join([repr(float(course[0]))] * 400)
     commands, _, _ = lived(program, "1e-3", "effort", repr(float(course[0]) + 5), given=given)
     assert commands[0] == pytest.approx(course[0] + 5, abs=0.5)

@@ -59,7 +59,7 @@ def figures(module: str, scenario: Scenario, folder: Path) -> list[int]:
         (folder / name).write_text(text)
     sources = [
         Path(__file__).with_name(f"{module}_fuzz.c"),
-        *(folder / f"tff_{name}.c" for name in (module, "chain", "limits", "parameters")),
+        *(folder / f"tff_{name}.c" for name in (module, "chain", "state", "limits", "parameters")),
     ]
     program = folder / "program"
     subprocess.run(["cc", "-std=c99", "-O2", "-I", folder, *sources, "-lm", "-o", program], check=True)

@@ -30,7 +30,7 @@ def test_a_restart_in_motion_and_a_lost_reference_make_no_bump(
     modules = [module for module in c_modules(scenario) if module.name in ("inverse", "plant")]
     for name, text in c_sources(scenario, Problem.of(scenario), modules, precision, "tff").items():
         (tmp_path / name).write_text(text)
-    sources = [tmp_path / f"tff_{name}.c" for name in ("inverse", "limits", "parameters", "chain", "plant")]
+    sources = [tmp_path / f"tff_{name}.c" for name in ("inverse", "limits", "parameters", "state", "chain", "plant")]
     program = tmp_path / "program"
     main = Path(__file__).with_name("re_entry.c")
     subprocess.run(["cc", "-std=c99", "-O0", "-I", tmp_path, main, *sources, "-lm", "-o", program], check=True)
