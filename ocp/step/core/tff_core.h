@@ -397,7 +397,7 @@ static void tff_strand_end(tff_strand *s)
     for (j = 0; j < size; j++) {
         t->x_old[j] = t->x[j];
     }
-    tff_finish(s->c, &s->w, t->x);
+    tff_finish(s->c, s->c->count, &s->w, t->x);
     tff_strand_turn(s);
 }
 

@@ -51,7 +51,8 @@ def play(adaptive):
         problem = Problem.of(adaptive)
         if precision not in made:
             texts = c_sources(adaptive, problem, (Inverse.c_module,), precision, "tff")
-            order = ("types.h", "parameters.h", "limits.h", "inverse.h", "parameters.c", "limits.c", "inverse.c")
+            names = ("parameters", "limits", "state", "inverse")
+            order = ("types.h", *(f"{name}.{kind}" for kind in "hc" for name in names))
             lines = [line for name in order for line in texts[f"tff_{name}"].splitlines()]
             made[precision] = load_library("\n".join([x for x in lines if not x.startswith('#include "')] + [DRIVER]))
         kind = np.float32 if precision is Precision.FLOAT else np.float64
