@@ -121,8 +121,16 @@ def chain_code(
     def folder_of(chain: Chain, scheme: str, free: tuple[str, ...] = (), *, whole: bool = True) -> PartialEvaluator:
         floors = {name: 0.0 if name == "piece_adhesion_N" else COEFFICIENT_FLOOR for name in free}
         return chain_evaluator(
-            chain, weights, f"{prefix}_{scheme}", precision, contact, free,
-            floors=floors, whole=whole, record=f"{prefix}_weights", coefficients=coefficients,
+            chain,
+            weights,
+            f"{prefix}_{scheme}",
+            precision,
+            contact,
+            free,
+            floors=floors,
+            whole=whole,
+            record=f"{prefix}_weights",
+            coefficients=coefficients,
         )
 
     left = SETTABLE if contact is None else ("piece_adhesion_N",)
@@ -133,7 +141,9 @@ def chain_code(
     ahead = None
     if forward is not None:
         folder = folder_of(forward, "chain", whole=False)
-        ahead = _plant_code(forward, folder, ElementLaws.of(forward) if contact is None else contact.laws, links, contact)
+        ahead = _plant_code(
+            forward, folder, ElementLaws.of(forward) if contact is None else contact.laws, links, contact
+        )
     record, rows = _record(folder, weights)
     return ChainCode(
         record=record,

@@ -121,7 +121,11 @@ def contact_code(
             if joints.names
             else []
         ),
-        *(_function("Friction everywhere.", f"{prefix}_touch_all", head, [*calls[False].values()], shared) if settable else []),
+        *(
+            _function("Friction everywhere.", f"{prefix}_touch_all", head, [*calls[False].values()], shared)
+            if settable
+            else []
+        ),
         *_function("Friction at the start.", f"{prefix}_contact_init", f"{prefix}_contact *contact", init, shared),
     ]
     fields = (*own, *sorted(name for name in renewed if name.startswith(SLOPE_OF)))

@@ -102,7 +102,9 @@ def c_sources(
         made = chain_code(
             chain, step, prefix, precision, inverse="inverse" in names, forward=forward if "chain" in shared else None
         )
-        code["state"] = {name: getattr(made, name) for name in ("record", "values", "kinds", "links", "rest", "contact", "touch")}
+        code["state"] = {
+            name: getattr(made, name) for name in ("record", "values", "kinds", "links", "rest", "contact", "touch")
+        }
         if made.inverse is not None:
             code["inverse"] = settable_inverse(problem, made.inverse, precision, prefix) | {"kinds": made.kinds}
         if made.plant is not None:
@@ -323,7 +325,9 @@ def _context(
         "rated": [] if joints is None else _rated(joints),
         "joint_jumps_rad": largest_starts_rad(chain, step),
         "jump_factor": f"{JUMP_FACTOR:g}",
-        "friction_shares": tuple(_friction_shares(chain, math.exp(e)) for e in (law.pull_exponent, -law.release_exponent)),
+        "friction_shares": tuple(
+            _friction_shares(chain, math.exp(e)) for e in (law.pull_exponent, -law.release_exponent)
+        ),
         "title": f"{prefix}: feedforward force for a tendon",
         "count": count,
         "reals": reals,
@@ -442,9 +446,11 @@ def _friction_shares(chain: Chain, ratio: float) -> list[float]:
     pull, _ = chain.friction.slip_coefficients
     exponent = equivalent_exponent(np.minimum(np.broadcast_to(np.asarray(pull, float), (chain.count,)), 1 - 1e-12))
     held = exponent if exponent.sum() > 0 else np.ones(chain.count)
-    beyond = np.append(np.cumsum(held[::-1])[::-1], 0.0) / held.sum()  # of all friction, from the near side of each mass on
+    beyond = (
+        np.append(np.cumsum(held[::-1])[::-1], 0.0) / held.sum()
+    )  # of all friction, from the near side of each mass on
     levels = np.expm1(math.log(ratio) * beyond) if ratio != 1 else beyond
-    return (-np.diff(levels) / levels[0]).tolist()
+    return [float(share) for share in -np.diff(levels) / levels[0]]
 
 
 def _padded(size: int, alignment: int) -> int:

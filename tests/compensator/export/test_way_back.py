@@ -25,7 +25,9 @@ def folder(examples, tmp_path_factory):
 
 
 def test_no_module_jumps_after_what_was_lost_and_what_was_lost_shortly_costs_little(folder, record_property):
-    sources = [folder / f"tff_{n}.c" for n in ("inverse", "stream", "capstan", "table", "state", "limits", "parameters")]
+    sources = [
+        folder / f"tff_{n}.c" for n in ("inverse", "stream", "capstan", "table", "state", "limits", "parameters")
+    ]
     program, main = folder / "way_back", Path(__file__).with_suffix("").with_name("way_back.c")
     subprocess.run(["cc", *FLAGS, "-I", folder, main, *sources, "-lm", "-o", program], check=True)
     said = subprocess.run([program], capture_output=True, text=True, check=True).stdout

@@ -196,7 +196,8 @@ def test_it_is_exported_as_c(generic: Transmission, tmp_path: pathlib.Path) -> N
     """The inverse in C gives the forces of the Python inverse; the plant in C its tensions."""
     chain, reference = chain_with_two_bristles(generic), wave(12.0)
     code = chain_code(chain, STEP, "tff", Precision.DOUBLE, forward=chain)
-    assert code.inverse is not None and code.plant is not None
+    assert code.inverse is not None
+    assert code.plant is not None
     parts = ["#include <math.h>\n", *(f"#define TFF_{name}_COUNT {chain.count}\n" for name in ("INVERSE", "CHAIN"))]
     inputs = ", ".join(code.plant.inputs)
     parts += [code.record, code.values, code.links, f"typedef struct {{ double {inputs}; int led; }} tff_chain_input;"]
