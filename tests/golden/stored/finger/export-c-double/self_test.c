@@ -1297,7 +1297,7 @@ static void test_observer(void)
     }
     tff_observer_init(&other, seen_input[0]); /* nothing waits */
     (void)tff_observer_step_dt(&other, (tff_real)2.25 * TFF_STEP_S, seen_input[0], (tff_real)NAN);
-    mixed = mixed && (fabs((double)other.waiting - (0.25 * (double)TFF_STEP_S)) <= (1e-4 * (double)TFF_STEP_S));
+    mixed = mixed && (fabs((double)other.entry.waiting - (0.25 * (double)TFF_STEP_S)) <= (1e-4 * (double)TFF_STEP_S));
     self = whole;
     expect("observer: steps without a time are of one sample, among others too", mixed);
     report("observer: golden vectors", error, 8.6000000000000002e-08);

@@ -14,7 +14,6 @@ void tff_capstan_init(tff_capstan *self, tff_real initial_tension)
 
     self->last = tension;
     self->wanted = tension;
-    self->waiting = 0.0;
     self->pull = 1.8744560875853382;
     self->release = 0.53348809109110329;
     self->adhesion = 0.0;
@@ -23,12 +22,9 @@ void tff_capstan_init(tff_capstan *self, tff_real initial_tension)
 void tff_capstan_init_at(tff_capstan *self, tff_real tension, tff_real force)
 {
     tff_capstan_init(self, tension);
-    if (tff_begin_at(&self->output, force) != 0) {
+    if (tff_begin_at(&self->output, &self->entry, self->last, force) != 0) {
         self->entry.last = force;
         self->wanted = force;
-        if (tff_is_within(force, self->last, self->last) == 0) {
-            tff_capstan_missed(self, TFF_RE_ENTRY); /* what is measured is not what is wanted: led there */
-        }
     }
 }
 
@@ -49,38 +45,36 @@ int32_t tff_capstan_use(tff_capstan *self, const tff_parameters *given)
     return good;
 }
 
+/* Force for a reference that is accepted. */
+static tff_real tff_capstan_take(tff_capstan *self, tff_real reference)
+{
+    const tff_real lifted = reference + self->adhesion;
+    if (reference > self->last) {
+        self->wanted = (lifted * self->pull) - self->adhesion;
+    } else if (reference < self->last) {
+        self->wanted = (lifted * self->release) - self->adhesion;
+    } else {
+        /* the reference is at rest: so is the force */
+    }
+    self->last = reference;
+    /* The force is led back, not the reference: a way back of the reference may turn round, where the law jumps. */
+    return tff_output_set(&self->output, tff_entry_take(&self->entry, self->wanted));
+}
+
 /* A step, as long as the rate limit was set for. */
 static tff_real tff_capstan_after(tff_capstan *self, tff_real reference)
 {
-    tff_real force;
-
-    if (tff_is_within(reference, TFF_REFERENCE_MIN_N, TFF_REFERENCE_MAX_N) == 0) {
-        force = tff_lose(&self->output, &self->entry, reference);
-    } else {
-        const tff_real lifted = reference + self->adhesion;
-        if (reference > self->last) {
-            self->wanted = (lifted * self->pull) - self->adhesion;
-        } else if (reference < self->last) {
-            self->wanted = (lifted * self->release) - self->adhesion;
-        } else {
-            /* the reference is at rest: so is the force */
-        }
-        self->last = reference;
-        /* The force is led back, not the reference: a way back of the reference may turn round, where the law jumps. */
-        force = tff_output_set(&self->output, tff_entry_take(&self->entry, self->wanted));
-    }
-    return force;
+    return (tff_is_within(reference, TFF_REFERENCE_MIN_N, TFF_REFERENCE_MAX_N) != 0) ? tff_capstan_take(self, reference) : tff_lose(&self->output, &self->entry, reference);
 }
 
 tff_real tff_capstan_step(tff_capstan *self, tff_real reference)
 {
-    return (self->waiting > 0.0) ? tff_capstan_step_dt(self, TFF_STEP_S, reference) : tff_capstan_after(self, reference);
+    return (self->entry.waiting > 0.0) ? tff_capstan_step_dt(self, TFF_STEP_S, reference) : tff_capstan_after(self, reference);
 }
 
 tff_real tff_capstan_step_dt(tff_capstan *self, tff_real dt_s, tff_real reference)
 {
-    const tff_pause pause = tff_pause_of(&self->output, &self->waiting, dt_s);
+    const tff_pause pause = tff_pause_of(&self->output, &self->entry, dt_s);
 
-    tff_capstan_missed(self, pause.missed);
     return (pause.samples > 0.0) ? tff_resume(&self->output, &self->entry, &pause, tff_capstan_after(self, reference)) : self->output.force;
 }

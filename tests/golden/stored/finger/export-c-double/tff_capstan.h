@@ -23,7 +23,6 @@ typedef struct {
     tff_real release;  /* e^{-mu theta}, releasing */
     tff_real adhesion; /* p [N] */
     tff_entry entry;   /* last force asked for, and the way back to the law's after the reference was lost */
-    tff_real waiting; /* time too short for a step of its own [s] */
 } tff_capstan;
 
 /* At rest under a uniform tension [N]. */

@@ -7,8 +7,6 @@
  */
 #include "tff_chain.h"
 
-#include <math.h>
-
 /* Time step of the tendon chain: two end masses, N masses on the path, N + 1 links.
  *
  * Positive is towards the actuator (pulling); tensions are positive. SI units throughout.
@@ -39,83 +37,27 @@ typedef struct {
 } tff_chain_work;
 
 
-/* What depends on the weight H [s] of the scheme: two rows for the first step (implicit Euler), two for
- * every later step (second-order backward differences; `carry` is the share of the last change in the base),
- * and two for each halving of a step, where there are any: for inner links, and for those at the ends, which
- * are half as long. Fields are named after the law that needs them. */
-typedef struct {
-    double H;
-    double carry;
-    double end_mass_near_1;
-    double end_mass_near_2;
-    double end_mass_far_1;
-    double end_mass_far_2;
-    double end_mass_far_3;
-    double end_mass_cell_1;
-    double link_start_1;
-    double link_start_2;
-    double link_start_3;
-    double link_force_1;
-    double path_mass_1;
-    double path_mass_2;
-} tff_chain_weights;
-
-static const tff_chain_weights *tff_chain_rows(void)
-{
-    static const tff_chain_weights rows[4] = { NUMBERS };
-    return rows;
-}
-
-/* A link's force at zero rate of elongation, before slack [N], eqs. (6), (7). */
-static void tff_chain_link_start(
-    const tff_chain_weights *w, double e_base, double z_base, double *start)
-{
-    const double t0 = w->link_start_1 * e_base;
-    const double t1 = e_base / 0.40000000000000002;
-    const double t2 = w->end_mass_far_2 * t1;
-    const double t3 = z_base + t2;
-    const double t4 = t3 / w->link_start_3;
-    const double t5 = e_base - t4;
-    const double t6 = w->link_start_2 * t5;
-    const double t7 = t0 + t6;
-    *start = t7;
-}
-
 /* Tension of a link [N] and its slope over the rate of elongation [N s/m]; a tendon cannot push. */
 static void tff_chain_link_force(
-    const tff_chain_weights *w, double rate, double start, double *force, double *slope)
+    const tff_weights *w, double rate, double start, double *force, double *slope)
 {
-    const double t0 = w->link_force_1 * rate;
+    const double t0 = w->link_rate_1 * rate;
     const double t1 = start + t0;
     const double t2 = (0.0 < t1) ? t1 : 0.0;
     *force = t2;
-    const double t3 = (0.0 < t1) ? w->link_force_1 : 0.0;
+    const double t3 = (0.0 < t1) ? w->link_rate_1 : 0.0;
     *slope = t3;
-}
-
-/* Elongation of a link and its own states at the end of the step. */
-static void tff_chain_link_states(
-    const tff_chain_weights *w, double rate, double e_base, double z_base, double *e, double *z)
-{
-    const double t0 = w->end_mass_far_2 * rate;
-    const double t1 = e_base + t0;
-    *e = t1;
-    const double t2 = t1 / 0.40000000000000002;
-    const double t3 = w->end_mass_far_2 * t2;
-    const double t4 = z_base + t3;
-    const double t5 = t4 / w->link_start_3;
-    *z = t5;
 }
 
 /* Balance of a mass on the path [N], its slopes, and the states of its friction, eqs. (4), (5). */
 static void tff_chain_path_mass(
-    const tff_chain_weights *w, double v, double f_near, double f_far, double v_base, double f_s_base, double *residual, double *by_v, double *by_near, double *by_far, double *f_s)
+    const tff_weights *w, double v, double f_near, double f_far, double v_base, double f_s_base, double *residual, double *by_v, double *by_near, double *by_far, double *f_s)
 {
     const double t0 = v - v_base;
-    const double t1 = w->path_mass_1 * t0;
+    const double t1 = w->path_mass_inverse_1 * t0;
     const double t2 = f_near - f_far;
     const double t3 = 8333.3333333333321 * v;
-    const double t4 = w->end_mass_far_2 * t3;
+    const double t4 = w->link_start_3 * t3;
     const double t5 = f_s_base + t4;
     const double t6 = f_near + f_far;
     const double t7 = (1.0000000000000001e-09 < t6) ? t6 : 1.0000000000000001e-09;
@@ -123,7 +65,7 @@ static void tff_chain_path_mass(
     const double t9 = fabs(v);
     const double t10 = t9 / 0.052312080781770152;
     const double t11 = 8333.3333333333321 * t10;
-    const double t12 = w->end_mass_far_2 * t11;
+    const double t12 = w->link_start_3 * t11;
     const double t13 = t7 + t12;
     const double t14 = t8 / t13;
     const double t15 = 0.16666666666666666 * v;
@@ -137,11 +79,11 @@ static void tff_chain_path_mass(
     const double t22 = (v > 0.0) ? 1.0 : ((v < 0.0) ? -1.0 : 0.0);
     const double t23 = t22 / 0.052312080781770152;
     const double t24 = 8333.3333333333321 * t23;
-    const double t25 = w->end_mass_far_2 * t24;
+    const double t25 = w->link_start_3 * t24;
     const double t26 = t21 * t25;
     const double t27 = t20 - t26;
     const double t28 = t27 + 0.16666666666666666;
-    const double t29 = w->path_mass_1 + t28;
+    const double t29 = w->path_mass_inverse_1 + t28;
     *by_v = t29;
     const double t30 = t5 / t13;
     const double t31 = t30 - t21;
@@ -158,42 +100,42 @@ static void tff_chain_path_mass(
 
 /* Balance of an end mass [N] and its slopes over velocity and tension; pull: -1 near, +1 far end. */
 static void tff_chain_end_mass_near(
-    const tff_chain_weights *w, double v, double f, double v_base, double f_c, double *residual, double *by_v, double *by_f)
+    const tff_weights *w, double v, double f, double v_base, double f_c, double *residual, double *by_v, double *by_f)
 {
     const double t0 = v - v_base;
-    const double t1 = w->end_mass_near_1 * t0;
+    const double t1 = w->near_force_1 * t0;
     const double t2 = f - f_c;
     const double t3 = -t2;
     const double t4 = 5.0 * v;
     const double t5 = t3 - t4;
     const double t6 = t1 - t5;
     *residual = t6;
-    *by_v = w->end_mass_near_2;
+    *by_v = w->end_mass_near_1;
     *by_f = 1.0;
 }
 
 /* Balance of an end mass [N] and its slopes over velocity and tension; pull: -1 near, +1 far end. */
 static void tff_chain_end_mass_far(
-    const tff_chain_weights *w, double v, double f, double v_base, double q_base, double x_c, double *residual, double *by_v, double *by_f)
+    const tff_weights *w, double v, double f, double v_base, double q_base, double x_c, double *residual, double *by_v, double *by_f)
 {
     const double t0 = v - v_base;
-    const double t1 = w->end_mass_far_1 * t0;
+    const double t1 = w->far_velocity_1 * t0;
     const double t2 = 8.0 * v;
     const double t3 = f - t2;
-    const double t4 = w->end_mass_far_2 * v;
+    const double t4 = w->link_start_3 * v;
     const double t5 = q_base + t4;
     const double t6 = t5 - x_c;
     const double t7 = 3000.0 * t6;
     const double t8 = t3 - t7;
     const double t9 = t1 - t8;
     *residual = t9;
-    *by_v = w->end_mass_far_3;
+    *by_v = w->far_velocity_2;
     *by_f = (-1.0);
 }
 
 /* Balance of an end mass [N] and its slopes over velocity and tension; pull: -1 near, +1 far end. */
 static void tff_chain_end_mass_cell(
-    const tff_chain_weights *w, double v, double f, double v_base, double f_c, double *residual, double *by_v, double *by_f)
+    const tff_weights *w, double v, double f, double v_base, double f_c, double *residual, double *by_v, double *by_f)
 {
     const double t0 = v - v_base;
     const double t1 = w->end_mass_cell_1 * t0;
@@ -212,43 +154,43 @@ static void tff_chain_end_mass_cell(
 #define TFF_CHAIN_MAX_EVALUATIONS 60 /* of the balances in one call, whatever happens */
 
 /* Link forces at zero rate of elongation. */
-static void tff_chain_link_starts(const tff_chain_weights *given, int n, const double *base, double *start)
+static void tff_chain_link_starts(const tff_weights *given, int n, const double *base, double *start)
 {
     int i;
-    const tff_chain_weights *const c = given;
+    const tff_weights *const c = given;
     (void)c;
     for (i = 1; i < n; i++) {
-        tff_chain_link_start(c, base[(n + 2) + i], base[((2 * n) + 3) + i], &start[i]);
+        tff_link_start(c, base[(n + 2) + i], base[((2 * n) + 3) + i], &start[i]);
     }
     for (i = 0; i <= n; i += n) {
-        tff_chain_link_start((&c[1]), base[(n + 2) + i], base[((2 * n) + 3) + i], &start[i]);
+        tff_link_start((&c[1]), base[(n + 2) + i], base[((2 * n) + 3) + i], &start[i]);
     }
 }
 
 /* Elongations and the links' own states at the end of a step whose velocities are known. */
 static void tff_chain_link_ends(
-    const tff_chain_weights *given, int n, const double *v, const double *base, double *e,
+    const tff_weights *given, int n, const double *v, const double *base, double *e,
     double *z)
 {
     int i;
-    const tff_chain_weights *const c = given;
+    const tff_weights *const c = given;
     (void)c;
     for (i = 1; i < n; i++) {
-        tff_chain_link_states(c, v[i] - v[i + 1], base[(n + 2) + i], base[((2 * n) + 3) + i], &e[i], &z[i]);
+        tff_link_states(c, v[i] - v[i + 1], base[(n + 2) + i], base[((2 * n) + 3) + i], &e[i], &z[i]);
     }
     for (i = 0; i <= n; i += n) {
-        tff_chain_link_states((&c[1]), v[i] - v[i + 1], base[(n + 2) + i], base[((2 * n) + 3) + i], &e[i], &z[i]);
+        tff_link_states((&c[1]), v[i] - v[i + 1], base[(n + 2) + i], base[((2 * n) + 3) + i], &e[i], &z[i]);
     }
 }
 
 /* Balances, slopes and the frictions' own states of the masses on the path. */
 static void tff_chain_path_slopes(
-    const tff_chain_weights *given, int n, const double *v, const double *base,
+    const tff_weights *given, int n, const double *v, const double *base,
     const double *force, const double *slope, double *residual, double *lower,
     double *diag, double *upper, double *new_f_s)
 {
     int i;
-    const tff_chain_weights *const c = given;
+    const tff_weights *const c = given;
     (void)c;
     for (i = 1; i <= n; i++) {
         double by_v;
@@ -262,10 +204,10 @@ static void tff_chain_path_slopes(
 }
 
 /* Tensions of the links and their slopes, for velocities v. */
-static void tff_chain_tensions(const tff_chain_weights *given, int n, const double *v, tff_chain_work *w)
+static void tff_chain_tensions(const tff_weights *given, int n, const double *v, tff_chain_work *w)
 {
     int i;
-    const tff_chain_weights *const c = given;
+    const tff_weights *const c = given;
     (void)c;
     for (i = 1; i < n; i++) {
         tff_chain_link_force(c, v[i] - v[i + 1], w->start[i], &w->force[i], &w->slope[i]);
@@ -277,7 +219,7 @@ static void tff_chain_tensions(const tff_chain_weights *given, int n, const doub
 
 /* Balances of the end masses; `by` receives their slopes over velocity and tension, near and far. */
 static void tff_chain_end_balances(
-    const tff_chain_weights *c, const tff_chain_input *u, int n, const double *v, tff_chain_work *w, double *by)
+    const tff_weights *c, const tff_chain_input *u, int n, const double *v, tff_chain_work *w, double *by)
 {
     (void)c;
     if (u->led != 0) {
@@ -304,9 +246,8 @@ static double tff_chain_largest(const tff_chain_work *w, int n)
 
 /* Balances, tensions and the frictions' own states for velocities v, with the tridiagonal matrix of slopes; returns the
  * largest balance. */
-static double tff_chain_evaluate(const tff_chain_weights *c, const tff_chain_input *u, const double *v, tff_chain_work *w)
+static double tff_chain_evaluate(const tff_weights *c, const tff_chain_input *u, int n, const double *v, tff_chain_work *w)
 {
-    const int n = TFF_CHAIN_COUNT;
     double by[4];
 
     tff_chain_tensions(c, n, v, w);
@@ -387,9 +328,8 @@ static void tff_chain_newton_move(tff_chain_work *w, int n)
 }
 
 /* Largest balance that counts as solved: the rounding of link forces and of momenta adds to the tolerance. */
-static double tff_chain_tolerance(const tff_chain_weights *c, const tff_chain_work *w)
+static double tff_chain_tolerance(const tff_weights *c, int n, const tff_chain_work *w)
 {
-    const int n = TFF_CHAIN_COUNT;
     const double near = fabs(w->base[0]) * 0.14999999999999999;
     const double far = fabs(w->base[n + 1]) * 0.02;
     double momentum = 0.0;
@@ -411,9 +351,8 @@ static double tff_chain_tolerance(const tff_chain_weights *c, const tff_chain_wo
 /* Newton's method with a line search, from the velocities in w->v that were evaluated with the balance `norm`; returns
  * the balance that it reached, and `moves` counts its moves. */
 static double tff_chain_newton(
-    const tff_chain_weights *c, const tff_chain_input *u, double norm, double tolerance, tff_chain_work *w, tff_chain_report *report, int *moves)
+    const tff_weights *c, const tff_chain_input *u, int n, double norm, double tolerance, tff_chain_work *w, tff_chain_report *report, int *moves)
 {
-    const int n = TFF_CHAIN_COUNT;
     double now = norm;
     int i;
     int k;
@@ -429,7 +368,7 @@ static double tff_chain_newton(
             for (i = 0; i <= (n + 1); i++) {
                 w->trial[i] = w->v[i] + (t * w->move[i]);
             }
-            next = tff_chain_evaluate(c, u, w->trial, w);
+            next = tff_chain_evaluate(c, u, n, w->trial, w);
             report->evaluations++;
             if (next < now) {
                 break;
@@ -449,17 +388,17 @@ static double tff_chain_newton(
 }
 
 /* One implicit step from w->base; w->v holds the guess and receives the velocities. */
-static void tff_chain_solve(const tff_chain_weights *c, const tff_chain_input *u, tff_chain_work *w, tff_chain_report *report)
+static void tff_chain_solve(const tff_weights *c, const tff_chain_input *u, int n, tff_chain_work *w, tff_chain_report *report)
 {
     double norm;
     double tolerance;
     int moves;
 
-    tff_chain_link_starts(c, TFF_CHAIN_COUNT, w->base, w->start);
-    tolerance = tff_chain_tolerance(c, w);
-    norm = tff_chain_evaluate(c, u, w->v, w);
+    tff_chain_link_starts(c, n, w->base, w->start);
+    tolerance = tff_chain_tolerance(c, n, w);
+    norm = tff_chain_evaluate(c, u, n, w->v, w);
     report->evaluations++;
-    norm = tff_chain_newton(c, u, norm, tolerance, w, report, &moves);
+    norm = tff_chain_newton(c, u, n, norm, tolerance, w, report, &moves);
     report->converged = 0;
     if (norm <= tolerance) {
         report->converged = 1;
@@ -468,9 +407,8 @@ static void tff_chain_solve(const tff_chain_weights *c, const tff_chain_input *u
 }
 
 /* Write the end of a solved step into x. */
-static void tff_chain_finish(const tff_chain_weights *c, const tff_chain_work *w, double *x)
+static void tff_chain_finish(const tff_weights *c, int n, const tff_chain_work *w, double *x)
 {
-    const int n = TFF_CHAIN_COUNT;
     int i;
     tff_chain_link_ends(c, n, w->v, w->base, &x[(n + 2)], &x[((2 * n) + 3)]);
     for (i = 0; i < n; i++) {
@@ -487,10 +425,10 @@ static void tff_chain_finish(const tff_chain_weights *c, const tff_chain_work *w
  * Second-order backward differences (BDF2, the second row of weights); implicit Euler where there is no earlier state
  * (fresh, the first row). */
 static void tff_chain_step(
-    const tff_chain_weights *rows, const tff_chain_input *u, int fresh,
+    const tff_weights *rows, const tff_chain_input *u, int fresh,
     double *x, double *x_old, tff_chain_work *w, tff_chain_report *report)
 {
-    const tff_chain_weights *c = &rows[2 * ((fresh != 0) ? 0 : 1)];
+    const tff_weights *c = &rows[2 * ((fresh != 0) ? 0 : 1)];
     const int n = TFF_CHAIN_COUNT;
     const int size = ((4 * n) + 6);
     int guess;
@@ -508,38 +446,10 @@ static void tff_chain_step(
         for (j = 0; (guess > 0) && (j <= (n + 1)); j++) {
             w->v[j] = (guess == 1) ? 0.0 : x[j];
         }
-        tff_chain_solve(c, u, w, report);
+        tff_chain_solve(c, u, n, w, report);
     }
     if (report->converged != 0) {
-        tff_chain_finish(c, w, x);
-    }
-}
-
-void tff_chain_init(tff_real *x, tff_real *x_old, tff_real tension)
-{
-    int32_t j;
-
-    for (j = 0; j < 8; j++) {
-        x[j] = 0.0;
-    }
-    x[8] = tension * 4.1666666666666669e-06;
-    for (j = 9; j < 14; j++) {
-        x[j] = tension * 8.3333333333333337e-06;
-    }
-    for (j = 14; j < 16; j++) {
-        x[j] = tension * 4.1666666666666669e-06;
-    }
-    for (j = 16; j < 21; j++) {
-        x[j] = tension * 8.3333333333333337e-06;
-    }
-    x[21] = tension * 4.1666666666666669e-06;
-    for (j = 22; j < 28; j++) {
-        x[j] = 0.0;
-    }
-    x[28] = tension * 0.00038333333333333334;
-    x[29] = tension * 0.00033333333333333332;
-    for (j = 0; j < TFF_CHAIN_REALS; j++) {
-        x_old[j] = x[j];
+        tff_chain_finish(c, n, w, x);
     }
 }
 
@@ -549,7 +459,7 @@ int32_t tff_chain_advance(const tff_chain_input *input, int32_t fresh, tff_real 
     tff_chain_report report = { 0, 0.0, 0, 0 };
     int32_t solved = 0;
 
-    tff_chain_step(tff_chain_rows(), input, (int)fresh, x, x_old, &work, &report);
+    tff_chain_step(tff_rows, input, (int)fresh, x, x_old, &work, &report);
     *evaluations += (int32_t)report.evaluations;
     if (report.converged != 0) {
         *tension = work.force[TFF_CHAIN_COUNT];

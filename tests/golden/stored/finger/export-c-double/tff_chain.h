@@ -9,14 +9,14 @@
 #ifndef TFF_CHAIN_H
 #define TFF_CHAIN_H
 
-#include "tff_limits.h"
+#include "tff_state.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
-#define TFF_CHAIN_COUNT 6
-#define TFF_CHAIN_REALS 30
+#define TFF_CHAIN_COUNT TFF_STATE_COUNT
+#define TFF_CHAIN_REALS TFF_STATE_REALS
 
 /* What acts on the ends. */
 typedef struct {
@@ -24,9 +24,6 @@ typedef struct {
     tff_real far_rest_m;
     int32_t led; /* 1: the force is the tension that a cell at the near end measures; else the actuator's */
 } tff_chain_input;
-
-/* At rest under a uniform tension [N]. */
-void tff_chain_init(tff_real *x, tff_real *x_old, tff_real tension);
 
 /* Advance by a sample; `fresh`: there is no earlier state. Returns 1, then x_old is what x was and `tension` the one at the
  * far end [N], or 0 where there is no solution, then x is as before. `evaluations` of the balances are added up. */

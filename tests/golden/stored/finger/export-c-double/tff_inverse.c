@@ -7,50 +7,9 @@
  */
 #include "tff_inverse.h"
 
-#include <math.h>
-
-/* What depends on the weight H [s] of the scheme: two rows for the first step (implicit Euler), two for
- * every later step (second-order backward differences; `carry` is the share of the last change in the base),
- * and two for each halving of a step, where there are any: for inner links, and for those at the ends, which
- * are half as long. Fields are named after the law that needs them. */
-typedef struct {
-    double H;
-    double carry;
-    double link_start_1;
-    double link_start_2;
-    double link_start_3;
-    double link_start_4;
-    double link_rate_1;
-    double far_velocity_1;
-    double far_velocity_2;
-    double near_force_1;
-    double path_mass_inverse_1;
-} tff_inverse_weights;
-
-static const tff_inverse_weights *tff_inverse_rows(void)
-{
-    static const tff_inverse_weights rows[4] = { NUMBERS };
-    return rows;
-}
-
-/* A link's force at zero rate of elongation, before slack [N], eqs. (6), (7). */
-static void tff_inverse_link_start(
-    const tff_inverse_weights *w, double e_base, double z_base, double *start)
-{
-    const double t0 = w->link_start_1 * e_base;
-    const double t1 = e_base / 0.40000000000000002;
-    const double t2 = w->link_start_3 * t1;
-    const double t3 = z_base + t2;
-    const double t4 = t3 / w->link_start_4;
-    const double t5 = e_base - t4;
-    const double t6 = w->link_start_2 * t5;
-    const double t7 = t0 + t6;
-    *start = t7;
-}
-
 /* Rate of elongation [m/s] of a taut link that carries a given force. */
 static void tff_inverse_link_rate(
-    const tff_inverse_weights *w, double force, double start, double *rate)
+    const tff_weights *w, double force, double start, double *rate)
 {
     const double t0 = start - force;
     const double t1 = t0 / w->link_rate_1;
@@ -58,23 +17,9 @@ static void tff_inverse_link_rate(
     *rate = t2;
 }
 
-/* Elongation of a link and its own states at the end of the step. */
-static void tff_inverse_link_states(
-    const tff_inverse_weights *w, double rate, double e_base, double z_base, double *e, double *z)
-{
-    const double t0 = w->link_start_3 * rate;
-    const double t1 = e_base + t0;
-    *e = t1;
-    const double t2 = t1 / 0.40000000000000002;
-    const double t3 = w->link_start_3 * t2;
-    const double t4 = z_base + t3;
-    const double t5 = t4 / w->link_start_4;
-    *z = t5;
-}
-
 /* Velocity of an end mass [m/s] for a given tension. */
 static void tff_inverse_far_velocity(
-    const tff_inverse_weights *w, double f, double v_base, double q_base, double *v)
+    const tff_weights *w, double f, double v_base, double q_base, double *v)
 {
     const double t0 = w->far_velocity_1 * v_base;
     const double t1 = 3000.0 * q_base;
@@ -86,7 +31,7 @@ static void tff_inverse_far_velocity(
 
 /* Motor force [N] that gives an end mass its velocity. */
 static void tff_inverse_near_force(
-    const tff_inverse_weights *w, double v, double f, double v_base, double *f_c)
+    const tff_weights *w, double v, double f, double v_base, double *f_c)
 {
     const double t0 = v - v_base;
     const double t1 = w->near_force_1 * t0;
@@ -101,7 +46,7 @@ static void tff_inverse_near_force(
 
 /* Near tension of a mass [N], and its states. */
 static void tff_inverse_path_mass_inverse(
-    const tff_inverse_weights *w, double v, double f_far, double v_base, double f_s_base, double piece_adhesion_N, double friction_mu_dynamic_pull, double friction_mu_dynamic_release, double *f_near, double *f_s)
+    const tff_weights *w, double v, double f_far, double v_base, double f_s_base, double piece_adhesion_N, double friction_mu_dynamic_pull, double friction_mu_dynamic_release, double *f_near, double *f_s)
 {
     const double t0 = 0.16666666666666666 * v;
     const double t1 = f_far + t0;
@@ -143,9 +88,9 @@ static void tff_inverse_path_mass_inverse(
 /* One step of the scheme, backwards along the chain; x and x_old are the state now and one step earlier, `least`
  * receives the smallest tension on the path. */
 static double tff_inverse_invert_step(
-    const tff_inverse_weights *rows, double reference, int fresh, double piece_adhesion_N, double friction_mu_dynamic_pull, double friction_mu_dynamic_release, double *x, double *x_old, double *least)
+    const tff_weights *rows, double reference, int fresh, double piece_adhesion_N, double friction_mu_dynamic_pull, double friction_mu_dynamic_release, double *x, double *x_old, double *least)
 {
-    const tff_inverse_weights *const c = &rows[2 * ((fresh != 0) ? 0 : 1)];
+    const tff_weights *const c = &rows[2 * ((fresh != 0) ? 0 : 1)];
     const int n = TFF_INVERSE_COUNT;
     const double carry = c->carry;
     double start;
@@ -174,9 +119,9 @@ static double tff_inverse_invert_step(
         const double z_base = z_now + (carry * (z_now - x_old[((2 * n) + 3) + n]));
         x_old[(n + 2) + n] = e_now;
         x_old[((2 * n) + 3) + n] = z_now;
-        tff_inverse_link_start((&c[1]), e_base, z_base, &start);
+        tff_link_start((&c[1]), e_base, z_base, &start);
         tff_inverse_link_rate((&c[1]), f, start, &rate);
-        tff_inverse_link_states((&c[1]), rate, e_base, z_base, &x[(n + 2) + n], &x[((2 * n) + 3) + n]);
+        tff_link_states((&c[1]), rate, e_base, z_base, &x[(n + 2) + n], &x[((2 * n) + 3) + n]);
         v += rate;
 }
     do {
@@ -199,9 +144,9 @@ static double tff_inverse_invert_step(
             const double z_base = z_now + (carry * (z_now - x_old[((2 * n) + 3) + i]));
             x_old[(n + 2) + i] = e_now;
             x_old[((2 * n) + 3) + i] = z_now;
-            tff_inverse_link_start(c, e_base, z_base, &start);
+            tff_link_start(c, e_base, z_base, &start);
             tff_inverse_link_rate(c, f, start, &rate);
-            tff_inverse_link_states(c, rate, e_base, z_base, &x[(n + 2) + i], &x[((2 * n) + 3) + i]);
+            tff_link_states(c, rate, e_base, z_base, &x[(n + 2) + i], &x[((2 * n) + 3) + i]);
             v += rate;
 }
     } while (i > 0);
@@ -212,9 +157,9 @@ static double tff_inverse_invert_step(
         const double z_base = z_now + (carry * (z_now - x_old[((2 * n) + 3) + i]));
         x_old[(n + 2) + i] = e_now;
         x_old[((2 * n) + 3) + i] = z_now;
-        tff_inverse_link_start((&c[1]), e_base, z_base, &start);
+        tff_link_start((&c[1]), e_base, z_base, &start);
         tff_inverse_link_rate((&c[1]), f, start, &rate);
-        tff_inverse_link_states((&c[1]), rate, e_base, z_base, &x[(n + 2) + i], &x[((2 * n) + 3) + i]);
+        tff_link_states((&c[1]), rate, e_base, z_base, &x[(n + 2) + i], &x[((2 * n) + 3) + i]);
         v += rate;
 }
     {
@@ -267,7 +212,7 @@ static void tff_inverse_weigh(
 
 /* Rows for a step of another length [s] after one of `before` (0: none is known): backward differences of second order over
  * two steps that differ; implicit Euler after one that is far shorter. */
-static void tff_inverse_reweigh(const tff_inverse_weights *given, double step_s, double before_s, tff_inverse_weights *rows)
+static void tff_inverse_reweigh(const tff_weights *given, double step_s, double before_s, tff_weights *rows)
 {
     double ratio = 0.0;
     double whole;
@@ -305,35 +250,12 @@ static void tff_inverse_settable_numbers(
 void tff_inverse_init(tff_inverse *self, tff_real initial_tension)
 {
     const tff_real tension = tff_begin(&self->output, &self->entry, initial_tension, TFF_REFERENCE_MIN_N, TFF_REFERENCE_MAX_N);
-    int32_t j;
 
-    for (j = 0; j < 8; j++) {
-        self->x[j] = 0.0;
-    }
-    self->x[8] = tension * 4.1666666666666669e-06;
-    for (j = 9; j < 14; j++) {
-        self->x[j] = tension * 8.3333333333333337e-06;
-    }
-    for (j = 14; j < 16; j++) {
-        self->x[j] = tension * 4.1666666666666669e-06;
-    }
-    for (j = 16; j < 21; j++) {
-        self->x[j] = tension * 8.3333333333333337e-06;
-    }
-    self->x[21] = tension * 4.1666666666666669e-06;
-    for (j = 22; j < 28; j++) {
-        self->x[j] = 0.0;
-    }
-    self->x[28] = tension * 0.00038333333333333334;
-    self->x[29] = tension * 0.00033333333333333332;
-    for (j = 0; j < TFF_INVERSE_REALS; j++) {
-        self->x_old[j] = self->x[j];
-    }
+    tff_state_rest(self->x, self->x_old, tension);
     self->start = tension;
     self->least = tension;
     self->fresh = 2;
     self->samples = 0.0;
-    self->waiting = 0.0;
     self->own.piece_adhesion_N = 0.0;
     self->own.friction_mu_dynamic_pull = 0.052312080781770152;
     self->own.friction_mu_dynamic_release = 0.052312080781770152;
@@ -377,34 +299,8 @@ tff_real tff_inverse_mu(const tff_inverse *self)
 void tff_inverse_init_at(tff_inverse *self, tff_real tension, tff_real force)
 {
     tff_inverse_init(self, tension);
-    if (tff_begin_at(&self->output, force) != 0) {
-        const tff_real rest = self->start;
-        tff_real lifted = rest + 0.0;
-        tff_real ratio = (force + 0.0) / lifted;
-        tff_real longer = 0.0;
-        int32_t j;
-
-        ratio = (ratio > 1.8744560875853382) ? 1.8744560875853382 : ratio;
-        ratio = (ratio < 0.53348809109110329) ? 0.53348809109110329 : ratio;
-        ratio = pow(ratio, 0.16666666666666666); /* over each mass */
-        for (j = 6 - 1; j >= 0; j--) { /* towards the actuator */
-            const tff_real drop = lifted * (ratio - 1.0);
-            self->x[22 + j] = drop;
-            lifted += drop;
-            {
-                const tff_real stretch = (lifted - 0.0) / rest;
-                longer += self->x[8 + j] * (stretch - 1.0);
-                self->x[8 + j] *= stretch;
-                self->x[15 + j] *= stretch;
-            }
-        }
-        self->x[28] += longer;
-        for (j = 0; j < TFF_INVERSE_REALS; j++) {
-            self->x_old[j] = self->x[j];
-        }
-        if (tff_is_within(force, self->start, self->start) == 0) {
-            tff_inverse_missed(self, TFF_RE_ENTRY); /* what is measured is not what is wanted: led there */
-        }
+    if (tff_begin_at(&self->output, &self->entry, self->start, force) != 0) {
+        tff_state_carry(self->x, self->x_old, self->start, force);
     }
 }
 
@@ -416,17 +312,15 @@ void tff_inverse_missed(tff_inverse *self, int32_t samples)
 /* A step of so many samples. */
 static tff_real tff_inverse_after(tff_inverse *self, tff_real samples, tff_real reference)
 {
-    tff_real force;
-
     if (tff_is_within(reference, TFF_REFERENCE_MIN_N, TFF_REFERENCE_MAX_N) == 0) {
-        force = tff_lose(&self->output, &self->entry, reference);
+        (void)tff_lose(&self->output, &self->entry, reference);
     } else if ((self->fresh == 2) && (tff_is_within(reference, self->start, self->start) != 0)) {
         self->fresh = 1; /* the sample at t = 0: at rest */
-        force = tff_output_set(&self->output, self->output.force);
+        (void)tff_output_set(&self->output, self->output.force);
     } else {
         const tff_real followed = tff_entry_take(&self->entry, reference);
-        const tff_inverse_weights *rows = tff_inverse_rows();
-        tff_inverse_weights own[2];
+        const tff_weights *rows = tff_rows;
+        tff_weights own[2];
         int fresh = 1;
         tff_real exact;
 
@@ -442,24 +336,23 @@ static tff_real tff_inverse_after(tff_inverse *self, tff_real samples, tff_real 
             rows, followed, fresh, self->own.piece_adhesion_N, self->own.friction_mu_dynamic_pull, self->own.friction_mu_dynamic_release, self->x, self->x_old, &self->least);
         self->fresh = 0;
         self->samples = samples;
-        force = tff_output_set(&self->output, exact);
+        (void)tff_output_set(&self->output, exact);
         if (self->least <= 0.0) {
             self->output.status |= TFF_WOULD_PUSH;
             self->output.seen |= TFF_WOULD_PUSH;
         }
     }
-    return force;
+    return self->output.force;
 }
 
 tff_real tff_inverse_step(tff_inverse *self, tff_real reference)
 {
-    return (self->waiting > 0.0) ? tff_inverse_step_dt(self, TFF_STEP_S, reference) : tff_inverse_after(self, 1.0, reference);
+    return (self->entry.waiting > 0.0) ? tff_inverse_step_dt(self, TFF_STEP_S, reference) : tff_inverse_after(self, 1.0, reference);
 }
 
 tff_real tff_inverse_step_dt(tff_inverse *self, tff_real dt_s, tff_real reference)
 {
-    const tff_pause pause = tff_pause_of(&self->output, &self->waiting, dt_s);
+    const tff_pause pause = tff_pause_of(&self->output, &self->entry, dt_s);
 
-    tff_inverse_missed(self, pause.missed);
     return (pause.samples > 0.0) ? tff_resume(&self->output, &self->entry, &pause, tff_inverse_after(self, pause.samples, reference)) : self->output.force;
 }

@@ -9,14 +9,14 @@
 #ifndef TFF_INVERSE_H
 #define TFF_INVERSE_H
 
-#include "tff_limits.h"
+#include "tff_state.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
-#define TFF_INVERSE_COUNT 6
-#define TFF_INVERSE_REALS 30
+#define TFF_INVERSE_COUNT TFF_STATE_COUNT
+#define TFF_INVERSE_REALS TFF_STATE_REALS
 
 /* What a mass's law takes from tff_parameters: equivalent coefficients [-] and load-independent friction [N]. */
 typedef struct {
@@ -37,7 +37,6 @@ typedef struct {
     tff_real mu;        /* mu_dynamic when pulling [-] */
     tff_real adhesion;  /* [N] */
     tff_real samples;   /* length of the last step, in samples */
-    tff_real waiting;   /* time too short for a step of its own [s] */
     int32_t fresh;           /* 2: no call yet; 1: no sample has moved it; 0: in motion */
 } tff_inverse;
 

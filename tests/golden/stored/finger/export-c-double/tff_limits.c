@@ -108,6 +108,7 @@ void tff_entry_init(tff_entry *self, tff_real reference)
     self->held = reference;
     self->span = (tff_real)TFF_RE_ENTRY;
     self->left = 0.0;
+    self->waiting = 0.0;
     self->lost = 0;
 }
 
@@ -143,15 +144,19 @@ tff_real tff_entry_take(tff_entry *self, tff_real reference)
     return followed;
 }
 
+tff_real tff_tension_of(tff_real given, tff_real low, tff_real high, tff_real otherwise, uint32_t *status)
+{
+    const int32_t good = tff_is_within(given, low, high);
+
+    *status = (good != 0) ? TFF_OK : TFF_INPUT_HELD;
+    return (good != 0) ? given : otherwise;
+}
+
 tff_real tff_begin(tff_output *output, tff_entry *entry, tff_real initial_tension, tff_real low, tff_real high)
 {
-    tff_real tension = initial_tension;
-    uint32_t status = TFF_OK;
+    uint32_t status;
+    const tff_real tension = tff_tension_of(initial_tension, low, high, (initial_tension > high) ? high : low, &status);
 
-    if (tff_is_within(tension, low, high) == 0) {
-        tension = (tension > high) ? high : low;
-        status = TFF_INPUT_HELD;
-    }
     tff_output_init(output, tension);
     output->status = status;
     output->seen = status;
@@ -159,12 +164,13 @@ tff_real tff_begin(tff_output *output, tff_entry *entry, tff_real initial_tensio
     return tension;
 }
 
-int32_t tff_begin_at(tff_output *output, tff_real force)
+int32_t tff_begin_at(tff_output *output, tff_entry *entry, tff_real rest, tff_real force)
 {
     const int32_t good = tff_is_within(force, TFF_FORCE_MIN_N, TFF_FORCE_MAX_N);
 
     if (good != 0) {
         output->force = force;
+        tff_entry_lose(entry, (tff_is_within(force, rest, rest) != 0) ? 0 : TFF_RE_ENTRY);
     } else {
         output->status |= TFF_INPUT_HELD;
         output->seen |= TFF_INPUT_HELD;
@@ -178,14 +184,15 @@ tff_real tff_lose(tff_output *output, tff_entry *entry, tff_real reference)
     return tff_output_hold(output, tff_held(reference));
 }
 
-tff_pause tff_pause_of(tff_output *output, tff_real *waiting, tff_real dt_s)
+tff_pause tff_pause_of(tff_output *output, tff_entry *entry, tff_real dt_s)
 {
-    const tff_real samples = tff_samples(waiting, dt_s);
+    const tff_real samples = tff_samples(&entry->waiting, dt_s);
     tff_pause pause;
 
     pause.missed = tff_paused(samples);
     pause.samples = (pause.missed > 0) ? 1.0 : samples;
     pause.change = output->change;
+    tff_entry_lose(entry, pause.missed);
     if (samples > 0.0) {
         output->change *= pause.samples;
     } else {

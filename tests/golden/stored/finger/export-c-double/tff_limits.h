@@ -55,12 +55,13 @@ tff_real tff_output_set(tff_output *self, tff_real wanted);
 /* Hold the last good output and say why. */
 tff_real tff_output_hold(tff_output *self, uint32_t why);
 
-/* A reference that may be lost for a while; owned by the caller as part of a record. */
+/* A reference that may be lost for a while, or arrive at any time; owned by the caller as part of a record. */
 typedef struct {
     tff_real last;   /* what was followed last [N] */
     tff_real held;   /* where the way back started [N] */
     tff_real span;   /* samples of the way back */
     tff_real left;   /* those that are left */
+    tff_real waiting; /* time too short for a step of its own [s] */
     int32_t lost;         /* samples for which nothing good has arrived */
 } tff_entry;
 
@@ -78,11 +79,15 @@ void tff_entry_lose(tff_entry *self, int32_t samples);
  * acceleration from where it was lost. */
 tff_real tff_entry_take(tff_entry *self, tff_real reference);
 
+/* A tension [N] in a range; another one, flagged, for what is none. */
+tff_real tff_tension_of(tff_real given, tff_real low, tff_real high, tff_real otherwise, uint32_t *status);
+
 /* Start of a module: a tension [N] beyond a range is replaced by its nearer end, and flagged. */
 tff_real tff_begin(tff_output *output, tff_entry *entry, tff_real initial_tension, tff_real low, tff_real high);
 
-/* Start in motion: the last force [N]. Returns 0, flagged, for one that no actuator gives. */
-int32_t tff_begin_at(tff_output *output, tff_real force);
+/* Start in motion: the last force [N], which is led to what is wanted unless it is that of the rest [N]. Returns 0, flagged,
+ * for one that no actuator gives. */
+int32_t tff_begin_at(tff_output *output, tff_entry *entry, tff_real rest, tff_real force);
 
 /* A reference [N] that is not taken: the last good output. */
 tff_real tff_lose(tff_output *output, tff_entry *entry, tff_real reference);
@@ -94,8 +99,8 @@ typedef struct {
     int32_t missed;         /* samples of a pause before it */
 } tff_pause;
 
-/* A time since the last call [s] as one step; the rate allows as much more. */
-tff_pause tff_pause_of(tff_output *output, tff_real *waiting, tff_real dt_s);
+/* A time since the last call [s] as one step, after missed calls where it was a pause; the rate allows as much more. */
+tff_pause tff_pause_of(tff_output *output, tff_entry *entry, tff_real dt_s);
 
 /* After that step: rate and way back are what they were. Returns the output. */
 tff_real tff_resume(tff_output *output, tff_entry *entry, const tff_pause *pause, tff_real answer);

@@ -6,8 +6,6 @@
  */
 #include "tff_observer.h"
 
-#include <math.h>
-
 #define TFF_OBSERVER_ADHESION_N 0.0
 #define TFF_OBSERVER_NARROW 0.90849010156042365 /* e^-margin */
 #define TFF_OBSERVER_WIDE 1.1007274578802773
@@ -61,15 +59,10 @@ static void tff_observer_enclose(tff_observer *self, tff_real tension, int32_t a
 
 void tff_observer_init(tff_observer *self, tff_real initial_tension)
 {
-    tff_real tension = initial_tension;
+    const tff_real tension = tff_tension_of(initial_tension, 0.0, TFF_OBSERVER_INPUT_MAX_N, TFF_REFERENCE_MIN_N, &self->output.status);
 
-    self->output.status = TFF_OK;
-    if (tff_is_within(tension, 0.0, TFF_OBSERVER_INPUT_MAX_N) == 0) {
-        tension = TFF_REFERENCE_MIN_N;
-        self->output.status = TFF_INPUT_HELD;
-    }
     self->output.seen = self->output.status;
-    tff_chain_init(self->x, self->x_old, tension);
+    tff_state_rest(self->x, self->x_old, tension);
     self->home = self->x[28];
     self->start = tension;
     self->far = 0.0;
@@ -78,7 +71,6 @@ void tff_observer_init(tff_observer *self, tff_real initial_tension)
     self->evaluations = 0;
     tff_entry_init(&self->entry, tension);
     self->force = tension;
-    self->waiting = 0.0;
     self->blind = 0;
     self->low_memory = tension + TFF_OBSERVER_ADHESION_N;
     self->high_memory = self->low_memory;
@@ -98,32 +90,8 @@ void tff_observer_init_at(tff_observer *self, tff_real output_tension, tff_real 
         tff_observer_lose(self, TFF_RE_ENTRY);
     } else {
         if (tension > 0.0) {
-            const tff_real force = input_tension;
-        const tff_real rest = tension;
-        tff_real lifted = rest + 0.0;
-        tff_real ratio = (force + 0.0) / lifted;
-        tff_real longer = 0.0;
-        int32_t j;
-
-        ratio = (ratio > 1.8744560875853382) ? 1.8744560875853382 : ratio;
-        ratio = (ratio < 0.53348809109110329) ? 0.53348809109110329 : ratio;
-        ratio = pow(ratio, 0.16666666666666666); /* over each mass */
-        for (j = 6 - 1; j >= 0; j--) { /* towards the actuator */
-            const tff_real drop = lifted * (ratio - 1.0);
-            self->x[22 + j] = drop;
-            lifted += drop;
-            {
-                const tff_real stretch = (lifted - 0.0) / rest;
-                longer += self->x[8 + j] * (stretch - 1.0);
-                self->x[8 + j] *= stretch;
-                self->x[15 + j] *= stretch;
-            }
+            tff_state_carry(self->x, self->x_old, tension, input_tension);
         }
-        self->x[28] += longer;
-        for (j = 0; j < TFF_OBSERVER_REALS; j++) {
-            self->x_old[j] = self->x[j];
-        }
-}
         self->force = input_tension;
         self->entry.last = input_tension;
         self->homed = 0;
@@ -138,14 +106,14 @@ void tff_observer_init_at(tff_observer *self, tff_real output_tension, tff_real 
 static void tff_observer_start_over(tff_observer *self, tff_real tension)
 {
     const tff_real held = self->output.tension;
-    const tff_real waiting = self->waiting;
+    const tff_real waiting = self->entry.waiting;
     const uint32_t seen = self->output.seen;
     const int32_t evaluations = self->evaluations;
 
     tff_observer_init_at(self, (held > 0.0) ? held : tension, tension);
     self->fresh = 1;
     self->evaluations = evaluations;
-    self->waiting = waiting;
+    self->entry.waiting = waiting;
     self->output.tension = held;
     self->output.seen = seen;
 }
@@ -210,6 +178,12 @@ static uint32_t tff_observer_advance(tff_observer *self, int32_t steps, tff_real
     return status;
 }
 
+static void tff_observer_say(tff_observer *self, uint32_t status)
+{
+    self->output.status = status;
+    self->output.seen |= status;
+}
+
 static tff_real tff_observer_after(tff_observer *self, int32_t steps, tff_real input_tension, tff_real input_position)
 {
     const tff_real tension = (input_tension > 0.0) ? input_tension : 0.0;
@@ -235,19 +209,18 @@ static tff_real tff_observer_after(tff_observer *self, int32_t steps, tff_real i
             tff_observer_enclose(self, tension, any);
         }
     }
-    self->output.status = status;
-    self->output.seen |= status;
+    tff_observer_say(self, status);
     return self->output.tension;
 }
 
 tff_real tff_observer_step(tff_observer *self, tff_real input_tension, tff_real input_position)
 {
-    return (self->waiting > 0.0) ? tff_observer_step_dt(self, TFF_STEP_S, input_tension, input_position) : tff_observer_after(self, 1, input_tension, input_position);
+    return (self->entry.waiting > 0.0) ? tff_observer_step_dt(self, TFF_STEP_S, input_tension, input_position) : tff_observer_after(self, 1, input_tension, input_position);
 }
 
 tff_real tff_observer_step_dt(tff_observer *self, tff_real dt_s, tff_real input_tension, tff_real input_position)
 {
-    tff_real samples = tff_samples(&self->waiting, dt_s);
+    tff_real samples = tff_samples(&self->entry.waiting, dt_s);
     const int32_t missed = tff_paused(samples);
 
     if (missed > 0) {
@@ -257,17 +230,13 @@ tff_real tff_observer_step_dt(tff_observer *self, tff_real dt_s, tff_real input_
     if (samples >= 1.0) {
         const int32_t steps = (int32_t)samples;
 
-        self->waiting = (samples - (tff_real)steps) * TFF_STEP_S;
+        self->entry.waiting = (samples - (tff_real)steps) * TFF_STEP_S;
         (void)tff_observer_after(self, steps, input_tension, input_position);
     } else { /* waits for the next call */
         if (samples > 0.0) {
-            self->waiting = samples * TFF_STEP_S;
+            self->entry.waiting = samples * TFF_STEP_S;
         }
-        self->output.status = TFF_OK;
-        if (tff_is_within(dt_s, 0.0, TFF_STEP_MAX_S) == 0) {
-            self->output.status = TFF_INPUT_HELD;
-        }
-        self->output.seen |= self->output.status;
+        tff_observer_say(self, (tff_is_within(dt_s, 0.0, TFF_STEP_MAX_S) != 0) ? TFF_OK : TFF_INPUT_HELD);
     }
     return self->output.tension;
 }

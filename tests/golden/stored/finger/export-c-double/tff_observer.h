@@ -50,7 +50,6 @@ typedef struct {
     tff_real force;   /* input tension that the chain is under [N] */
     tff_real low_memory;  /* plays that enclose the output, in tension plus load-independent friction [N] */
     tff_real high_memory;
-    tff_real waiting; /* time too short for a step of its own [s] */
     int32_t blind;         /* the history is not known */
     int32_t homed;         /* 0: the next position says where the near end is */
     int32_t fresh;         /* 2: no call yet; 1: no sample has moved it; 0: in motion */

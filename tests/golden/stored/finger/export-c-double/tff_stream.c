@@ -22,7 +22,6 @@ static void tff_stream_start(tff_stream *self)
     self->centre = self->inverse.start;
     self->newest = 0;
     self->passed = self->inverse.start;
-    self->waiting = 0.0;
 }
 
 void tff_stream_init(tff_stream *self, tff_real initial_tension)
@@ -125,7 +124,7 @@ tff_real tff_stream_step(tff_stream *self, tff_real reference)
 {
     tff_real force;
 
-    if (self->waiting > 0.0) {
+    if (self->entry.waiting > 0.0) {
         force = tff_stream_step_dt(self, TFF_STEP_S, reference);
     } else {
         force = tff_stream_sample(self, reference);
@@ -136,7 +135,7 @@ tff_real tff_stream_step(tff_stream *self, tff_real reference)
 
 tff_real tff_stream_step_dt(tff_stream *self, tff_real dt_s, tff_real reference)
 {
-    const tff_span span = tff_span_of(self->waiting, dt_s);
+    const tff_span span = tff_span_of(self->entry.waiting, dt_s);
     tff_real answer = self->output.force;
 
     if (span.samples >= 0) {
@@ -149,7 +148,7 @@ tff_real tff_stream_step_dt(tff_stream *self, tff_real dt_s, tff_real reference)
             const tff_real followed = tff_on_the_way(reference, before, rest);
             answer = tff_stream_sample(self, followed);
         }
-        self->waiting = (span.left > 0.0) ? span.left : 0.0;
+        self->entry.waiting = (span.left > 0.0) ? span.left : 0.0;
         tff_stream_pass(self, reference);
     } else {
         (void)tff_output_hold(&self->output, TFF_INPUT_HELD);

@@ -36,7 +36,6 @@ typedef struct {
     tff_real centre; /* of the deadband [N] */
     int32_t newest;       /* place in the ring */
     tff_real passed;  /* reference of the last call [N] */
-    tff_real waiting; /* part of a sample that has passed since the last one [s] */
 } tff_stream;
 
 /* At rest under a uniform tension [N]. */

@@ -7,23 +7,12 @@
 #include "tff_table.h"
 #include "tff_table_data.h"
 
-/* Where a reference lies between two of its nodes. */
-typedef struct {
-    int32_t row;            /* node below */
-    tff_real place; /* way to the node above, 0 to 1 */
-} tff_table_row;
-
-static tff_table_row tff_table_row_of(tff_real reference)
+/* Node below a reference that lies so many cells from the first one. */
+static int32_t tff_table_row_of(tff_real cells)
 {
-    const tff_real cells = (reference - TFF_TABLE_FIRST_N) * TFF_TABLE_CELLS_PER_N;
-    tff_table_row found;
+    const int32_t row = (int32_t)cells;
 
-    found.row = (int32_t)cells;
-    if (found.row > (TFF_TABLE_REFERENCES - 2)) {
-        found.row = TFF_TABLE_REFERENCES - 2;
-    }
-    found.place = cells - (tff_real)found.row;
-    return found;
+    return (row > (TFF_TABLE_REFERENCES - 2)) ? (TFF_TABLE_REFERENCES - 2) : row;
 }
 
 /* Ratio [-] at a node of the pull branch; `node` is the one at the reference below. */
@@ -79,8 +68,10 @@ static tff_real tff_table_pull_share_of(const tff_real *first, tff_real place, t
 
 static void tff_table_pull(tff_table *self, tff_real reference)
 {
-    const tff_table_row at = tff_table_row_of(reference);
-    const tff_real *first = &tff_table_pull_ratio[at.row * TFF_TABLE_PULL_SHARES];
+    const tff_real cells = (reference - TFF_TABLE_FIRST_N) * TFF_TABLE_CELLS_PER_N;
+    const int32_t row = tff_table_row_of(cells);
+    const tff_real along = cells - (tff_real)row; /* to the node above, 0 to 1 */
+    const tff_real *first = &tff_table_pull_ratio[row * TFF_TABLE_PULL_SHARES];
     const tff_real lifted = reference + TFF_TABLE_ADHESION_N;
     tff_real share;
     tff_real place;
@@ -89,7 +80,7 @@ static void tff_table_pull(tff_table *self, tff_real reference)
     int32_t cell;
 
     if (self->branch != 1) {
-        share = tff_table_pull_share_of(first, at.place, self->ratio);
+        share = tff_table_pull_share_of(first, along, self->ratio);
         self->turn = self->last - (share * (self->last + TFF_TABLE_ADHESION_N));
         self->branch = 1;
     }
@@ -102,8 +93,8 @@ static void tff_table_pull(tff_table *self, tff_real reference)
         cell--;
     }
     place = (share - tff_table_pull_share[cell]) / (tff_table_pull_share[cell + 1] - tff_table_pull_share[cell]);
-    near = tff_table_pull_at(&first[cell], at.place);
-    far = tff_table_pull_at(&first[cell + 1], at.place);
+    near = tff_table_pull_at(&first[cell], along);
+    far = tff_table_pull_at(&first[cell + 1], along);
     self->ratio = near + (place * (far - near));
     self->wanted = (self->ratio * lifted) - TFF_TABLE_ADHESION_N;
     self->last = reference;
@@ -158,8 +149,10 @@ static tff_real tff_table_release_share_of(const tff_real *first, tff_real place
 
 static void tff_table_release(tff_table *self, tff_real reference)
 {
-    const tff_table_row at = tff_table_row_of(reference);
-    const tff_real *first = &tff_table_release_ratio[at.row * TFF_TABLE_RELEASE_SHARES];
+    const tff_real cells = (reference - TFF_TABLE_FIRST_N) * TFF_TABLE_CELLS_PER_N;
+    const int32_t row = tff_table_row_of(cells);
+    const tff_real along = cells - (tff_real)row; /* to the node above, 0 to 1 */
+    const tff_real *first = &tff_table_release_ratio[row * TFF_TABLE_RELEASE_SHARES];
     const tff_real lifted = reference + TFF_TABLE_ADHESION_N;
     tff_real share;
     tff_real place;
@@ -168,7 +161,7 @@ static void tff_table_release(tff_table *self, tff_real reference)
     int32_t cell;
 
     if (self->branch != -1) {
-        share = tff_table_release_share_of(first, at.place, self->ratio);
+        share = tff_table_release_share_of(first, along, self->ratio);
         self->turn = self->last + (share * (self->last + TFF_TABLE_ADHESION_N));
         self->branch = -1;
     }
@@ -181,8 +174,8 @@ static void tff_table_release(tff_table *self, tff_real reference)
         cell--;
     }
     place = (share - tff_table_release_share[cell]) / (tff_table_release_share[cell + 1] - tff_table_release_share[cell]);
-    near = tff_table_release_at(&first[cell], at.place);
-    far = tff_table_release_at(&first[cell + 1], at.place);
+    near = tff_table_release_at(&first[cell], along);
+    far = tff_table_release_at(&first[cell + 1], along);
     self->ratio = near + (place * (far - near));
     self->wanted = (self->ratio * lifted) - TFF_TABLE_ADHESION_N;
     self->last = reference;
@@ -194,7 +187,6 @@ void tff_table_init(tff_table *self, tff_real initial_tension)
 
     self->last = tension;
     self->wanted = tension;
-    self->waiting = 0.0;
     self->turn = tension;
     self->branch = 0;
     self->ratio = 1.0;
@@ -203,12 +195,9 @@ void tff_table_init(tff_table *self, tff_real initial_tension)
 void tff_table_init_at(tff_table *self, tff_real tension, tff_real force)
 {
     tff_table_init(self, tension);
-    if (tff_begin_at(&self->output, force) != 0) {
+    if (tff_begin_at(&self->output, &self->entry, self->last, force) != 0) {
         self->ratio = (force + TFF_TABLE_ADHESION_N) / (self->last + TFF_TABLE_ADHESION_N);
         self->wanted = force;
-        if (tff_is_within(force, self->last, self->last) == 0) {
-            tff_table_missed(self, TFF_RE_ENTRY); /* what is measured is not what is wanted: led there */
-        }
     }
 }
 
@@ -222,36 +211,34 @@ int32_t tff_table_use(tff_table *self, const tff_parameters *given)
     return tff_output_use(&self->output, given);
 }
 
+/* Force for a reference that is accepted. */
+static tff_real tff_table_take(tff_table *self, tff_real reference)
+{
+    const tff_real followed = tff_entry_take(&self->entry, reference);
+    if (followed > self->last) {
+        tff_table_pull(self, followed);
+    } else if (followed < self->last) {
+        tff_table_release(self, followed);
+    } else {
+        /* held: the same force */
+    }
+    return tff_output_set(&self->output, self->wanted);
+}
+
 /* A step, as long as the rate limit was set for. */
 static tff_real tff_table_after(tff_table *self, tff_real reference)
 {
-    tff_real force;
-
-    if (tff_is_within(reference, TFF_TABLE_MIN_N, TFF_TABLE_MAX_N) == 0) {
-        force = tff_lose(&self->output, &self->entry, reference);
-    } else {
-        const tff_real followed = tff_entry_take(&self->entry, reference);
-        if (followed > self->last) {
-            tff_table_pull(self, followed);
-        } else if (followed < self->last) {
-            tff_table_release(self, followed);
-        } else {
-            /* held: the same force */
-        }
-        force = tff_output_set(&self->output, self->wanted);
-    }
-    return force;
+    return (tff_is_within(reference, TFF_TABLE_MIN_N, TFF_TABLE_MAX_N) != 0) ? tff_table_take(self, reference) : tff_lose(&self->output, &self->entry, reference);
 }
 
 tff_real tff_table_step(tff_table *self, tff_real reference)
 {
-    return (self->waiting > 0.0) ? tff_table_step_dt(self, TFF_STEP_S, reference) : tff_table_after(self, reference);
+    return (self->entry.waiting > 0.0) ? tff_table_step_dt(self, TFF_STEP_S, reference) : tff_table_after(self, reference);
 }
 
 tff_real tff_table_step_dt(tff_table *self, tff_real dt_s, tff_real reference)
 {
-    const tff_pause pause = tff_pause_of(&self->output, &self->waiting, dt_s);
+    const tff_pause pause = tff_pause_of(&self->output, &self->entry, dt_s);
 
-    tff_table_missed(self, pause.missed);
     return (pause.samples > 0.0) ? tff_resume(&self->output, &self->entry, &pause, tff_table_after(self, reference)) : self->output.force;
 }

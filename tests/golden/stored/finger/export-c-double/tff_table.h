@@ -28,7 +28,6 @@ typedef struct {
     tff_real turn;   /* where the reference turned, or would have to have turned [N] */
     tff_real ratio;  /* (force + p)/(reference + p) before the limits [-] */
     tff_entry entry; /* last reference, and the way back to one that was lost */
-    tff_real waiting; /* time too short for a step of its own [s] */
     int32_t branch;       /* 1 pull, -1 release, 0 not moved yet */
 } tff_table;
 
