@@ -90,7 +90,8 @@ def model_free_code(
         *(folder.fold(end_mass_tangent(end)) for end in laws.ends),
     )
     templates = (*(() if contact is None else ("moving_target.c.j2",)), "kernel.c.j2", "tangent.c.j2")
-    return _free_code(chain, folder, weights, folded, free, templates, limits=limits, contact=contact)
+    solver = prefix.rpartition("_")[0].rpartition("_")[0]
+    return _free_code(chain, folder, weights, folded, free, templates, limits=limits, contact=contact, solver=solver)
 
 
 def _every_symbol(laws: ElementLaws) -> tuple[ca.SX, ...]:
@@ -204,6 +205,7 @@ def _free_code(
     limits: Limits | None = None,
     compliances: Compliances | None = None,
     contact: Contact | None = None,
+    solver: str = "",
 ) -> FreeCode:
     laws = {law.name: law for law in folded}
     gain, linked = laws["link_gain"], any(name.startswith("link_") for name in free)
@@ -218,6 +220,7 @@ def _free_code(
         compliances=compliances,
         contact=contact,
         tuned=True,
+        solver=solver,
     )
     numbers = chain.numbers()
     weights = tuple(weight for weight in weights for _ in range(1 if contact else 2))  # links inside, at the ends

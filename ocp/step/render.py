@@ -135,6 +135,7 @@ class StepCode:
     prefix: str  # prefix of every C name
     precision: Precision
     record_type: str = ""  # C type of the record of coefficients; default: `<prefix>_weights`
+    solver: str = ""  # prefix of the C functions that solve its linear equations; default: `prefix`
     layout: StateLayout  # its count does not matter
     laws: Mapping[str, FoldedLaw]
     # count, size: C text of the number of masses, in functions and where arrays are declared
@@ -236,6 +237,8 @@ class StepCode:
         return _TEMPLATES.get_template(template).render(
             prefix=self.prefix,
             record_type=record_type,
+            solver=self.solver or self.prefix,
+            solver_kind="static " if self.host else "",
             upper=self.prefix.upper(),
             real=real,
             fabs="fabsf" if precision is Precision.FLOAT else "fabs",

@@ -64,6 +64,7 @@ class ChainCode:
     values: str  # its rows, one per weight of the scheme
     kinds: int  # rows of one weight
     links: str  # laws of the links, for a header
+    solver: str  # functions for the tridiagonal equations of a time step
     rest: str  # statements that fill `x` with the state at rest under `tension`
     contact: str  # record of friction on a bend, where the path moves or has sections; else empty
     touch: str  # its functions
@@ -150,6 +151,7 @@ def chain_code(
         values=rows,
         kinds=folder.weights // len(weights),
         links="\n".join(law.code for law in links),
+        solver=step_code(chain, prefix, precision, ()).render("tridiagonal.c.j2"),
         rest=_rest(chain, precision),
         contact=contact.record if contact else "",
         touch=contact.functions if contact else "",
@@ -210,8 +212,15 @@ def _plant_code(
         *ends.values(),
         *((folder.fold(laws.link_gain()),) if contact else ()),
     )
+    types = folder.prefix.rpartition("_")[0]
     code = step_code(
-        chain, folder.prefix, folder.precision, folded, limits=plant_limits(folder.precision), contact=contact
+        chain,
+        folder.prefix,
+        folder.precision,
+        folded,
+        limits=plant_limits(folder.precision),
+        contact=contact,
+        solver=types,
     )
     split = {name: name.split("_", 1) for name in INPUT_NAMES}
     taken = tuple(name for name, (end, what) in split.items() if _ARGUMENTS[what] in ends[end].inputs)
@@ -269,6 +278,7 @@ def step_code(
     contact: Contact | None = None,
     free: tuple[str, ...] = (),
     tuned: bool = False,
+    solver: str = "",
 ) -> StepCode:
     """Values for the templates of a chain on a controller; `tuned` for one of the schemes of a tuner."""
     on_joints = None
@@ -284,6 +294,7 @@ def step_code(
     return StepCode(
         prefix=prefix,
         precision=precision,
+        solver=solver,
         layout=chain.layout,
         laws={law.name: law for law in laws},
         count=f"{prefix.upper()}_COUNT",

@@ -103,8 +103,10 @@ def c_sources(
             chain, step, prefix, precision, inverse="inverse" in names, forward=forward if "chain" in shared else None
         )
         code["state"] = {
-            name: getattr(made, name) for name in ("record", "values", "kinds", "links", "rest", "contact", "touch")
+            name: getattr(made, name)
+            for name in ("record", "values", "kinds", "links", "solver", "rest", "contact", "touch")
         }
+        code["state"]["solves"] = "chain" in shared or ADAPTIVE.name in names
         if made.inverse is not None:
             code["inverse"] = settable_inverse(problem, made.inverse, precision, prefix) | {"kinds": made.kinds}
         if made.plant is not None:
