@@ -194,6 +194,13 @@ def _on_path(tuned: TunedChain, contact: Contact, types: str, precision: Precisi
     }
 
 
+def _rows_function(record: str, rows: str) -> str:
+    """Rows that one function reads, as a function that tells where they are."""
+    name = f"{record.removesuffix('_weights')}_rows"
+    inside = rows.replace(f"const {record} {name}[", f"    static const {record} rows[", 1)
+    return f"static const {record} *{name}(void)\n{{\n{inside}    return rows;\n}}\n"
+
+
 def _free_code(
     chain: Chain,
     folder: PartialEvaluator,
@@ -232,7 +239,7 @@ def _free_code(
     record, rows = record_code(folder, columns)
     return FreeCode(
         record=f"/* What depends on the weight H [s] of the scheme, and what is tuned. */\n{record}",
-        rows=f"static {rows}",
+        rows=_rows_function(folder.weights_type, rows),
         code="\n".join([*(law.code for law in used), *(code.render(template) for template in templates)]),
         gain_call="" if by_length else law_calls(laws)("link_gain", {"gain": "&rows[k].gain"}),
     )

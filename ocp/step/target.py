@@ -67,7 +67,8 @@ class ChainCode:
     solver: str  # functions for the tridiagonal equations of a time step
     rest: str  # statements that fill `x` with the state at rest under `tension`
     contact: str  # record of friction on a bend, where the path moves or has sections; else empty
-    touch: str  # its functions
+    touch: str  # its functions for each step, for a header
+    touch_all: str  # its other functions
     inverse: SchemeCode | None
     plant: SchemeCode | None
 
@@ -154,7 +155,8 @@ def chain_code(
         solver=step_code(chain, prefix, precision, ()).render("tridiagonal.c.j2"),
         rest=_rest(chain, precision),
         contact=contact.record if contact else "",
-        touch=contact.functions if contact else "",
+        touch=contact.inline if contact else "",
+        touch_all=contact.functions if contact else "",
         inverse=back,
         plant=ahead,
     )

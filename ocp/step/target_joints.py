@@ -19,7 +19,7 @@ from tendonff.ocp.step.joints import Joints
 from tendonff.ocp.step.laws import ElementLaws, symbolic, twins_of, way_of
 
 _TANH = """/* tanh without a library where friction of one mass is moderate: a fraction, exact to rounding there. */
-static {real} {prefix}_short_tanh({real} x)
+{kind} {real} {prefix}_short_tanh({real} x)
 {{
     const {real} y = x * x;
     return (y > {most}) ? tanh{f}(x) : ((x * {above}) / {below});
@@ -46,6 +46,7 @@ class Contact:
     # `contact_init`, and where joints move bends `touch`, which renews their records. Where friction is settable,
     # `touch_all` renews all of them; both then take factors on the coefficients, pulling and releasing
     functions: str
+    inline: str = ""  # those of a step, where a header has them
 
 
 def contact_code(
@@ -63,7 +64,7 @@ def contact_code(
 
     Where it is settable, coefficients carry factors that are known at run time only; with `slopes` the record also
     holds how these change with it, `SLOPE_OF` in front of their names. `types` is the prefix of the C names of the
-    path; default: `prefix` without its last word. `shared`: its functions are declared in a header.
+    path; default: `prefix` without its last word. `shared`: those of a step stand in a header, which declares the others.
     """
     types = types or prefix.rpartition("_")[0]
     twins = twins_of(chain, ways_differ=settable)
@@ -75,6 +76,7 @@ def contact_code(
     printer = PartialEvaluator(
         prefix=prefix,
         precision=precision,
+        shared=shared,
         parameters={},
         reorder=True,
         functions={ca.OP_TANH: "short_tanh"},
@@ -114,19 +116,20 @@ def contact_code(
         for k in range(len(joints.bends))
         for name in own
     ]
+    kind = "static inline" if shared else "static"
+    inline = [*([_helper(chain, prefix, precision, kind), *texts] if calls[False] else [])]
+    if joints.names:
+        inline += _function(
+            "Friction where the joints stand now.", f"{kind} void {prefix}_touch", head, _either(moving, types)
+        )
+    rare = "void" if shared else "static void"
     functions = [
-        *([_helper(chain, prefix, precision), *texts] if calls[False] else []),
         *(
-            _function("Friction where the joints stand now.", f"{prefix}_touch", head, _either(moving, types), shared)
-            if joints.names
-            else []
-        ),
-        *(
-            _function("Friction everywhere.", f"{prefix}_touch_all", head, [*calls[False].values()], shared)
+            _function("Friction everywhere.", f"{rare} {prefix}_touch_all", head, [*calls[False].values()])
             if settable
             else []
         ),
-        *_function("Friction at the start.", f"{prefix}_contact_init", f"{prefix}_contact *contact", init, shared),
+        *_function("Friction at the start.", f"{rare} {prefix}_contact_init", f"{prefix}_contact *contact", init),
     ]
     fields = (*own, *sorted(name for name in renewed if name.startswith(SLOPE_OF)))
     everything = {**chain.numbers(), **{name: float(values[0]) for name, values in known.items()}}
@@ -140,7 +143,8 @@ def contact_code(
         record="typedef struct { /* friction of one mass of a bend */\n"
         + "".join(f"    {precision} {name};\n" for name in fields)
         + f"}} {prefix}_contact;\n",
-        functions="\n".join(functions),
+        functions="\n".join(functions if shared else [*inline, *functions]),
+        inline="\n".join(inline) if shared else "",
     )
 
 
@@ -157,12 +161,12 @@ def _either(calls: dict[bool, list[str]], types: str) -> list[str]:
     ]
 
 
-def _function(comment: str, name: str, arguments: str, lines: list[str], shared: bool = False) -> list[str]:
+def _function(comment: str, name: str, arguments: str, lines: list[str]) -> list[str]:
     names = ("path", "contact", "pull", "release")
     idle = [n for n in names if f" {n}" in f" {arguments}".replace("*", " ") and not any(n in line for line in lines)]
     return [
         f"/* {comment} */",
-        f"{'' if shared else 'static '}void {name}({arguments})",
+        f"{name}({arguments})",
         "{",
         *(f"    (void){n};" for n in idle),
         *lines,
@@ -171,7 +175,7 @@ def _function(comment: str, name: str, arguments: str, lines: list[str], shared:
     ]
 
 
-def _helper(chain: Chain, prefix: str, precision: Precision) -> str:
+def _helper(chain: Chain, prefix: str, precision: Precision, kind: str) -> str:
     """Tanh of what the largest wrap angles over the motion need: a few terms of its continued fraction."""
     e, motion = chain.elements, chain.motion
     joints = {} if motion is None else dict(zip(motion.names, motion.angle_rad.T, strict=True))
@@ -189,6 +193,7 @@ def _helper(chain: Chain, prefix: str, precision: Precision) -> str:
         return nested
 
     return _TANH.format(
+        kind=kind,
         prefix=prefix,
         real=precision.value,
         f="f" if precision is Precision.FLOAT else "",

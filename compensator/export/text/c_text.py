@@ -104,7 +104,7 @@ def c_sources(
         )
         code["state"] = {
             name: getattr(made, name)
-            for name in ("record", "values", "kinds", "links", "solver", "rest", "contact", "touch")
+            for name in ("record", "values", "kinds", "links", "solver", "rest", "contact", "touch", "touch_all")
         }
         code["state"]["solves"] = "chain" in shared or ADAPTIVE.name in names
         if made.inverse is not None:
