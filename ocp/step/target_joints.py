@@ -64,7 +64,7 @@ def contact_code(
 
     Where it is settable, coefficients carry factors that are known at run time only; with `slopes` the record also
     holds how these change with it, `SLOPE_OF` in front of their names. `types` is the prefix of the C names of the
-    path; default: `prefix` without its last word. `shared`: those of a step stand in a header, which declares the others.
+    path; default: `prefix` without its last word. `shared`: those of a step stand in a header.
     """
     types = types or prefix.rpartition("_")[0]
     twins = twins_of(chain, ways_differ=settable)

@@ -230,20 +230,6 @@ static void tff_chain_end_balances(
     tff_chain_end_mass_far(c, v[n + 1], w->force[n], w->base[n + 1], w->base[((4 * n) + 5)], u->far_rest_m, &w->residual[n + 1], &by[2], &by[3]);
 }
 
-/* Largest of the balances; the first that is not a number where there is one. */
-static double tff_chain_largest(const tff_chain_work *w, int n)
-{
-    double largest = 0.0;
-    int bad = -1;
-    int i;
-    for (i = 0; i <= (n + 1); i++) {
-        const double size = fabs(w->residual[i]);
-        largest = (size > largest) ? size : largest;
-        bad = ((size >= 0.0) || (bad >= 0)) ? bad : i;
-    }
-    return (bad < 0) ? largest : w->residual[bad];
-}
-
 /* Balances, tensions and the frictions' own states for velocities v, with the tridiagonal matrix of slopes; returns the
  * largest balance. */
 static double tff_chain_evaluate(const tff_weights *c, const tff_chain_input *u, int n, const double *v, tff_chain_work *w)
@@ -257,74 +243,7 @@ static double tff_chain_evaluate(const tff_weights *c, const tff_chain_input *u,
     w->upper[0] = -by[1] * w->slope[0];
     w->lower[n + 1] = by[3] * w->slope[n];
     w->diag[n + 1] = by[2] - (by[3] * w->slope[n]);
-    return tff_chain_largest(w, n);
-}
-
-/* Factorise the matrix from both ends towards the middle: two chains of divisions that do not wait for each other.
- * Afterwards diag holds reciprocal pivots, upper the ratios of the first half and lower those of the second. */
-static void tff_chain_factorise(tff_chain_work *w, int n)
-{
-    const int last = n + 1;
-    const int half = (n + 2) / 2;
-    double a = 1.0 / w->diag[0];
-    double b = 1.0 / w->diag[last];
-    int i;
-    w->diag[0] = a;
-    w->diag[last] = b;
-    for (i = 1; i < half; i++) {
-        const int k = last - i;
-        w->upper[i - 1] *= a;
-        w->lower[k + 1] *= b;
-        a = 1.0 / (w->diag[i] - (w->lower[i] * w->upper[i - 1]));
-        b = 1.0 / (w->diag[k] - (w->upper[k] * w->lower[k + 1]));
-        w->diag[i] = a;
-        w->diag[k] = b;
-    }
-    w->upper[half - 1] *= a;
-    w->lower[(last - half) + 1] *= b;
-    if ((n % 2) != 0) { /* one row in the middle */
-        w->middle = 1.0 / ((w->diag[half] - (w->lower[half] * w->upper[half - 1])) - (w->upper[half] * w->lower[half + 1]));
-    } else { /* two rows that meet */
-        w->middle = 1.0 / (1.0 - (w->upper[half - 1] * w->lower[half]));
-    }
-}
-
-/* Newton's move: minus the inverse of the factorised matrix times the balances. */
-static void tff_chain_newton_move(tff_chain_work *w, int n)
-{
-    const int last = n + 1;
-    const int half = (n + 2) / 2;
-    double a = -w->residual[0] * w->diag[0];
-    double b = -w->residual[last] * w->diag[last];
-    int i;
-    w->move[0] = a;
-    w->move[last] = b;
-    for (i = 1; i < half; i++) {
-        const int k = last - i;
-        a = -(w->residual[i] + (w->lower[i] * a)) * w->diag[i];
-        b = -(w->residual[k] + (w->upper[k] * b)) * w->diag[k];
-        w->move[i] = a;
-        w->move[k] = b;
-    }
-    if ((n % 2) != 0) {
-        const double middle = -((w->residual[half] + (w->lower[half] * a)) + (w->upper[half] * b)) * w->middle;
-        w->move[half] = middle;
-        a -= w->upper[half - 1] * middle;
-        b -= w->lower[half + 1] * middle;
-    } else {
-        const double near = (a - (w->upper[half - 1] * b)) * w->middle;
-        b -= w->lower[half] * near;
-        a = near;
-    }
-    w->move[half - 1] = a;
-    w->move[(last - half) + 1] = b;
-    for (i = half - 2; i >= 0; i--) {
-        const int k = last - i;
-        a = w->move[i] - (w->upper[i] * a);
-        b = w->move[k] - (w->lower[k] * b);
-        w->move[i] = a;
-        w->move[k] = b;
-    }
+    return tff_largest(n + 2, w->residual);
 }
 
 /* Largest balance that counts as solved: the rounding of link forces and of momenta adds to the tolerance. */
@@ -361,8 +280,8 @@ static double tff_chain_newton(
     for (k = 0; (k < TFF_CHAIN_MAX_ITERATIONS) && !(now <= tolerance) && (report->evaluations < TFF_CHAIN_MAX_EVALUATIONS); k++) {
         double t = 1.0;
         double next = now;
-        tff_chain_factorise(w, n);
-        tff_chain_newton_move(w, n);
+        tff_factorise(n + 2, w->lower, w->diag, w->upper, &w->middle);
+        tff_newton_move(n + 2, w->residual, w->lower, w->diag, w->upper, w->middle, w->move);
         report->iterations++;
         for (halving = 0; (halving < TFF_CHAIN_MAX_HALVINGS) && (report->evaluations < TFF_CHAIN_MAX_EVALUATIONS); halving++) {
             for (i = 0; i <= (n + 1); i++) {

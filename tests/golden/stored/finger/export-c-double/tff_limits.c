@@ -146,10 +146,14 @@ tff_real tff_entry_take(tff_entry *self, tff_real reference)
 
 tff_real tff_tension_of(tff_real given, tff_real low, tff_real high, tff_real otherwise, uint32_t *status)
 {
-    const int32_t good = tff_is_within(given, low, high);
+    tff_real taken = given;
 
-    *status = (good != 0) ? TFF_OK : TFF_INPUT_HELD;
-    return (good != 0) ? given : otherwise;
+    *status = TFF_OK;
+    if (tff_is_within(given, low, high) == 0) {
+        taken = otherwise;
+        *status = TFF_INPUT_HELD;
+    }
+    return taken;
 }
 
 tff_real tff_begin(tff_output *output, tff_entry *entry, tff_real initial_tension, tff_real low, tff_real high)

@@ -8,6 +8,88 @@
 
 const tff_weights tff_rows[4] = { NUMBERS };
 
+/* Largest of the balances; the first that is not a number where there is one. */
+double tff_largest(int rows, const double *residual)
+{
+    double largest = 0.0;
+    int bad = -1;
+    int i;
+    for (i = 0; i < rows; i++) {
+        const double size = fabs(residual[i]);
+        largest = (size > largest) ? size : largest;
+        bad = ((size >= 0.0) || (bad >= 0)) ? bad : i;
+    }
+    return (bad < 0) ? largest : residual[bad];
+}
+
+/* Factorise the matrix from both ends towards the middle: two chains of divisions that do not wait for each other.
+ * Afterwards diag holds reciprocal pivots, upper the ratios of the first half and lower those of the second. */
+void tff_factorise(int rows, double *lower, double *diag, double *upper, double *middle)
+{
+    const int last = rows - 1;
+    const int half = rows / 2;
+    double a = 1.0 / diag[0];
+    double b = 1.0 / diag[last];
+    int i;
+    diag[0] = a;
+    diag[last] = b;
+    for (i = 1; i < half; i++) {
+        const int k = last - i;
+        upper[i - 1] *= a;
+        lower[k + 1] *= b;
+        a = 1.0 / (diag[i] - (lower[i] * upper[i - 1]));
+        b = 1.0 / (diag[k] - (upper[k] * lower[k + 1]));
+        diag[i] = a;
+        diag[k] = b;
+    }
+    upper[half - 1] *= a;
+    lower[(last - half) + 1] *= b;
+    if ((rows % 2) != 0) { /* one row in the middle */
+        *middle = 1.0 / ((diag[half] - (lower[half] * upper[half - 1])) - (upper[half] * lower[half + 1]));
+    } else { /* two rows that meet */
+        *middle = 1.0 / (1.0 - (upper[half - 1] * lower[half]));
+    }
+}
+
+/* Newton's move: minus the inverse of the factorised matrix times the balances. */
+void tff_newton_move(
+    int rows, const double *residual, const double *lower, const double *diag, const double *upper, double middle, double *move)
+{
+    const int last = rows - 1;
+    const int half = rows / 2;
+    double a = -residual[0] * diag[0];
+    double b = -residual[last] * diag[last];
+    int i;
+    move[0] = a;
+    move[last] = b;
+    for (i = 1; i < half; i++) {
+        const int k = last - i;
+        a = -(residual[i] + (lower[i] * a)) * diag[i];
+        b = -(residual[k] + (upper[k] * b)) * diag[k];
+        move[i] = a;
+        move[k] = b;
+    }
+    if ((rows % 2) != 0) {
+        const double between = -((residual[half] + (lower[half] * a)) + (upper[half] * b)) * middle;
+        move[half] = between;
+        a -= upper[half - 1] * between;
+        b -= lower[half + 1] * between;
+    } else {
+        const double near = (a - (upper[half - 1] * b)) * middle;
+        b -= lower[half] * near;
+        a = near;
+    }
+    move[half - 1] = a;
+    move[(last - half) + 1] = b;
+    for (i = half - 2; i >= 0; i--) {
+        const int k = last - i;
+        a = move[i] - (upper[i] * a);
+        b = move[k] - (lower[k] * b);
+        move[i] = a;
+        move[k] = b;
+    }
+}
+
 void tff_state_rest(tff_real *x, tff_real *x_old, tff_real tension)
 {
     int32_t j;

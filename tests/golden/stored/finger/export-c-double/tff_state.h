@@ -72,6 +72,13 @@ static inline void tff_link_states(
     *z = t5;
 }
 
+/* Tridiagonal equations of a time step: the largest balance, the first that is no number where there is one;
+ * the matrix factorised in place; and the move that the factors give. */
+tff_real tff_largest(int rows, const tff_real *residual);
+void tff_factorise(int rows, tff_real *lower, tff_real *diag, tff_real *upper, tff_real *middle);
+void tff_newton_move(
+    int rows, const tff_real *residual, const tff_real *lower, const tff_real *diag, const tff_real *upper, tff_real middle, tff_real *move);
+
 /* At rest under a uniform tension [N]. */
 void tff_state_rest(tff_real *x, tff_real *x_old, tff_real tension);
 

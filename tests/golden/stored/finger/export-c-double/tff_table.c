@@ -10,9 +10,10 @@
 /* Node below a reference that lies so many cells from the first one. */
 static int32_t tff_table_row_of(tff_real cells)
 {
+    const int32_t last = TFF_TABLE_REFERENCES - 2;
     const int32_t row = (int32_t)cells;
 
-    return (row > (TFF_TABLE_REFERENCES - 2)) ? (TFF_TABLE_REFERENCES - 2) : row;
+    return (row > last) ? last : row;
 }
 
 /* Ratio [-] at a node of the pull branch; `node` is the one at the reference below. */
