@@ -200,7 +200,13 @@ def test_it_is_exported_as_c(generic: Transmission, tmp_path: pathlib.Path) -> N
     assert code.plant is not None
     parts = ["#include <math.h>\n", *(f"#define TFF_{name}_COUNT {chain.count}\n" for name in ("INVERSE", "CHAIN"))]
     inputs = ", ".join(code.plant.inputs)
-    parts += [code.record, code.values, code.links, f"typedef struct {{ double {inputs}; int led; }} tff_chain_input;"]
+    parts += [
+        code.record,
+        code.values,
+        code.links,
+        code.solver,
+        f"typedef struct {{ double {inputs}; int led; }} tff_chain_input;",
+    ]
     parts += [text for scheme in (code.inverse, code.plant) for text in (scheme.header, scheme.laws, scheme.body)]
     parts.append(f"void start(double tension, double *x) {{ int j;\n{code.rest}\n}}\n")
     given = "".join(f"{chain.numbers()[name]!r}, " for name in code.inverse.free)

@@ -321,7 +321,7 @@ def test_an_ordinary_run_costs_little_more_than_two_back_substitutions_a_step(
 @pytest.mark.compiler
 def test_an_ordinary_run_makes_one_matrix_a_step(generic: Transmission, monkeypatch: pytest.MonkeyPatch) -> None:
     """Counted where the generated code factorises: what makes a step cheap is that only a hard one needs more."""
-    head = "static void tff_factorise(tff_work *w, int n)\n{"
+    head = "static void tff_factorise(int rows, double *lower, double *diag, double *upper, double *middle)\n{"
     source = c_engine._step_source(Chain.of(generic, Level.PRESLIDING, 6))
     assert source.count(head) == 1
     counted = source.replace(head, f"static long made;\nlong tff_made(void) {{ return made; }}\n{head}\n    made++;")
