@@ -52,6 +52,7 @@ class JointFeedbackTask(FeedbackTask):
             file=file,
             names=(task.mechanism.joint.name,),
             unit=task.unit,
+            seen_unit=task.unit.key,
             command_unit="rad",
             doubt=task.doubt,
             masses=verifying_masses(task.mechanism),

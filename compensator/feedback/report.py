@@ -28,7 +28,7 @@ def feedback_section(result: FeedbackResult, pictures: Mapping[str, Picture]) ->
     )
     laws, margins = result.design.laws, result.design.margins
     gains = Table(
-        caption=f"Gains [{result.command_unit} per {result.unit.key}], clamp [{result.command_unit}], and the least "
+        caption=f"Gains [{result.command_unit} per {result.seen_unit}], clamp [{result.command_unit}], and the least "
         "margins over all linearisations",
         columns=("", "Kp", "Ki [1/s]", "clamp", "filter [ms]", "gain margin", "phase margin [deg]"),
         rows=[
@@ -42,8 +42,8 @@ def feedback_section(result: FeedbackResult, pictures: Mapping[str, Picture]) ->
         rows=[(c.friction, c.delay, factor * c.swing, c.hunts) for c in result.cycles],
     )
     note = "The measurement is compared with the reference as old as itself."
-    if any(law.friction_share for law in laws):
-        note += " Part of the integral turns with the reference, as friction does."
+    if any(law.streamed for law in laws):
+        note += " The loop works on logarithms: a correction of 0.1 is 11 % more force at every tension."
     if any(law.error_scale for law in laws):
         note += " What friction, loads and stiffness leave is learned along strokes, and turns with the reference."
     if laws[0].learns_age:

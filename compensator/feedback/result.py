@@ -71,8 +71,8 @@ class FeedbackResult:
     names : tuple of str
         Of the goals.
     unit : Unit
-    command_unit : str
-        Of the corrections.
+    seen_unit, command_unit : str
+        Of what the loops compare, and of the corrections.
     design : LoopDesign
     cases : dict of str to CaseErrors
         By the names of `CASES`.
@@ -87,6 +87,7 @@ class FeedbackResult:
 
     names: tuple[str, ...]
     unit: Unit
+    seen_unit: str
     command_unit: str
     design: "LoopDesign"
     cases: dict[str, CaseErrors]
@@ -171,10 +172,10 @@ def feedback_summary(result: FeedbackResult) -> dict[str, object]:
         "integral_per_s": each([law.integral_per_s for law in laws]),
         "clamp": each([law.clamp for law in laws]),
         "filter_s": each([law.filter_s for law in laws]),
-        "friction_share": each([law.friction_share for law in laws]),
         "gain_margin": each([margin.gain for margin in margins]),
         "phase_margin_deg": each([margin.phase_deg for margin in margins]),
         "unit": result.unit.key,
+        "seen_unit": result.seen_unit,
         "command_unit": result.command_unit,
         "rmse": {name: result.cases[name].worst_rms for name in CASES},
         "peak": {name: result.cases[name].worst_peak for name in CASES},

@@ -17,7 +17,7 @@ from tendonff.ocp.feedback.closed_loop import Course, simulate_feedback
 from tendonff.ocp.feedback.design import STANDING_S, LoopDesign, Sensor, design_loops, standing
 from tendonff.ocp.feedback.law import FeedbackLaw
 from tendonff.ocp.feedback.requirement import Requirement
-from tendonff.ocp.feedback.system import FeedbackSystem, Quantity
+from tendonff.ocp.feedback.system import FeedbackSystem
 
 FRICTION, DELAY = (0.5, 1.0, 1.5), (0.5, 1.0, 2.0)
 """Factors on friction and delay at which limit cycles are looked for."""
@@ -58,21 +58,13 @@ def tune_feedback(task: FeedbackTask) -> Tuned:
     """
     settings = task.settings
     sensor = Sensor(
-        sample_s=task.sample_s, delay_s=settings.delay_s, resolution=settings.resolution, limit=settings.limit
+        sample_s=task.sample_s, delay_s=settings.delay_s, resolution=settings.resolution, limit=task.limit
     )
     requirement = Requirement(gain_margin=settings.gain_margin, phase_margin_deg=settings.phase_margin_deg)
     samples = [sample.system for sample in task.doubt.samples]
     coarse = [task.system(each) for each in samples[:_DESIGNED]]
     try:
-        design = design_loops(
-            coarse,
-            task.feedforward,
-            sensor,
-            requirement,
-            scored=task.scored,
-            learns=coarse[0].quantity is Quantity.POSITION,
-            scales_with_reference=task.scales_with_reference,
-        )
+        design = design_loops(coarse, task.feedforward, sensor, requirement, scored=task.scored)
     except ParameterError as error:
         raise InputError(f"{task.file} [feedback]: {error}") from None
     alone = _errors(task, [task.system(each, task.masses) for each in samples[:_SHOWN]], (), task.feedforward)
@@ -94,6 +86,7 @@ def design_feedback(task: FeedbackTask) -> FeedbackResult:
     return FeedbackResult(
         names=task.names,
         unit=task.unit,
+        seen_unit=task.seen_unit,
         command_unit=task.command_unit,
         design=design,
         cases={

@@ -24,8 +24,8 @@ class FeedbackTask(ABC):
         Of the goals.
     unit : Unit
         Of the goals.
-    command_unit : str
-        Of the corrections.
+    seen_unit, command_unit : str
+        Of what the loops compare, and of the corrections.
     doubt : Doubt
         Mechanisms that may be the real one.
     masses : int
@@ -34,25 +34,28 @@ class FeedbackTask(ABC):
         With the exact inverse, and with the commands of a controller without a friction model.
     scored : slice
         Rows whose errors count.
-    scales_with_reference : bool
-        Friction is proportional to the reference.
     """
 
     settings: Feedback
     file: str
     names: tuple[str, ...]
     unit: Unit
+    seen_unit: str
     command_unit: str
     doubt: Doubt[Any]
     masses: int
     feedforward: Course
     alone: Course
     scored: slice
-    scales_with_reference: bool = False
 
     @abstractmethod
     def system(self, mechanism: Any, masses: int | None = None) -> FeedbackSystem:
         """The loops about a mechanism, with so many masses on each tendon; default: the paths' own."""
+
+    @property
+    def limit(self) -> float | None:
+        """Largest correction [unit of the engine's commands]; None where none is stated."""
+        return self.settings.limit
 
     @property
     def sample_s(self) -> float:

@@ -30,6 +30,10 @@ class Course:
         Coordinates of the bodies that are no motors, used of those that are led.
     effort : ndarray, shape (rows, known)
         What the bodies give to what they touch.
+    force_N : ndarray, shape (rows, goals), optional
+        Of the feedforward on each tendon whose tension is a goal [N].
+    shape : ndarray, shape (rows, goals), optional
+        Friction's, as the feedforward gives it: change of the logarithm of its force with that of friction [-].
     """
 
     step_s: float
@@ -37,6 +41,8 @@ class Course:
     command: Array
     known: Array
     effort: Array
+    force_N: Array | None = None
+    shape: Array | None = None
 
     def held(self, time_s: float) -> "Course":
         """The same, standing still at its end for some time."""
@@ -51,7 +57,19 @@ class Course:
             command=longer(self.command),
             known=longer(self.known),
             effort=longer(self.effort),
+            force_N=None if self.force_N is None else longer(self.force_N),
+            shape=None if self.shape is None else longer(self.shape),
         )
+
+    @property
+    def forces_N(self) -> Array:
+        """`force_N`; zeros where no tension is a goal."""
+        return np.zeros_like(self.reference) if self.force_N is None else self.force_N
+
+    @property
+    def shapes(self) -> Array:
+        """`shape`; zeros where there is none."""
+        return np.zeros_like(self.reference) if self.shape is None else self.shape
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,7 +81,7 @@ class ClosedLoop:
     output : ndarray, shape (rows, goals)
         Fewer rows than the reference where the simulation failed.
     correction : ndarray, shape (samples, goals)
-        Of each loop.
+        Of each loop; of a tension a change of the logarithm of the force.
     final : MechanismMemory
         State of the mechanism after the last row.
     complete : bool
@@ -109,7 +127,8 @@ def simulate_feedback(
     sample_s = laws[0].sample_s if laws else rows * step
     every = rows - 1 if not laws else samples_of(sample_s, step)
     age_s = (laws[0].delay_s if laws else 0.0) if delay_s is None else delay_s
-    controllers = [FeedbackController(law, float(course.reference[0, k])) for k, law in enumerate(laws)]
+    references, shapes, forces_N = system.seen(course.reference), course.shapes, course.forces_N
+    controllers = [FeedbackController(law, float(references[0, k])) for k, law in enumerate(laws)]
     problem = system.problem
     memory, engine = rest(problem), CompiledMechanism(problem, step)
     start = system.measured(memory.z[None, :, 1], memory.tension_N[None])
@@ -123,11 +142,11 @@ def simulate_feedback(
             seen = _at(output[: row + 1], row - age_s / step)
             if resolution > 0:
                 seen = np.round(seen / resolution) * resolution
-            pairs = zip(controllers, course.reference[row], seen, strict=True)
-            corrections.append([each.step(float(wanted), float(measured)) for each, wanted, measured in pairs])
-            command = drive.respond(course.command[chunk], system.direction @ np.array(corrections[-1]))
+            given = np.column_stack([references[row], system.seen(seen), shapes[row]]).tolist()
+            corrections.append([each.step(*values) for each, values in zip(controllers, given, strict=True)])
+            command = drive.respond(course.command[chunk], np.array(corrections[-1]), forces_N[chunk])
         else:
-            command = drive.respond(course.command[chunk], np.zeros(problem.motors))
+            command = drive.respond(course.command[chunk], np.zeros(len(system.goals)), forces_N[chunk])
         found = engine.run(
             memory,
             np.hstack([course.known[chunk], command]),
@@ -170,18 +189,19 @@ class _Drive:
 
     def __init__(self, system: FeedbackSystem, step_s: float, first: Array) -> None:
         self._lag_share = 1.0 if system.lag_s == 0 else 1 - math.exp(-step_s / system.lag_s)
-        self._waiting = [np.zeros(len(first))] * round(system.drive_delay_s / step_s)
-        self._reached, self._now = np.zeros(len(first)), np.array(first, dtype=np.float64)
-        self._play = system.play
+        none = np.zeros(len(system.goals))
+        self._waiting = [none] * round(system.drive_delay_s / step_s)
+        self._reached, self._now = none, np.array(first, dtype=np.float64)
+        self._system = system
 
-    def respond(self, command: Array, correction: Array) -> Array:
+    def respond(self, command: Array, correction: Array, force_N: Array) -> Array:
         """Commands behind the drive, shape (rows + 1, motors), the first that of the present instant."""
         found = [self._now]
-        for row in command[1:]:
+        half = self._system.play / 2
+        for row, force in zip(command[1:], force_N[1:], strict=True):
             self._waiting.append(correction)
             self._reached = self._reached + self._lag_share * (self._waiting.pop(0) - self._reached)
-            motor = row + self._reached
-            half = self._play / 2
+            motor = row + self._system.moved(self._reached, force)
             self._now = np.clip(self._now, motor - half, motor + half)
             found.append(self._now)
         return np.vstack(found)

@@ -14,7 +14,7 @@ from tendonff.ocp.feedback.closed_loop import ClosedLoop, Course, samples_of, si
 from tendonff.ocp.feedback.law import MOST_SAMPLES, FeedbackLaw
 from tendonff.ocp.feedback.linear import Branch, branches
 from tendonff.ocp.feedback.requirement import Requirement
-from tendonff.ocp.feedback.system import FeedbackSystem
+from tendonff.ocp.feedback.system import FeedbackSystem, Quantity
 from tendonff.ocp.feedback.tune import Margins, Sampled, margins_of, tune
 from tendonff.ocp.mechanism.compiled import CompiledMechanism
 from tendonff.ocp.mechanism.problem import Array, MechanismMemory, rest
@@ -37,8 +37,7 @@ _SHAPED = 0.5  # share of a feedforward's error that the shape of friction must 
 _DEVIATIONS = 2.0  # times the largest share of an error that the uncertainty has: what may have to be learned
 _LEAST_DEVIATION = 0.1  # of the errors' size
 _RATE_ERROR = 1.5  # times the largest that the uncertainty has: beyond it is an age
-_STICKS, _WAITS = 8.0, 20.0  # widths of the play in which a turn slides again, where errors are learned and where not
-_TURNED = 0.5  # share of the integral that then turns with the reference
+_STICKS = 8.0  # widths of the play in which a turn slides again
 _PEAK = 1.05  # of the feedforward's peak, above which a peak has a price
 _PEAK_PRICE = 2.0
 _FLOORS = (0.0, 0.1)
@@ -121,8 +120,6 @@ def design_loops(
     requirement: Requirement,
     *,
     scored: slice = slice(None),
-    learns: bool = True,
-    scales_with_reference: bool = False,
 ) -> LoopDesign:
     """Gains, filter, clamp and shape of the feedback beside a feedforward.
 
@@ -137,10 +134,6 @@ def design_loops(
         Margins on every branch of every system.
     scored : slice, optional
         Rows whose errors count.
-    learns : bool, optional
-        Errors of the feedforward and the age of the measurement are learned: at joints, which follow their motors.
-    scales_with_reference : bool, optional
-        Friction is proportional to the reference: a tension.
 
     Raises
     ------
@@ -157,20 +150,20 @@ def design_loops(
     delay_s = sensor.delay_s + systems[0].drive_delay_s
     found: list[Branch] = []
     errors: list[Array] = []
+    seen: list[Array] = []
+    references = systems[0].seen(course.reference)
     for number, system in enumerate(systems):
         run = simulate_feedback(system, (), course)
         if not run.complete:
             raise SolveError(f"the feedforward cannot be simulated beyond t = {len(run.output) * course.step_s:.4g} s")
-        memories, names = _states(system, course)
-        places = [f"system {number}, {place}" for place in (*names, "sticking")]
-        sticking = [False] * len(memories) + [True]
-        found += branches(system, [*memories, memories[0]], places, sticking=sticking)
+        found += _linearised(system, course, f"system {number}")
         errors.append((run.output - course.reference)[scored])
+        seen.append((system.seen(run.output) - references)[scored])
     slow = np.array([_SLOW_RAD_PER_S])
     sliding = np.max([np.abs(b.response(slow, sensor.sample_s, 0.0)[0].diagonal()) for b in found], axis=0)
     laws = tuple(
         replace(
-            _shape(goal, course, [error[:, goal] for error in errors], sensor, scored, learns, scales_with_reference),
+            _shape(systems[0], goal, course, [error[:, goal] for error in seen], sensor, scored),
             gain=float(sliding[goal]),
             lag_s=systems[0].lag_s,
         )
@@ -211,9 +204,10 @@ def design_loops(
     for k in worst:
         run = simulate_feedback(systems[k], tuned, course, resolution=sensor.resolution)
         largest = np.maximum(largest, np.abs(run.correction[max(scored.start or 0, 0) // every :]).max(axis=0))
+    limits = _limits(systems[0], course, sensor)
     clamped = [
-        replace(law, clamp=_CLAMP * float(most) if sensor.limit is None else sensor.limit)
-        for law, most in zip(tuned, largest, strict=True)
+        replace(law, clamp=_CLAMP * float(most) if limits is None else float(limits[goal]))
+        for goal, (law, most) in enumerate(zip(tuned, largest, strict=True))
     ]
     return LoopDesign(
         laws=tuple(clamped),
@@ -228,16 +222,32 @@ def _narrowed(
     laws: tuple[FeedbackLaw, ...], cost: Callable[[tuple[FeedbackLaw, ...]], float]
 ) -> tuple[FeedbackLaw, ...]:
     """The laws with the width of their plays that costs least."""
-    if not any(law.friction_share or law.error_scale for law in laws):
+    if not any(law.error_scale for law in laws):
         return laws
-    tried = [
-        tuple(
-            replace(law, width=width * law.width, friction_share=share if law.friction_share else 0.0) for law in laws
-        )
-        for width in (1.0, *_NARROWER)
-        for share in ((_TURNED, 1.0) if any(law.friction_share for law in laws) else (0.0,))
-    ]
+    tried = [tuple(replace(law, width=width * law.width) for law in laws) for width in (1.0, *_NARROWER)]
     return min(tried, key=cost)
+
+
+def _limits(system: FeedbackSystem, course: Course, sensor: Sensor) -> Array | None:
+    """Clamp of each loop with which no correction goes beyond the limit, shape (goals,); None where none is stated."""
+    if sensor.limit is None:
+        return None
+    limits = sensor.limit / system.moved_per_unit(course.forces_N).max(axis=0) / np.abs(system.direction).max(axis=0)
+    return limits if system.quantity is Quantity.POSITION else np.log1p(limits)
+
+
+def _linearised(system: FeedbackSystem, course: Course, name: str) -> list[Branch]:
+    """The plant of the loops along the motion: sliding, and sticking, in units of what the loops see."""
+    memories, rows = _states(system, course)
+    names = [f"{name}, {place}" for place in (*(f"at {row * course.step_s:.3g} s" for row in rows), "sticking")]
+    sticking = [False] * len(memories) + [True]
+    found = branches(system, [*memories, memories[0]], names, sticking=sticking)
+    goals = np.vstack([system.measured(memory.z[None, :, 1], memory.tension_N[None]) for memory in memories])
+    corrections, outputs = system.moved_per_unit(course.forces_N), system.seen_per_unit(goals)
+    scaled = [each.scaled(corrections[row], out) for each, row, out in zip(found, rows, outputs, strict=False)]
+    # bristles are springs wherever the tendon sticks: the largest ratio of both units bounds them all
+    most = (corrections * system.seen_per_unit(course.reference)).max(axis=0)
+    return [*scaled, found[-1].scaled(most, np.ones_like(most))]
 
 
 def _sliding_rows(reference: Array) -> list[int]:
@@ -251,47 +261,40 @@ def _sliding_rows(reference: Array) -> list[int]:
     return [row for row in rows if speed[row] >= _SLIDES * speed.max()]
 
 
-def _states(system: FeedbackSystem, course: Course) -> tuple[list[MechanismMemory], list[str]]:
-    """States of a run under the feedforward, and their names."""
+def _states(system: FeedbackSystem, course: Course) -> tuple[list[MechanismMemory], list[int]]:
+    """States of a run under the feedforward, and their rows."""
     problem = system.problem
     memory, engine = rest(problem), CompiledMechanism(problem, course.step_s)
     forced = np.array([not leads for leads in problem.leads[problem.known :]])
     position = np.hstack([course.known, course.command])
     effort = np.hstack([course.effort, np.where(forced, -course.command, 0.0)])
-    memories, names = [], []
-    for before, after in itertools.pairwise([0, *_sliding_rows(course.reference)]):
+    memories, rows = [], _sliding_rows(course.reference)
+    for before, after in itertools.pairwise([0, *rows]):
         engine.run(memory, position[before : after + 1], effort[before : after + 1])
         memories.append(memory.copy())
-        names.append(f"at {after * course.step_s:.3g} s")
-    return memories, names
+    return memories, rows
 
 
 def _shape(
-    goal: int,
-    course: Course,
-    own: Sequence[Array],
-    sensor: Sensor,
-    scored: slice,
-    learns: bool,
-    scales: bool,
+    system: FeedbackSystem, goal: int, course: Course, own: Sequence[Array], sensor: Sensor, scored: slice
 ) -> FeedbackLaw:
     """Law of a goal without gains: the shapes that the errors of the feedforward, shape (rows,), have."""
-    reference = course.reference[:, goal]
+    reference = system.seen(course.reference)[:, goal]
     span = float(np.ptp(reference)) or max(float(np.abs(reference).max()), 1e-9)
-    size = float(np.abs(reference).max()) if scales else 0.0
     middle = float(reference.max() + reference.min()) / 2
-    others = [np.ones_like(reference), *([(reference - middle) / (span / 2)] if learns else [])]
-    best, width, columns = 0.0, _WIDTHS[1] * span, np.column_stack(others)
-    for share in _WIDTHS:
-        play = np.empty_like(reference)
-        now = reference[0]
-        for row, value in enumerate(reference):
-            play[row] = now = min(max(now, value - share * span), value + share * span)
-        shape = (reference - play) / (share * span) * (reference / size if scales else 1.0)
-        tried = np.column_stack([shape, *others])
-        explained = [_explained(tried[scored], error) for error in own if np.abs(error).max() > 1e-6 * span]
+    resolution = sensor.resolution * float(system.seen_per_unit(course.reference)[:, goal].max())
+    others = np.column_stack([np.ones_like(reference), (reference - middle) / (span / 2)])
+    judged = [error for error in own if np.abs(error).max() > 1e-6 * span]
+    if course.shape is None:
+        tried = {share * span: _play_shape(reference, share * span) for share in _WIDTHS}
+    else:
+        tried = {_WIDTHS[0] * span: course.shape[:, goal]}
+    best, width, columns = 0.0, _WIDTHS[1] * span, np.column_stack([next(iter(tried.values())), others])
+    for half, shape in tried.items():
+        with_shape = np.column_stack([shape, others])
+        explained = [_explained(with_shape[scored], error) for error in judged]
         if explained and (fit := float(np.median(explained))) > best:
-            best, width, columns = fit, share * span, tried
+            best, width, columns = fit, half, with_shape
     shaped = best > _SHAPED
     width = min(width, _WIDEST * span)
     scale = max((float(np.sqrt(np.mean(error**2))) for error in own), default=0.0)
@@ -300,14 +303,14 @@ def _shape(
         delay_s=sensor.delay_s,
         proportional=1.0,
         integral_per_s=1.0,
-        deadband=sensor.resolution / 2,
-        width=max(width, sensor.resolution),
-        scales_with_reference=size,
-        stroke=max((_STICKS if learns else _WAITS) * width, 4 * scale) if shaped else 0.0,
+        deadband=resolution / 2,
+        width=max(width, resolution),
+        streamed=course.shape is not None,
+        stroke=_stroke(width, scale, course) if shaped else 0.0,
     )
-    if not learns or not shaped:
-        return replace(law, friction_share=_TURNED if shaped else 0.0)
-    scale = max(scale, sensor.resolution)
+    if not shaped:
+        return law
+    scale = max(scale, resolution)
     rate: Array = np.gradient(reference, course.step_s)[:, None]
     *shares, late_s = np.abs([_fit(np.hstack([columns, rate])[scored], error) for error in own]).max(axis=0).tolist()
     friction, constant, level = (max(_DEVIATIONS * share / scale, _LEAST_DEVIATION) for share in shares)
@@ -319,6 +322,21 @@ def _shape(
         middle=middle,
         half_range=span / 2,
     )
+
+
+def _stroke(width: float, scale: float, course: Course) -> float:
+    """Way after a turn in which nothing is learned: errors of a play's shape there, for a streamed one knows the turn."""
+    return _STICKS * width if course.shape is not None else max(_STICKS * width, 4 * scale)
+
+
+def _play_shape(reference: Array, half: float) -> Array:
+    """The reference, shape (rows,), less its play, over the half width of the play."""
+    play = np.empty_like(reference)
+    now = reference[0]
+    for row, value in enumerate(reference):
+        play[row] = now = min(max(now, value - half), value + half)
+    found: Array = (reference - play) / half
+    return found
 
 
 def _fit(columns: Array, values: Array) -> Array:

@@ -4,12 +4,12 @@ r"""Law of the feedback: PI action, and errors that are learned, against the ref
 
     reference --[ delay_s ]--> (+) --[ deadband ]--[ 1/(filter_s s + 1) ]--> e
     measured, delay_s old ----> (-)
-    correction = Kp e + Ki int e + s Kf int s e + (alpha s + beta + gamma x) / g, within +-clamp
+    correction = Kp e + Ki int e + (alpha s + beta + gamma x) / g, within +-clamp
 
 The correction is added to the command that the feedforward computes. s is the shape that friction gives to the error of
-a feedforward: reference less its play, over the half width of the play, -1 to 1. What was learned while pulling is
-thus inverted, without delay, where the reference turns. In steady sliding, either way, Ki + Kf is the integral gain,
-which margins are for.
+a feedforward: reference less its play, over the half width of the play, -1 to 1; or what comes with each sample: how
+much more command the feedforward would give with more friction. What was learned while pulling is thus inverted,
+without delay, where the reference turns.
 
 What a feedforward leaves is known in shape: friction's s; a constant; x, the reference about its middle, -1 to 1, for
 loads, stiffness and tension; and the rate of the reference, for an age of the measurement that differs from delay_s.
@@ -19,8 +19,8 @@ The measurement is compared with what these, and the own corrections as old as i
 
 by recursive least squares along strokes, where s is constant. d is free of the own corrections, so that no delay bounds
 how fast it is learned. Delta dr/dt is taken off the error, up to delay_s either way, but for what loads and stiffness
-may give a joint (rate_error_s); that and the rest are corrected before they are measured. What remains is for Kp, Ki
-and Kf, which margins are for.
+may give a joint (rate_error_s); that and the rest are corrected before they are measured. What remains is for Kp and
+Ki, which margins are for.
 """
 
 import math
@@ -45,7 +45,6 @@ STATES = (
     *(
         "filtered",
         "integral",
-        "friction",
         "correction",
         "lagged",
         "done_before",
@@ -58,18 +57,19 @@ STATES = (
     *LEARNED,
     *COVARIANCE,
 )
-"""Memory of the law beside its delay lines: filtered error, integrals, correction and how far the drive has
+"""Memory of the law beside its delay lines: filtered error, integral, correction and how far the drive has
 followed it, play of the reference and of the aged one, its stroke, the aged reference one sample before, and of the
 least squares four estimates (friction, constant, level, age) and the lower triangle of their covariance."""
 _VARIANCES = ("friction_variance", "constant_variance", "level_variance", "age_variance")
 NUMBERS = (
-    *("kp", "ki_h", "kf_h", "clamp", "filter_share", "deadband", "width", "shape_constant", "shape_per_unit"),
+    *("kp", "ki_h", "clamp", "filter_share", "deadband", "width", "by_play"),
     *("stroke_width", "lag_share", "gain", "delay", "sample", "scale", "noise", "middle", "per_unit", "forgotten"),
     *_VARIANCES,
     "rate_error",
 )
 """Constants of the law, in the order of `FeedbackLaw.numbers`."""
-_SEEN = 5  # inputs of the law before its states
+_SEEN = ("reference", "aged", "lagged_aged", "measured", "fresh", "shape", "aged_shape")
+"""Inputs of the law before its states."""
 MOST_AGE = 1.0
 """Share of the stated delay by which a measurement may be older or younger."""
 
@@ -77,7 +77,7 @@ _AGE_DEVIATION = 0.5  # of Delta before anything is learned, over the delay
 _NOISE = 0.5  # of what the shapes leave, over the scale: samples follow each other closely, and are not independent
 _MEMORY_S = 2.0  # of sliding, which the least squares remember
 _SAME_WAY = 0.99  # of the product of both shapes
-_WAITING = 0.1  # share of the integrals' gains while the tendon sticks
+_WAITING = 0.1  # share of the integral's gain while the tendon sticks
 _FAR = 1e30  # a correction that nothing reaches
 
 
@@ -94,26 +94,24 @@ class FeedbackLaw:
     proportional : float
         Kp: correction per error [unit of the command per unit of the goal], >= 0.
     integral_per_s : float
-        Ki + Kf: its rate per error while the reference goes one way, >= 0.
+        Ki: its rate per error, >= 0.
     clamp : float, optional
         Largest correction [unit of the command], > 0; default: none.
     filter_s : float, optional
         Time constant of a low-pass filter of the error [s], >= 0; 0 for none.
     deadband : float, optional
         Error that is ignored [unit of the goal], >= 0: half a step of the sensor's resolution.
-    friction_share : float, optional
-        Kf/(Ki + Kf): share of the integral that turns with the reference [-], 0 to 1.
     width : float, optional
-        Half width of the play that shapes friction [unit of the goal], > 0.
-    scales_with_reference : float, optional
-        Reference at which the shape is 1 where friction is proportional to it [unit of the goal]; 0: it is not.
+        Half width of the play that shapes friction, and after which a turn is one [unit of the goal], > 0.
+    streamed : bool, optional
+        The shape of friction comes with each sample, instead of from the play.
     gain : float, optional
         What a unit of correction does to the goal while it slides [unit of the goal per unit of the command].
     lag_s : float, optional
         Time constant with which the drive follows [s], >= 0.
     stroke : float, optional
         Way of the reference after a turn, either way, in which the tendon still sticks [unit of the goal], >= 0. There
-        integrals wait, with a tenth of their gains, and no age is learned.
+        the integral waits, with a tenth of its gain, and nothing is learned.
     error_scale : float, optional
         Size of errors that the feedforward leaves [unit of the goal]; 0: nothing is learned.
     deviations : tuple of 3 float, optional
@@ -131,9 +129,8 @@ class FeedbackLaw:
     clamp: float = math.inf
     filter_s: float = 0.0
     deadband: float = 0.0
-    friction_share: float = 0.0
     width: float = 1.0
-    scales_with_reference: float = 0.0
+    streamed: bool = False
     gain: float = 1.0
     lag_s: float = 0.0
     stroke: float = 0.0
@@ -163,8 +160,6 @@ class FeedbackLaw:
             require("deviations", deviation, least=0, hint="0 for what is not learned")
         if not self.clamp > 0:
             raise ParameterError(f"clamp must be > 0, got {self.clamp}; leave it out for none")
-        if not 0 <= self.friction_share <= 1:
-            raise ParameterError(f"friction_share must be 0 to 1, got {self.friction_share}; 0.5 is usual")
         if self.delay_s > MOST_SAMPLES * self.sample_s:
             raise ParameterError(
                 f"delay_s must be at most {MOST_SAMPLES} samples, {MOST_SAMPLES * self.sample_s:g} s, got "
@@ -191,18 +186,14 @@ class FeedbackLaw:
     @property
     def numbers(self) -> tuple[float, ...]:
         """Values of `NUMBERS`."""
-        turned = self.friction_share
-        scaled = self.scales_with_reference
         return (
             self.proportional,
-            (1 - turned) * self.integral_per_s * self.sample_s,
-            turned * self.integral_per_s * self.sample_s,
+            self.integral_per_s * self.sample_s,
             min(self.clamp, _FAR),
             self.filter_share,
             self.deadband,
             self.width,
-            0.0 if scaled else 1.0,
-            1 / scaled if scaled else 0.0,
+            0.0 if self.streamed else 1.0,
             self.stroke / 2,
             _share(self.sample_s, self.lag_s),
             self.gain,
@@ -226,15 +217,15 @@ class FeedbackLaw:
     def start(self, reference: float) -> tuple[float, ...]:
         """Values of `STATES` at rest under a reference."""
         covariance = [value if i == j else 0.0 for i, value in enumerate(self._variances) for j in range(i + 1)]
-        return (*([0.0] * 6), *([reference] * 5), *([0.0] * len(LEARNED)), *covariance)
+        return (*([0.0] * 5), *([reference] * 5), *([0.0] * len(LEARNED)), *covariance)
 
     def scaled(self, gain: float) -> "FeedbackLaw":
         """The same with both gains times a factor [-]."""
         return replace(self, proportional=gain * self.proportional, integral_per_s=gain * self.integral_per_s)
 
     def plain(self) -> "FeedbackLaw":
-        """The same gains as a plain PI: nothing turns with the reference, and nothing is learned."""
-        return replace(self, friction_share=0.0, error_scale=0.0)
+        """The same gains as a plain PI: nothing is learned."""
+        return replace(self, error_scale=0.0)
 
 
 def _share(sample_s: float, time_s: float) -> float:
@@ -250,17 +241,16 @@ def feedback_step() -> Law:
     """A sample of the law: `STATES` from themselves, reference, aged values, measurement and `NUMBERS`.
 
     `fresh` is 1, or 0 where the measurement is missing: then the error is held, and nothing is learned. Where the
-    correction is at its clamp, integrals go on only towards less of it (anti-windup).
+    correction is at its clamp, the integral goes on only towards less of it (anti-windup).
     """
-    inputs = ("reference", "aged", "lagged_aged", "measured", "fresh")
-    reference, aged, lagged_aged, measured, fresh = given = tuple(map(ca.SX.sym, inputs))
+    reference, aged, lagged_aged, measured, fresh, streamed, aged_streamed = given = tuple(map(ca.SX.sym, _SEEN))
     states, numbers = tuple(map(ca.SX.sym, STATES)), tuple(map(ca.SX.sym, NUMBERS))
     s, n = dict(zip(STATES, states, strict=True)), dict(zip(NUMBERS, numbers, strict=True))
 
     # shape of friction, now and as old as the measurement
     play, aged_play = _play(s["play"], reference, n["width"]), _play(s["aged_play"], aged, n["width"])
-    size, aged_size = (n["shape_constant"] + n["shape_per_unit"] * at for at in (reference, aged))
-    shape, aged_shape = size * (reference - play) / n["width"], aged_size * (aged - aged_play) / n["width"]
+    shape = n["by_play"] * (reference - play) / n["width"] + streamed
+    aged_shape = n["by_play"] * (aged - aged_play) / n["width"] + aged_streamed
 
     # least squares along strokes, where friction stands still
     stroke = _play(s["stroke"], aged, n["stroke_width"])
@@ -286,20 +276,19 @@ def feedback_step() -> Law:
     known = (n["scale"] * ca.dot(learned_new[:3], ca.vertcat(shape, 1, level)) + real * rate_now) / n["gain"]
     older = _within(late - real, MOST_AGE * n["delay"]) * rate
 
-    # error, its filter, and the integrals
+    # error, its filter, and the integral
     error = aged - measured - older
     error = at_least(error - n["deadband"], 0.0) - at_least(-error - n["deadband"], 0.0)
     filtered = s["filtered"] + fresh * n["filter_share"] * (error - s["filtered"])
     heard = ca.if_else(sliding, fresh, _WAITING * fresh)
     integral = s["integral"] + heard * n["ki_h"] * filtered
-    friction = s["friction"] + heard * n["kf_h"] * aged_shape * filtered
-    wanted = n["kp"] * filtered + integral + friction * shape + known
+    wanted = n["kp"] * filtered + integral + known
     correction = _within(wanted, n["clamp"])
     outward = (wanted - correction) * filtered > 0
     lower = [p_new[i, j] for i in range(len(LEARNED)) for j in range(i + 1)]
     found = (
-        *(filtered, ca.if_else(outward, s["integral"], integral), ca.if_else(outward, s["friction"], friction)),
-        *(correction, s["lagged"] + n["lag_share"] * (correction - s["lagged"])),
+        *(filtered, ca.if_else(outward, s["integral"], integral), correction),
+        s["lagged"] + n["lag_share"] * (correction - s["lagged"]),
         *(done, play, aged_play, stroke, aged, reference, *ca.vertsplit(learned_new), *lower),
     )
     return Law(
@@ -356,9 +345,10 @@ class FeedbackController:
         whole, self._part = law.age
         self._references = deque([reference] * (whole + 2), maxlen=whole + 2)
         self._corrections = deque([0.0] * (whole + 2), maxlen=whole + 2)
+        self._shapes = deque([0.0] * (whole + 2), maxlen=whole + 2)
         self._step = _Step()
-        self._step.given[_SEEN:] = (*law.start(reference), *law.numbers)
-        self._states = self._step.given[_SEEN : _SEEN + len(STATES)]
+        self._step.given[len(_SEEN) :] = (*law.start(reference), *law.numbers)
+        self._states = self._step.given[len(_SEEN) : len(_SEEN) + len(STATES)]
 
     @property
     def correction(self) -> float:
@@ -371,7 +361,7 @@ class FeedbackController:
         share = float(self._states[STATES.index(LEARNED[3])])
         return self.law.delay_s * (1 + min(max(share, -MOST_AGE), MOST_AGE))
 
-    def step(self, reference: float, measured: float) -> float:
+    def step(self, reference: float, measured: float, shape: float = 0.0) -> float:
         """Correction of the command after one more sample; a missing (NaN) measurement holds the error.
 
         Parameters
@@ -380,13 +370,19 @@ class FeedbackController:
             Of this instant; one that is missing (NaN) is taken as the last one.
         measured : float
             That arrives now.
+        shape : float, optional
+            Of friction, of this instant, where the law takes it [-].
         """
         self._references.appendleft(reference if math.isfinite(reference) else self._references[0])
         self._corrections.appendleft(float(self._states[STATES.index("lagged")]))
-        aged, lagged = (past[-2] + self._part * (past[-1] - past[-2]) for past in (self._references, self._corrections))
+        self._shapes.appendleft(shape)
+        aged, lagged, aged_shape = (
+            past[-2] + self._part * (past[-1] - past[-2])
+            for past in (self._references, self._corrections, self._shapes)
+        )
         fresh = math.isfinite(measured)
-        step = self._step
-        step.given[:_SEEN] = (self._references[0], aged, lagged, measured if fresh else aged, float(fresh))
+        seen, step = measured if fresh else aged, self._step
+        step.given[: len(_SEEN)] = (self._references[0], aged, lagged, seen, float(fresh), shape, aged_shape)
         step.evaluate()
         self._states[:] = step.found
         return self.correction

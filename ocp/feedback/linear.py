@@ -69,6 +69,10 @@ class Branch:
         moved = -ratio * size + 1j * np.sign(self.poles.imag) * np.sqrt(1 - ratio**2) * size
         return replace(self, poles=np.where(little, moved, self.poles))
 
+    def scaled(self, corrections: Array, goals: Array) -> "Branch":
+        """The same with other units: the plant's of each correction and the loops' of each goal, in the new ones."""
+        return replace(self, inputs=self.inputs * corrections, outputs=self.outputs * goals[:, None])
+
     def frequencies(self, sample_s: float) -> Array:
         """A grid up to half the sampling rate [rad/s], dense about modes that hardly are damped."""
         highest = np.pi / sample_s

@@ -6,7 +6,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from tendonff.models.errors import ParameterError
+from tendonff.models.errors import ParameterError, require
 from tendonff.models.mechanism import Force, Mechanism, Servo, Spring
 from tendonff.models.mechanism.geometry import moment_arms
 from tendonff.ocp.mechanism.problem import Array, MechanismMemory, MechanismProblem
@@ -20,7 +20,8 @@ class Quantity(StrEnum):
     POSITION
         Of a body [m or rad].
     TENSION
-        At the far end of a tendon [N].
+        At the far end of a tendon [N]. Loops see logarithms: friction of wraps divides a force by the same factor at every
+        tension, and by its inverse the other way; logarithms of force and tension move alike while the tendon slides.
     """
 
     POSITION = "position"
@@ -38,7 +39,9 @@ class FeedbackSystem:
     goals : tuple of int
         Numbers of the bodies or tendons that are measured.
     direction : ndarray, shape (motors, goals)
-        Command of each motor [rad, m, N or N m] per unit of each correction.
+        Command of each motor [rad, m, N or N m] per unit of each correction; of a tension per newton of its force.
+    offset_N : float, optional
+        Added to forces and tensions before their logarithm [N], > 0 where tensions are measured.
     lag_s : float, optional
         Time constant with which motors follow their commands [s], >= 0.
     drive_delay_s : float, optional
@@ -51,6 +54,7 @@ class FeedbackSystem:
     quantity: Quantity
     goals: tuple[int, ...]
     direction: Array
+    offset_N: float = 0.0
     lag_s: float = 0.0
     drive_delay_s: float = 0.0
     play: float = 0.0
@@ -59,6 +63,8 @@ class FeedbackSystem:
         shape = (self.problem.motors, len(self.goals))
         if np.shape(self.direction) != shape:
             raise ParameterError(f"direction must have shape {shape}, got {np.shape(self.direction)}")
+        if self.quantity is Quantity.TENSION:
+            require("offset_N", self.offset_N, above=0, hint="a hundredth of the tension")
 
     @property
     def is_led(self) -> bool:
@@ -70,6 +76,30 @@ class FeedbackSystem:
         of = position if self.quantity is Quantity.POSITION else tension_N
         found: Array = of[:, list(self.goals)]
         return found
+
+    def seen(self, goals: Array) -> Array:
+        """What the loops compare: positions as they are, logarithms of tensions."""
+        if self.quantity is Quantity.POSITION:
+            return goals
+        found: Array = np.log(np.maximum(goals, 0.0) + self.offset_N)
+        return found
+
+    def seen_per_unit(self, goals: Array) -> Array:
+        """Slope of `seen`."""
+        if self.quantity is Quantity.POSITION:
+            return np.ones_like(goals)
+        return 1 / (np.maximum(goals, 0.0) + self.offset_N)
+
+    def moved(self, corrections: Array, force_N: Array) -> Array:
+        """Change of the motors' commands, shape (motors,), by corrections of forces, both of shape (goals,)."""
+        if self.quantity is Quantity.TENSION:
+            corrections = (force_N + self.offset_N) * np.expm1(corrections)
+        found: Array = self.direction @ corrections
+        return found
+
+    def moved_per_unit(self, force_N: Array) -> Array:
+        """Slope of `moved` by each correction before `direction`, of the shape of the forces."""
+        return np.ones_like(force_N) if self.quantity is Quantity.POSITION else force_N + self.offset_N
 
 
 def motors_per_joint(problem: MechanismProblem, goals: Sequence[int]) -> Array:

@@ -16,11 +16,15 @@ from tendonff.compensator.scenario.settings import Feedback, FeedbackSensor
 from tendonff.compensator.scenario.unit import NEWTON
 from tendonff.models.mechanism import Mechanism
 from tendonff.models.parameters import Transmission
+from tendonff.models.parameters.numbers import with_numbers
 from tendonff.ocp.feedback.closed_loop import Course
 from tendonff.ocp.feedback.system import FeedbackSystem, Quantity, behind_servos
 from tendonff.ocp.mechanism.start import mechanism_problem
 
+_SEEN_UNIT = "ln N"
 _CYCLES = 3  # of a reference that repeats, of which the last counts
+_MORE_FRICTION = 0.05  # share by which friction is changed for its shape
+_LEAST_OFFSET = 0.01  # of the largest tension, which logarithms need
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,25 +49,30 @@ class TensionFeedbackTask(FeedbackTask):
             )
         cycles = _CYCLES if problem.reference.periodic else 1
         rows = len(problem.reference.tension_N)
-        stiffness = problem.transmission.actuator.servo_stiffness_N_per_m
         return cls(
             settings=settings,
             file=file,
             names=("output_tension",),
             unit=NEWTON,
-            command_unit="N" if stiffness is None else "m",
+            seen_unit=_SEEN_UNIT,
+            command_unit=_SEEN_UNIT,
             doubt=problem.doubt,
             masses=max(FINE_SEGMENTS, 2 * problem.transmission.path.segments),
-            feedforward=_course(problem, profiles["inverse"], cycles),
-            alone=_course(problem, profiles.get("none", profiles["inverse"]), cycles),
+            feedforward=_course(problem, inverse := profiles["inverse"], cycles, _shape(problem, inverse)),
+            alone=_course(problem, profiles.get("none", inverse), cycles),
             scored=slice((cycles - 1) * (rows - 1), None),
-            scales_with_reference=True,
             problem=problem,
         )
 
+    @property
+    def limit(self) -> float | None:
+        """See `FeedbackTask.limit`: of a servo's command the force that it stands for."""
+        limit, stiffness = self.settings.limit, self.problem.transmission.actuator.servo_stiffness_N_per_m
+        return limit if limit is None or stiffness is None else limit * stiffness
+
     def system(self, mechanism: Transmission, masses: int | None = None) -> FeedbackSystem:
         """See `FeedbackTask.system`."""
-        described, stiffness = behind_servos(Mechanism.of(mechanism))
+        described, _ = behind_servos(Mechanism.of(mechanism))
         tension_N, motion, load = self.problem.reference.initial_tension_N, mechanism.motion, mechanism.load
         start = {} if motion is None else dict(zip(motion.names, motion.angle_rad[0].tolist(), strict=True))
         if load.joint is None:
@@ -74,7 +83,8 @@ class TensionFeedbackTask(FeedbackTask):
             problem=problem.starting(np.array([tension_N])),
             quantity=Quantity.TENSION,
             goals=(0,),
-            direction=stiffness[:1, None],
+            direction=np.ones((1, 1)),
+            offset_N=_offset_N(self.problem),
             lag_s=servo.servo_time_s,
             drive_delay_s=servo.lag_s(self.problem.reference.step_s, live=True),
         )
@@ -85,14 +95,14 @@ def feedback_of(problem: Problem, settings: Feedback, profiles: Mapping[str, Pro
     return design_feedback(TensionFeedbackTask.of(problem, settings, profiles, file))
 
 
-def _course(problem: Problem, profile: Profile, cycles: int) -> Course:
+def _course(problem: Problem, profile: Profile, cycles: int, shape: FloatArray | None = None) -> Course:
     """Reference and forces on the actuator's end; of a cycle several."""
     reference, motion, actuator = problem.reference, problem.transmission.motion, problem.transmission.actuator
     stiffness, step = actuator.servo_stiffness_N_per_m, reference.step_s
+    force = actuator.servo.follow(profile.force_N, step)
+    command = force
     if stiffness is not None and profile.command_m is not None:
-        force = reference.initial_tension_N + stiffness * actuator.servo.follow(profile.command_m, step)
-    else:
-        force = actuator.servo.follow(profile.force_N, step)
+        command = reference.initial_tension_N + stiffness * actuator.servo.follow(profile.command_m, step)
 
     def repeated(rows: FloatArray) -> FloatArray:
         return np.vstack([*[rows[:-1]] * (cycles - 1), rows])
@@ -103,7 +113,23 @@ def _course(problem: Problem, profile: Profile, cycles: int) -> Course:
     return Course(
         step_s=reference.step_s,
         reference=repeated(reference.tension_N[:, None]),
-        command=repeated(force[:, None]),
+        command=repeated(command[:, None]),
         known=known,
         effort=np.zeros_like(known),
+        force_N=repeated(force[:, None]),
+        shape=None if shape is None else repeated(shape[:, None]),
     )
+
+
+def _offset_N(problem: Problem) -> float:
+    """Added to forces before their logarithm: friction without load acts like more tension."""
+    least = _LEAST_OFFSET * float(np.abs(problem.reference.tension_N).max())
+    return max(problem.transmission.friction.adhesion_N, least)
+
+
+def _shape(problem: Problem, profile: Profile) -> FloatArray:
+    """Change of the logarithm of the force with that of all friction, by a second inverse, shape (rows,)."""
+    offset = _offset_N(problem)
+    more = problem.inverse_of(with_numbers(problem.transmission, {"mu": 1 + _MORE_FRICTION})).force_N
+    found: FloatArray = np.log((more + offset) / (profile.force_N + offset)) / _MORE_FRICTION
+    return found
