@@ -27,14 +27,6 @@ def respond(
     rig: Transmission, time_s: np.ndarray, drive: np.ndarray, tension_N: float, *, masses: int = 24, position=False
 ) -> Response:
     """Response to a force [N], or to a servo's command relative to the start [m], linear between rows."""
-    response, _ = advance(rig, time_s, drive, tension_N, None, masses=masses, position=position)
-    return response
-
-
-def advance(
-    rig: Transmission, time_s: np.ndarray, drive: np.ndarray, tension_N: float, start, *, masses=24, position=False
-) -> tuple[Response, np.ndarray]:
-    """The same from a state, None at rest, and the state at the end; times from 0 on."""
     t, f, a, load = rig.tendon, rig.friction, rig.actuator, rig.load
     n = masses
     share = np.full(n + 1, float(n))
@@ -80,9 +72,8 @@ def advance(
         return found
 
     assert time_s[0] == 0.0
-    if start is None:
-        start = np.zeros(4 * n + 6)
-        start[0::4], start[3::4] = q0, stretch
+    start = np.zeros(4 * n + 6)
+    start[0::4], start[3::4] = q0, stretch
     states, report = odeint(
         rate,
         start,
@@ -99,5 +90,4 @@ def advance(
     assert report["message"] == "Integration successful.", report["message"]
     q, v, z = (states.T[first::4] for first in (0, 1, 3))
     ends = np.array([tensions(*columns)[0][[0, -1]] for columns in zip(q.T, v.T, z.T, strict=True)])
-    response = Response(output_N=ends[:, 1], input_N=ends[:, 0], actuator_m=q[0] - q0[0], load_m=q[-1] - q0[-1])
-    return response, states[-1]
+    return Response(output_N=ends[:, 1], input_N=ends[:, 0], actuator_m=q[0] - q0[0], load_m=q[-1] - q0[-1])

@@ -48,7 +48,7 @@ def feedback_files(
     """Texts by file name; `include` is the header with the real type, `provenance` the lines of the comment on top."""
     law = module.law
     printer = PartialEvaluator(prefix=f"{prefix}_feedback", precision=precision, parameters={})
-    fixed = dict(zip(NUMBERS, law.numbers, strict=True))
+    fixed = {**dict(zip(NUMBERS, law.numbers, strict=True)), "shape": 0.0, "aged_shape": 0.0}
     folded = printer.fold(feedback_step(), fixed=fixed)
     states = {name: f"self->{name}" for name in STATES}
     found = {f"{name}_new": f"&self->{name}" for name in STATES}

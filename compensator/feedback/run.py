@@ -57,9 +57,7 @@ def tune_feedback(task: FeedbackTask) -> Tuned:
         If a mechanism cannot be simulated.
     """
     settings = task.settings
-    sensor = Sensor(
-        sample_s=task.sample_s, delay_s=settings.delay_s, resolution=settings.resolution, limit=task.limit
-    )
+    sensor = Sensor(sample_s=task.sample_s, delay_s=settings.delay_s, resolution=settings.resolution, limit=task.limit)
     requirement = Requirement(gain_margin=settings.gain_margin, phase_margin_deg=settings.phase_margin_deg)
     samples = [sample.system for sample in task.doubt.samples]
     coarse = [task.system(each) for each in samples[:_DESIGNED]]

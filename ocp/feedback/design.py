@@ -232,7 +232,8 @@ def _limits(system: FeedbackSystem, course: Course, sensor: Sensor) -> Array | N
     """Clamp of each loop with which no correction goes beyond the limit, shape (goals,); None where none is stated."""
     if sensor.limit is None:
         return None
-    limits = sensor.limit / system.moved_per_unit(course.forces_N).max(axis=0) / np.abs(system.direction).max(axis=0)
+    most = system.moved_per_unit(course.forces_N).max(axis=0) * np.abs(system.direction).max(axis=0)
+    limits: Array = sensor.limit / most
     return limits if system.quantity is Quantity.POSITION else np.log1p(limits)
 
 
@@ -325,7 +326,7 @@ def _shape(
 
 
 def _stroke(width: float, scale: float, course: Course) -> float:
-    """Way after a turn in which nothing is learned: errors of a play's shape there, for a streamed one knows the turn."""
+    """Way after a turn in which nothing is learned; a streamed shape itself knows when the tendon sticks."""
     return _STICKS * width if course.shape is not None else max(_STICKS * width, 4 * scale)
 
 

@@ -20,8 +20,8 @@ class Quantity(StrEnum):
     POSITION
         Of a body [m or rad].
     TENSION
-        At the far end of a tendon [N]. Loops see logarithms: friction of wraps divides a force by the same factor at every
-        tension, and by its inverse the other way; logarithms of force and tension move alike while the tendon slides.
+        At the far end of a tendon [N]. Loops see logarithms: friction of wraps divides a force by the same factor at
+        every tension, so logarithms of force and tension move alike while the tendon slides, either way.
     """
 
     POSITION = "position"
