@@ -55,8 +55,8 @@ def feedback_files(
     given = {"reference": "wanted", "aged": "aged", "lagged_aged": "lagged_aged", "measured": "taken", "fresh": "fresh"}
     whole, part = law.age
     started = [
-        (name, "start" if name in ("play", "aged_play", "stroke", "before") else literal(value, precision))
-        for name, value in zip(STATES, law.start(0.0), strict=True)
+        (name, "start" if other != value else literal(value, precision))
+        for name, value, other in zip(STATES, law.start(0.0), law.start(1.0), strict=True)
         if name != "correction"
     ]
     golden = _golden(module)

@@ -306,11 +306,13 @@ def _shape(
         integral_per_s=1.0,
         deadband=resolution / 2,
         width=max(width, resolution),
-        streamed=course.shape is not None,
-        stroke=_stroke(width, scale, course) if shaped else 0.0,
     )
     if not shaped:
         return law
+    if course.shape is None:
+        law = replace(law, stroke=max(_STICKS * width, 4 * scale))
+    else:  # this shape knows how long the tendon sticks after a turn
+        law = replace(law, streamed=True, stroke=_STICKS * width, taken_back=_STICKS * width / 2)
     scale = max(scale, resolution)
     rate: Array = np.gradient(reference, course.step_s)[:, None]
     *shares, late_s = np.abs([_fit(np.hstack([columns, rate])[scored], error) for error in own]).max(axis=0).tolist()
@@ -323,11 +325,6 @@ def _shape(
         middle=middle,
         half_range=span / 2,
     )
-
-
-def _stroke(width: float, scale: float, course: Course) -> float:
-    """Way after a turn in which nothing is learned; a streamed shape itself knows when the tendon sticks."""
-    return _STICKS * width if course.shape is not None else max(_STICKS * width, 4 * scale)
 
 
 def _play_shape(reference: Array, half: float) -> Array:

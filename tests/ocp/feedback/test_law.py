@@ -116,6 +116,23 @@ def test_a_small_error_of_the_rate_is_the_joint_s_and_a_large_one_an_age(of_the_
     assert (share < 0.25) if of_the_joint else (share > 0.7)
 
 
+@pytest.mark.parametrize("factor", [0.8, 1.2])
+def test_friction_of_a_wrap_that_is_a_fifth_off_is_learned_from_logarithms(factor):
+    """Capstan: the logarithm of the tension follows that of the force with a play of mu theta, 0.6 by the model."""
+    logarithm, way = np.log(20.0 + 8.0 * np.sin(4.0 * TIME)), np.sign(np.cos(4.0 * TIME))
+    law = replace(LAW, streamed=True, delay_s=0.005, error_scale=0.1, deviations=(4.0, 0.3, 0.3), stroke=0.03)
+    law = replace(law, taken_back=0.015, width=0.003, middle=3.0, half_range=0.4, proportional=0.2)
+    left = {}
+    for name, told in (("feedforward", law.scaled(0.0).plain()), ("both", law)):
+        found, tension, errors, before = FeedbackController(told, logarithm[0]), logarithm[0], [], logarithm[0]
+        for wanted, shape in zip(logarithm, 0.6 * way, strict=True):
+            force = wanted + shape + found.step(float(wanted), float(before), float(shape))
+            before, tension = tension, np.clip(tension, force - 0.6 * factor, force + 0.6 * factor)
+            errors.append(np.exp(tension) - np.exp(wanted))
+        left[name] = np.sqrt(np.mean(np.square(errors)))
+    assert left["both"] < 0.2 * left["feedforward"]
+
+
 def test_at_rest_nothing_is_learned():
     """There the correction of a constant error grows by the integral alone."""
     found = FeedbackController(LEARNING)
