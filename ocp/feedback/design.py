@@ -312,7 +312,7 @@ def _shape(
     if course.shape is None:
         law = replace(law, stroke=max(_STICKS * width, 4 * scale))
     else:  # this shape knows how long the tendon sticks after a turn
-        law = replace(law, streamed=True, stroke=_STICKS * width, taken_back=_STICKS * width / 2)
+        law = replace(law, streamed=True, stroke=_STICKS * width)
     scale = max(scale, resolution)
     rate: Array = np.gradient(reference, course.step_s)[:, None]
     *shares, late_s = np.abs([_fit(np.hstack([columns, rate])[scored], error) for error in own]).max(axis=0).tolist()

@@ -17,8 +17,8 @@ The measurement is compared with what these, and the own corrections as old as i
 
     d = e + g u = alpha s + beta + gamma x + Delta dr/dt,
 
-by recursive least squares along strokes, while the tendon slides. d is free of the own corrections, so that no delay
-bounds how fast it is learned. Delta dr/dt is taken off the error, up to delay_s either way, but for what loads and stiffness
+by recursive least squares along strokes, where s is constant. d is free of the own corrections, so that no delay bounds
+how fast it is learned. Delta dr/dt is taken off the error, up to delay_s either way, but for what loads and stiffness
 may give a joint (rate_error_s); that and the rest are corrected before they are measured. What remains is for Kp and
 Ki, which margins are for.
 """
@@ -51,7 +51,6 @@ STATES = (
         "play",
         "aged_play",
         "stroke",
-        "furthest",
         "before",
         "reference_before",
     ),
@@ -59,24 +58,12 @@ STATES = (
     *COVARIANCE,
 )
 """Memory of the law beside its delay lines: filtered error, integral, correction and how far the drive has
-followed it, play of the reference and of the aged one, its stroke, how far that and corrections were, the aged
-reference one sample before, and of the least squares four estimates (friction, constant, level, age) and the lower triangle of their covariance."""
+followed it, play of the reference and of the aged one, its stroke, the aged reference one sample before, and of the
+least squares four estimates (friction, constant, level, age) and the lower triangle of their covariance."""
 _VARIANCES = ("friction_variance", "constant_variance", "level_variance", "age_variance")
 NUMBERS = (
     *("kp", "ki_h", "clamp", "filter_share", "deadband", "width", "by_play"),
-    *(
-        "stroke_width",
-        "taken_back",
-        "lag_share",
-        "gain",
-        "delay",
-        "sample",
-        "scale",
-        "noise",
-        "middle",
-        "per_unit",
-        "forgotten",
-    ),
+    *("stroke_width", "lag_share", "gain", "delay", "sample", "scale", "noise", "middle", "per_unit", "forgotten"),
     *_VARIANCES,
     "rate_error",
 )
@@ -125,9 +112,6 @@ class FeedbackLaw:
     stroke : float, optional
         Way of the reference after a turn, either way, in which the tendon still sticks [unit of the goal], >= 0. There
         the integral waits, with a tenth of its gain, and nothing is learned.
-    taken_back : float, optional
-        Way by which corrections may take back what the reference asks for, before the tendon is held to stick, until
-        both together are as far as they were [unit of the goal], >= 0; default: any.
     error_scale : float, optional
         Size of errors that the feedforward leaves [unit of the goal]; 0: nothing is learned.
     deviations : tuple of 3 float, optional
@@ -150,7 +134,6 @@ class FeedbackLaw:
     gain: float = 1.0
     lag_s: float = 0.0
     stroke: float = 0.0
-    taken_back: float = math.inf
     error_scale: float = 0.0
     deviations: tuple[float, float, float] = (1.0, 0.3, 1.0)
     rate_error_s: float = 0.0
@@ -161,8 +144,6 @@ class FeedbackLaw:
         require("sample_s", self.sample_s, above=0, hint="the time between two calls of the controller")
         require("width", self.width, above=0, hint="a hundredth of the reference's range")
         require("half_range", self.half_range, above=0, hint="half of the reference's range")
-        if not self.taken_back >= 0:
-            raise ParameterError(f"taken_back must be >= 0, got {self.taken_back}; leave it out for any")
         for name in (
             "delay_s",
             "proportional",
@@ -214,7 +195,6 @@ class FeedbackLaw:
             self.width,
             0.0 if self.streamed else 1.0,
             self.stroke / 2,
-            min(self.taken_back, _FAR),
             _share(self.sample_s, self.lag_s),
             self.gain,
             self.delay_s,
@@ -237,7 +217,7 @@ class FeedbackLaw:
     def start(self, reference: float) -> tuple[float, ...]:
         """Values of `STATES` at rest under a reference."""
         covariance = [value if i == j else 0.0 for i, value in enumerate(self._variances) for j in range(i + 1)]
-        return (*([0.0] * 5), *([reference] * 6), *([0.0] * len(LEARNED)), *covariance)
+        return (*([0.0] * 5), *([reference] * 5), *([0.0] * len(LEARNED)), *covariance)
 
     def scaled(self, gain: float) -> "FeedbackLaw":
         """The same with both gains times a factor [-]."""
@@ -272,19 +252,14 @@ def feedback_step() -> Law:
     shape = n["by_play"] * (reference - play) / n["width"] + streamed
     aged_shape = n["by_play"] * (aged - aged_play) / n["width"] + aged_streamed
 
-    # least squares along strokes, while the tendon slides
+    # least squares along strokes, where friction stands still
     stroke = _play(s["stroke"], aged, n["stroke_width"])
     sliding = ca.fabs(aged - stroke) >= 0.99 * n["stroke_width"]
     moves = ca.fabs(aged - s["before"]) > 0
     full = _SAME_WAY * n["width"] ** 2  # less where the reference has turned since the measurement
     same_way = (reference - play) * (aged - aged_play) >= full
+    learning = ca.if_else(ca.logic_and(ca.logic_and(sliding, moves), same_way), fresh, 0.0)
     done = n["gain"] * lagged_aged
-    way, asked = aged - aged_play, aged + done
-    beyond = ca.if_else(way > 0, at_least(s["furthest"], asked), -at_least(-s["furthest"], -asked))
-    furthest = ca.if_else(ca.fabs(way) >= _SAME_WAY * n["width"], beyond, asked)
-    forward = ca.fabs(furthest - asked) <= n["taken_back"]
-    slides = ca.logic_and(sliding, forward)
-    learning = ca.if_else(ca.logic_and(slides, ca.logic_and(moves, same_way)), fresh, 0.0)
     rate, done_rate = (aged - s["before"]) / n["sample"], (done - s["done_before"]) / n["sample"]
     level, aged_level = ((at - n["middle"]) * n["per_unit"] for at in (reference, aged))
     x = ca.vertcat(aged_shape, 1, aged_level, (rate + done_rate) * n["delay"] / n["scale"])
@@ -305,7 +280,7 @@ def feedback_step() -> Law:
     error = aged - measured - older
     error = at_least(error - n["deadband"], 0.0) - at_least(-error - n["deadband"], 0.0)
     filtered = s["filtered"] + fresh * n["filter_share"] * (error - s["filtered"])
-    heard = ca.if_else(slides, fresh, _WAITING * fresh)
+    heard = ca.if_else(sliding, fresh, _WAITING * fresh)
     integral = s["integral"] + heard * n["ki_h"] * filtered
     wanted = n["kp"] * filtered + integral + known
     correction = _within(wanted, n["clamp"])
@@ -314,7 +289,7 @@ def feedback_step() -> Law:
     found = (
         *(filtered, ca.if_else(outward, s["integral"], integral), correction),
         s["lagged"] + n["lag_share"] * (correction - s["lagged"]),
-        *(done, play, aged_play, stroke, furthest, aged, reference, *ca.vertsplit(learned_new), *lower),
+        *(done, play, aged_play, stroke, aged, reference, *ca.vertsplit(learned_new), *lower),
     )
     return Law(
         name="feedback_step",

