@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 import tendonff as tf
+from benchmarks.feedback_tension import DELAY_S, EXAMPLES, Bench, rms
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.plant import Plant
-from tendonff.compensator.feedback.run import design_feedback
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.settings import Feedback
 from tendonff.compensator.studies.design.feedback import TensionFeedbackTask
 from tendonff.models.parameters.uncertainty import Uncertainty
-from tendonff.ocp.feedback.closed_loop import simulate_feedback
+from tendonff.ocp.feedback.closed_loop import Course, simulate_feedback
+from tendonff.ocp.feedback.linear import branches
 
 pytestmark = pytest.mark.compiler
 SENSOR = Feedback(sensor="output_tension", delay_s=0.004, sample_s=0.004)
@@ -34,15 +35,35 @@ def test_without_a_law_the_loop_is_the_plant_of_a_design(name):
     assert np.abs(alone - known).max() < 1e-8
 
 
-@pytest.mark.nightly
-def test_the_finger_loses_half_of_what_a_wrong_friction_costs(record_property):
+def test_logarithms_of_force_and_tension_move_alike_whichever_way_the_tendon_slides():
+    """In newtons the gain is that of the wrap, e^(-mu theta) = 0.53 when pulled and 1.87 when released."""
     _, _, task = posed("finger")
-    found = design_feedback(task)
-    both, alone = found.cases["both"], found.cases["feedforward"]
-    record_property("figure", f"finger, mu 20 % off: {alone.worst_rms:.2f} N, with feedback {both.worst_rms:.2f} N")
-    assert both.worst_rms < 0.5 * alone.worst_rms
-    assert both.worst_peak < 1.1 * alone.worst_peak
-    assert not found.hunts
+    system, course, gains = task.system(task.problem.transmission), task.feedforward, []
+    for row in (1750, 1250):
+        cut = {name: getattr(course, name)[: row + 1] for name in ("reference", "command", "known", "effort")}
+        run = simulate_feedback(system, (), Course(step_s=course.step_s, **cut))
+        (branch,) = branches(system, [run.final], [""], sticking=[False])
+        scaled = branch.scaled(system.moved_per_unit(course.forces_N[row]), system.seen_per_unit(run.output[-1]))
+        gains.append([abs(each.response(np.array([1.0]), 0.004, 0.0)[0, 0, 0]) for each in (branch, scaled)])
+    assert np.array(gains) == pytest.approx(
+        np.array([[np.exp(-0.2 * np.pi), 1.0], [np.exp(0.2 * np.pi), 1.0]]), rel=0.06
+    )
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_both_leave_less_than_two_fifths_of_the_feedforward_s_error(name, record_property):
+    """On the independent rig, friction 20 % off either way, the true age half to 1.5 times the stated one."""
+    bench = Bench.of(name)
+    law = bench.law()
+    for factor in (0.8, 1.2):
+        alone = bench.error_N({"mu": factor}, None)
+        for share in (0.5, 1.0, 1.5):
+            both = bench.error_N({"mu": factor}, law, delay_s=share * DELAY_S)
+            ratio = rms(both) / rms(alone)
+            record_property("figure", f"{name}, mu times {factor}, age times {share}: {ratio:.3f} of the feedforward's")
+            assert ratio < 0.4
+            assert np.abs(both).max() < 1.1 * np.abs(alone).max()
 
 
 def test_another_sensor_is_refused():
