@@ -38,6 +38,8 @@ _DEVIATIONS = 2.0  # times the largest share of an error that the uncertainty ha
 _LEAST_DEVIATION = 0.1  # of the errors' size
 _RATE_ERROR = 1.5  # times the largest that the uncertainty has: beyond it is an age
 _STICKS = 8.0  # widths of the play in which a turn slides again
+_TURN = 0.08  # the same of a streamed shape, over the range of the reference
+_CAUTION = 10.0  # over the errors' size, with a streamed shape: what it leaves, as of bristles, lasts for whole strokes
 _PEAK = 1.05  # of the feedforward's peak, above which a peak has a price
 _PEAK_PRICE = 2.0
 _FLOORS = (0.0, 0.1)
@@ -296,9 +298,9 @@ def _shape(
         explained = [_explained(with_shape[scored], error) for error in judged]
         if explained and (fit := float(np.median(explained))) > best:
             best, width, columns = fit, half, with_shape
-    shaped = best > _SHAPED
+    shaped = best > (_SHAPED if course.shape is None else 0.0)
     width = min(width, _WIDEST * span)
-    scale = max((float(np.sqrt(np.mean(error**2))) for error in own), default=0.0)
+    size = max((float(np.sqrt(np.mean(error**2))) for error in own), default=0.0)
     law = FeedbackLaw(
         sample_s=sensor.sample_s,
         delay_s=sensor.delay_s,
@@ -310,13 +312,13 @@ def _shape(
     if not shaped:
         return law
     if course.shape is None:
-        law = replace(law, stroke=max(_STICKS * width, 4 * scale))
-    else:  # this shape knows how long the tendon sticks after a turn
-        law = replace(law, streamed=True, stroke=_STICKS * width)
-    scale = max(scale, resolution)
+        law, caution = replace(law, stroke=max(_STICKS * width, 4 * size)), 1.0
+    else:
+        law, caution = replace(law, streamed=True, stroke=_TURN * span), _CAUTION
+    scale = caution * max(size, resolution)
     rate: Array = np.gradient(reference, course.step_s)[:, None]
     *shares, late_s = np.abs([_fit(np.hstack([columns, rate])[scored], error) for error in own]).max(axis=0).tolist()
-    friction, constant, level = (max(_DEVIATIONS * share / scale, _LEAST_DEVIATION) for share in shares)
+    friction, constant, level = (max(_DEVIATIONS * share / scale, _LEAST_DEVIATION / caution) for share in shares)
     return replace(
         law,
         error_scale=scale,
