@@ -78,7 +78,7 @@ class FeedbackSystem:
         return found
 
     def seen(self, goals: Array) -> Array:
-        """What the loops compare: positions as they are, logarithms of tensions."""
+        """Values that the loops compare: positions as they are, logarithms of tensions."""
         if self.quantity is Quantity.POSITION:
             return goals
         found: Array = np.log(np.maximum(goals, 0.0) + self.offset_N)

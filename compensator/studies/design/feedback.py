@@ -122,7 +122,7 @@ def _course(problem: Problem, profile: Profile, cycles: int, shape: FloatArray |
 
 
 def _offset_N(problem: Problem) -> float:
-    """Added to forces before their logarithm: friction without load acts like more tension."""
+    """Force added to others before their logarithm: friction without load acts like more tension."""
     least = _LEAST_OFFSET * float(np.abs(problem.reference.tension_N).max())
     return max(problem.transmission.friction.adhesion_N, least)
 
