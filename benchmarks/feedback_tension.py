@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 import tendonff as tf
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.feedback.run import tune_feedback
+from tendonff.compensator.feedback.tension import TensionFeedbackTask
 from tendonff.compensator.scenario.settings import Feedback
-from tendonff.compensator.studies.design.feedback import TensionFeedbackTask
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.ocp.feedback.law import FeedbackController, FeedbackLaw

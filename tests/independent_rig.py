@@ -4,6 +4,7 @@ Masses in the middle of N equal pieces, half links at the ends; linearly implici
 slopes of the last step, one tridiagonal solve a step, no iteration.
 """
 
+import copy
 import ctypes
 import functools
 from collections.abc import Callable
@@ -169,6 +170,12 @@ class Rig:
             start if self.reference_tension_N is None else self.reference_tension_N,
         )
         _library().rig_start(ctypes.byref(self._rig), ctypes.c_double(start))
+
+    def copy(self) -> "Rig":
+        """Another in the same state."""
+        other = copy.copy(self)
+        other._rig = _Rig.from_buffer_copy(self._rig)
+        return other
 
     def set(self, *, mu: float, load: float) -> None:
         """Change friction and load stiffness in mid-run; the load's spring keeps its anchor at the start."""

@@ -1,5 +1,6 @@
 """A joint between tendons, written without the package's models: many masses, explicit steps of about 2 us, in C."""
 
+import copy
 import ctypes
 from dataclasses import dataclass
 from pathlib import Path
@@ -118,6 +119,18 @@ class Plant:
         self._stiff = (mechanism.drive.gear_stiffness_N_m_per_rad or 0.0) * self._gear**2
         self._loop = mechanism.drive.kind == "loop"
         self._library = load_library((Path(__file__).parent / "joint_plant.c").read_text("utf-8"))
+
+    def copy(self) -> "Plant":
+        """Another in the same state."""
+        other = copy.copy(self)
+        other._state = self._state.copy()
+        other._kept = [{name: array.copy() for name, array in each.items()} for each in self._kept]
+        other._records = type(self._records).from_buffer_copy(self._records)
+        for k, record in enumerate(other._records):
+            for arrays in other._kept[2 * k : 2 * k + 2]:
+                for name, array in arrays.items():
+                    setattr(record, name, array.ctypes.data)
+        return other
 
     def turn(self, motor_rad: Array, contact_N_m: Array | float = 0.0, led_rad: Array | None = None) -> Array:
         """Rows of angle, torque, and of each tendon tension at the joint, at the drum and its least, after each row.

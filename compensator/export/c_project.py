@@ -20,6 +20,8 @@ from tendonff.compensator.compensators.table import BuiltTable, table_of
 from tendonff.compensator.compensators.tuning import certified, check_tuning, learnt, tuning_of
 from tendonff.compensator.export.adaptive import NUDGES, AdaptiveGolden, adaptive_golden, adaptive_test
 from tendonff.compensator.export.drive import drive_on_host, host_text, test_text
+from tendonff.compensator.export.feedback import feedback_files
+from tendonff.compensator.export.feedback_module import tension_module
 from tendonff.compensator.export.golden import Golden, golden_vectors
 from tendonff.compensator.export.host import compile_on_host, run_on_host
 from tendonff.compensator.export.judgement import Judged, chosen, judge, judge_stream, profiles_of, score_lines
@@ -32,10 +34,12 @@ from tendonff.compensator.export.text.c_text import (
     drive_text,
     folder_files,
     measured,
+    provenance_of,
     table_bytes,
     table_context,
 )
 from tendonff.compensator.export.text.table_index import rounded
+from tendonff.compensator.feedback.tension import tension_task
 from tendonff.compensator.files.writing import write_folder
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.compensator.scenario.settings import Stream
@@ -199,11 +203,25 @@ def _texts(
     further: Mapping[str, object],
 ) -> dict[str, str]:
     """Every file but design.json, by name; without a C compiler the self test does not call modules at random."""
+    fed = _feedback(scenario, problem, modules, precision, prefix)
+    further = {**further, "tested": ["feedback"] if fed else []}
     sources = c_sources(scenario, problem, modules, precision, prefix, further)
     drive = drive_text(scenario, problem, modules, precision, prefix, further)
     code = compile_on_host(sources, host_text(drive, prefix, [module.name for module in modules]), precision)
     tested = test_text(drive, prefix, None if code is None else drive_on_host(code, precision))
-    return sources | folder_files(scenario, problem, modules, precision, prefix, {**further, "drive": tested})
+    return sources | fed | folder_files(scenario, problem, modules, precision, prefix, {**further, "drive": tested})
+
+
+def _feedback(
+    scenario: Scenario, problem: Problem, modules: Sequence[CModule], precision: Precision, prefix: str
+) -> dict[str, str]:
+    """Files of the feedback where the scenario asks for it, beside the inverse that it corrects."""
+    if scenario.feedback is None or "inverse" not in {module.name for module in modules}:
+        return {}
+    module = tension_module(tension_task(problem, scenario.feedback, scenario.source.name))
+    provenance = provenance_of(scenario, problem.level, precision, prefix)
+    include = f"{prefix}_types.h"
+    return feedback_files(module, prefix=prefix, precision=precision, include=include, provenance=provenance)
 
 
 def _late(problem: Problem) -> tuple[str, ...]:

@@ -1,7 +1,10 @@
 """The feedback in C: header, source and self test from its law, which is printed from the expression."""
 
-from collections.abc import Sequence
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -19,94 +22,229 @@ _TOLERANCE = {Precision.DOUBLE: 1e-12, Precision.FLOAT: 2e-3}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FeedbackModule:
+class _Line:
+    """A delay line: of what, its value now, that at rest, and the name of the value as old as the measurement."""
+
+    name: str
+    now: str
+    at_rest: str
+    aged: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FeedbackModule(ABC):
     """Law and signals of an exported feedback.
 
     Attributes
     ----------
     law : FeedbackLaw
-    direction : tuple of float
-        Correction of each command per unit of the correction.
-    start : float
-        First reference of the scenario.
     reference : tuple of float
-        Of the golden vectors, one a sample.
+        Of the golden vectors, one a sample; the first is that at rest.
     unit, command_unit : str
+        Of the measurement, and of the correction.
     """
 
     law: FeedbackLaw
-    direction: tuple[float, ...]
-    start: float
     reference: tuple[float, ...]
     unit: str
     command_unit: str
+    stem: ClassVar[str]  # of the templates
+    streamed: ClassVar[tuple[str, ...]] = ()  # inputs of the law that come with each sample beside both values
+    fixed: ClassVar[Mapping[str, float]] = {}  # inputs of the law that are always the same
+
+    @abstractmethod
+    def seen(self, value: float) -> float:
+        """A reference or measurement as the law sees it."""
+
+    @abstractmethod
+    def context(self, precision: Precision) -> dict[str, object]:
+        """Values of the templates beside those of the law."""
+
+    def golden(self) -> dict[str, list[float]]:
+        """Columns of samples in the order of the arguments, some measurements missing; the last are the corrections."""
+        rng = np.random.default_rng(7)
+        reference = np.resize(np.array(self.reference), _ROWS)
+        off = np.cumsum(rng.standard_normal(_ROWS)) * 0.02 * np.ptp(reference)
+        seen = np.maximum(reference[np.maximum(np.arange(_ROWS) - 3, 0)] - off, self.least)
+        seen[49::50] = _MISSING
+        more = {name: np.resize(np.array(values), _ROWS).tolist() for name, values in self.more.items()}
+        controller, found = FeedbackController(self.law, self.seen(float(reference[0]))), []
+        for row, (wanted, measured) in enumerate(zip(reference.tolist(), seen.tolist(), strict=True)):
+            taken = math.nan if measured == _MISSING else self.seen(measured)
+            found.append(controller.step(self.seen(wanted), taken, *self.shape_at(row, more)))
+        return {"reference": reference.tolist(), "measured": seen.tolist(), **more, "expected": found}
+
+    @property
+    def least(self) -> float:
+        """Smallest measurement of the golden vectors."""
+        return -math.inf
+
+    @property
+    def more(self) -> dict[str, tuple[float, ...]]:
+        """Further arguments of a sample, one value each."""
+        return {}
+
+    def shape_at(self, row: int, more: Mapping[str, Sequence[float]]) -> tuple[float, ...]:  # noqa: ARG002
+        """Further inputs of the law at a row, of further arguments."""
+        return ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointModule(FeedbackModule):
+    """Feedback of a joint.
+
+    Attributes
+    ----------
+    direction : tuple of float
+        Correction of each command per unit of the correction.
+    """
+
+    direction: tuple[float, ...]
+    stem = "feedback"
+    fixed = {"shape": 0.0, "aged_shape": 0.0}  # noqa: RUF012 - nobody writes it
+
+    def seen(self, value: float) -> float:
+        """See `FeedbackModule.seen`."""
+        return value
+
+    def context(self, precision: Precision) -> dict[str, object]:
+        """See `FeedbackModule.context`."""
+        return {"direction": [literal(value, precision) for value in self.direction]}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TensionModule(FeedbackModule):
+    """Feedback of a tension.
+
+    Attributes
+    ----------
+    force_N, more_N : tuple of float
+        What inverse, and inverse with more friction, say for the references.
+    offset_N : float
+        Added to forces before their logarithm.
+    more_friction : float
+        Share by which friction is changed in the second inverse [-].
+    command_per_N : float
+        Command per force on the actuator.
+    added_unit : str
+        Of the command.
+    """
+
+    force_N: tuple[float, ...]
+    more_N: tuple[float, ...]
+    offset_N: float
+    more_friction: float
+    command_per_N: float
+    added_unit: str
+    stem = "tension"
+    streamed = ("shape",)
+
+    def seen(self, value: float) -> float:
+        """See `FeedbackModule.seen`."""
+        return math.log(max(value, 0.0) + self.offset_N)
+
+    def context(self, precision: Precision) -> dict[str, object]:
+        """See `FeedbackModule.context`."""
+        return {
+            "offset_N": self.offset_N,
+            "more_friction": self.more_friction,
+            "command_per_N": self.command_per_N,
+            "added_unit": self.added_unit,
+            "suffix": "f" if precision is Precision.FLOAT else "",
+        }
+
+    @property
+    def least(self) -> float:
+        """See `FeedbackModule.least`."""
+        return 0.0
+
+    @property
+    def more(self) -> dict[str, tuple[float, ...]]:
+        """See `FeedbackModule.more`."""
+        return {"force_N": self.force_N, "more_N": self.more_N}
+
+    def shape_at(self, row: int, more: Mapping[str, Sequence[float]]) -> tuple[float, ...]:
+        """See `FeedbackModule.shape_at`."""
+        return ((self.seen(more["more_N"][row]) - self.seen(more["force_N"][row])) / self.more_friction,)
 
 
 def feedback_files(
     module: FeedbackModule, *, prefix: str, precision: Precision, include: str, provenance: str
 ) -> dict[str, str]:
     """Texts by file name; `include` is the header with the real type, `provenance` the lines of the comment on top."""
+    law, golden = module.law, module.golden()
+
+    def num(value: float) -> str:
+        return literal(float(value), precision)
+
+    def numbers(values: Sequence[float]) -> str:
+        text = [num(value) for value in values]
+        return ",\n".join("    " + ", ".join(text[k : k + 5]) for k in range(0, len(text), 5))
+
+    start = module.reference[0]
+    context = {
+        "prefix": prefix,
+        "guard": prefix.upper(),
+        "real": precision.value,
+        "num": num,
+        "include": include,
+        "provenance": provenance,
+        "unit": module.unit,
+        "command_unit": module.command_unit,
+        "start": module.seen(start),
+        "columns": [(name, numbers(values)) for name, values in golden.items()],
+        "rows": _ROWS,
+        "more": list(module.more),
+        "tolerance": _TOLERANCE[precision] * law.clamp,
+        "far": start + 1e3 * max(law.clamp, 1.0),
+        **_law_context(module, prefix, precision),
+        **module.context(precision),
+    }
+    templates = {
+        "feedback.h": f"{module.stem}.h",
+        "feedback.c": f"{module.stem}.c",
+        "feedback_test.c": "feedback_test.c",
+    }
+    return {
+        f"{prefix}_{name}": _TEMPLATES.get_template(f"{template}.j2").render(context)
+        for name, template in templates.items()
+    }
+
+
+def _law_context(module: FeedbackModule, prefix: str, precision: Precision) -> dict[str, object]:
+    """The law and its memory, as the templates take them."""
     law = module.law
     printer = PartialEvaluator(prefix=f"{prefix}_feedback", precision=precision, parameters={})
-    fixed = {**dict(zip(NUMBERS, law.numbers, strict=True)), "shape": 0.0, "aged_shape": 0.0}
-    folded = printer.fold(feedback_step(), fixed=fixed)
+    folded = printer.fold(feedback_step(), fixed={**dict(zip(NUMBERS, law.numbers, strict=True)), **module.fixed})
     states = {name: f"self->{name}" for name in STATES}
     found = {f"{name}_new": f"&self->{name}" for name in STATES}
-    given = {"reference": "wanted", "aged": "aged", "lagged_aged": "lagged_aged", "measured": "taken", "fresh": "fresh"}
-    whole, part = law.age
+    zero = literal(0.0, precision)
+    lines = [
+        _Line(name="reference", now="wanted", at_rest="start", aged="aged"),
+        _Line(name="correction", now="self->lagged", at_rest=zero, aged="lagged_aged"),
+        *(_Line(name=name, now=name, at_rest=zero, aged=f"aged_{name}") for name in module.streamed),
+    ]
+    given = {"reference": "wanted", "measured": "taken", "fresh": "fresh"}
+    given |= {name: name for name in (*(line.aged for line in lines), *module.streamed)}
     started = [
         (name, "start" if other != value else literal(value, precision))
         for name, value, other in zip(STATES, law.start(0.0), law.start(1.0), strict=True)
         if name != "correction"
     ]
-    golden = _golden(module)
-
-    def numbers(values: Sequence[float]) -> str:
-        text = [literal(float(v), precision) for v in values]
-        return ",\n".join("    " + ", ".join(text[k : k + 5]) for k in range(0, len(text), 5))
-
-    context = {
-        "prefix": prefix,
-        "guard": prefix.upper(),
-        "real": precision.value,
-        "num": lambda value: literal(float(value), precision),
-        "include": include,
-        "provenance": provenance,
+    whole, part = law.age
+    return {
         "law": law,
-        "unit": module.unit,
-        "command_unit": module.command_unit,
         "sample_s": repr(law.sample_s),
         "delay_ms": f"{1e3 * law.delay_s:.3g}",
         "age_words": "The age of the measurement is learned on the way." if law.learns_age else "",
         "past": whole + 2,
         "whole": whole,
         "part": part,
-        "direction": [literal(value, precision) for value in module.direction],
+        "lines": lines,
+        "streamed": module.streamed,
         "states": [name for name in STATES if name != "correction"],
-        "start": module.start,
         "started": started,
         "code": folded.code,
         "call": law_calls({"feedback_step": folded})("feedback_step", given, states, found),
         "age_state": LEARNED[3],
-        "golden": golden,
-        "references": numbers([row[0] for row in golden]),
-        "measurements": numbers([row[1] for row in golden]),
-        "corrections": numbers([row[2] for row in golden]),
-        "tolerance": _TOLERANCE[precision] * law.clamp,
-        "far": module.start + 1e3 * max(law.clamp, 1.0),
     }
-    names = ("feedback.h", "feedback.c", "feedback_test.c")
-    return {f"{prefix}_{name}": _TEMPLATES.get_template(f"{name}.j2").render(context) for name in names}
-
-
-def _golden(module: FeedbackModule) -> list[tuple[float, float, float]]:
-    """Reference, measurement and correction of samples, some measurements missing."""
-    rng = np.random.default_rng(7)
-    reference = np.resize(np.array(module.reference), _ROWS)
-    off = np.cumsum(rng.standard_normal(_ROWS)) * 0.02 * np.ptp(reference)
-    controller, found = FeedbackController(module.law, module.start), []
-    for k, wanted in enumerate(reference.tolist()):
-        seen = _MISSING if k % 50 == 49 else float(reference[max(k - 3, 0)] - off[k])
-        correction = controller.step(wanted, float("nan") if seen == _MISSING else seen)
-        found.append((wanted, seen, correction))
-    return found

@@ -85,6 +85,10 @@ class JointFeedbackTask(FeedbackTask):
             play=drive.play_rad,
         )
 
+    def followed(self, mechanism: Mechanism) -> Course:
+        """See `FeedbackTask.followed`."""
+        return _course(self.joint.with_system(mechanism), "inverse", 1)
+
 
 def feedback_of(task: JointTask, settings: Feedback) -> FeedbackResult:
     """Feedback beside the feedforward; errors as of `JointFeedbackTask.of`."""

@@ -62,7 +62,14 @@ def tune_feedback(task: FeedbackTask) -> Tuned:
     samples = [sample.system for sample in task.doubt.samples]
     coarse = [task.system(each) for each in samples[:_DESIGNED]]
     try:
-        design = design_loops(coarse, task.feedforward, sensor, requirement, scored=task.scored)
+        design = design_loops(
+            coarse,
+            task.feedforward,
+            sensor,
+            requirement,
+            followed=[task.followed(each) for each in samples[:_DESIGNED]],
+            scored=task.scored,
+        )
     except ParameterError as error:
         raise InputError(f"{task.file} [feedback]: {error}") from None
     alone = _errors(task, [task.system(each, task.masses) for each in samples[:_SHOWN]], (), task.feedforward)

@@ -52,6 +52,10 @@ class FeedbackTask(ABC):
     def system(self, mechanism: Any, masses: int | None = None) -> FeedbackSystem:
         """The loops about a mechanism, with so many masses on each tendon; default: the paths' own."""
 
+    @abstractmethod
+    def followed(self, mechanism: Any) -> Course:
+        """The motion of a mechanism that follows the reference, as feedback makes it: under its own exact inverse."""
+
     @property
     def limit(self) -> float | None:
         """Largest correction [unit of the engine's commands]; None where none is stated."""

@@ -8,11 +8,12 @@ from tendonff.compensator.compensators.stream import choose_stream, followed_ran
 from tendonff.compensator.compensators.table import accepted_range
 from tendonff.compensator.compensators.tuning import check_tuning
 from tendonff.compensator.export.feedback import feedback_files
-from tendonff.compensator.export.feedback_module import feedback_module
+from tendonff.compensator.export.feedback_module import joint_module, tension_module
 from tendonff.compensator.export.joint.text import accepted_rad, joint_sources, problem_of
 from tendonff.compensator.export.modules import ADAPTIVE, STREAM, c_modules
 from tendonff.compensator.export.text.c_text import c_sources
 from tendonff.compensator.feedback.joint import JointFeedbackTask
+from tendonff.compensator.feedback.tension import tension_task
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.runtime.kinds import RuntimeKind
 from tendonff.compensator.scenario.driven.joint import JointScenario, sample_joint
@@ -44,6 +45,38 @@ unsigned tff_runtime_step(void *memory, double dt, double reference, double meas
     (void)joints;
     out[0] = tff_{module}_step_dt(self, dt, reference{arguments});
     return self->output.status;
+}}
+"""
+_FED_TENDON = """#include "tff_inverse.h"
+#include "tff_feedback.h"
+typedef struct {{ tff_inverse inverse, more; tff_feedback feedback; double last; int steps; }} fed;
+long tff_runtime_size(void) {{ return (long)sizeof(fed); }}
+int tff_runtime_init(void *memory, double start, const double *joints)
+{{
+    fed *const self = memory;
+    (void)joints;
+    tff_inverse_init(&self->inverse, start);
+    tff_inverse_init(&self->more, start);
+    tff_inverse_set_mu(&self->more, TFF_FEEDBACK_MORE_FRICTION * tff_inverse_mu(&self->more));
+    tff_feedback_init_at(&self->feedback, start);
+    self->last = start;
+    self->steps = 0;
+    return self->inverse.output.status == TFF_OK;
+}}
+unsigned tff_runtime_step(void *memory, double dt, double reference, double measured, const double *joints, double *out)
+{{
+    fed *const self = memory;
+    const double force = self->inverse.output.force, more = self->more.output.force;
+    (void)joints;
+    if (self->steps == 0) {{
+        (void)tff_feedback_step(&self->feedback, self->last, measured, force, more);
+    }}
+    self->steps = (self->steps + 1) % {every};
+    self->last = reference;
+    out[0] = tff_inverse_step_dt(&self->inverse, dt, reference{arguments});
+    (void)tff_inverse_step_dt(&self->more, dt, reference{arguments});
+    out[0] += tff_feedback_added(&self->feedback, self->inverse.output.force);
+    return self->inverse.output.status;
 }}
 """
 _JOINT = """#include "tff_joint.h"
@@ -182,7 +215,7 @@ def joint_runtime(scenario: JointScenario, kind: RuntimeKind | None) -> RuntimeC
     sources = joint_sources((scenario,))
     if fed is not None:
         sources |= feedback_files(
-            feedback_module(fed), prefix="tff", precision=Precision.DOUBLE, include="tff_joint.h", provenance=" *"
+            joint_module(fed), prefix="tff", precision=Precision.DOUBLE, include="tff_joint.h", provenance=" *"
         )
         del sources["tff_feedback_test.c"]
     return RuntimeCode(
@@ -231,19 +264,28 @@ def tendon_runtime(scenario: Scenario, kind: RuntimeKind | None) -> RuntimeCode:
     modules += [STREAM] if kind is RuntimeKind.STREAM else []
     joints = Joints.of(problem.chain) if scenario.joints else None
     names = () if joints is None else joints.names
-    measured = ", measured" if kind is RuntimeKind.ADAPTIVE else ""
+    arguments = (", measured" if kind is RuntimeKind.ADAPTIVE else "") + (", joints" if names else "")
+    sources = c_sources(scenario, problem, modules, Precision.DOUBLE, "tff", further)
+    driver, fed = _TENDON.format(module=kind.value, arguments=arguments), False
+    if scenario.feedback is not None and kind is RuntimeKind.INVERSE:
+        task, fed = tension_task(problem, scenario.feedback, file), True
+        sources |= feedback_files(
+            tension_module(task), prefix="tff", precision=Precision.DOUBLE, include="tff_types.h", provenance=" *"
+        )
+        del sources["tff_feedback_test.c"]
+        driver = _FED_TENDON.format(every=samples_of(task.sample_s, problem.reference.step_s), arguments=arguments)
     return RuntimeCode(
         kind=kind,
         driven=False,
-        sources=c_sources(scenario, problem, modules, Precision.DOUBLE, "tff", further),
-        driver=_TENDON.format(module=kind.value, arguments=measured + (", joints" if names else "")),
+        sources=sources,
+        driver=driver,
         digest=scenario_hash(scenario),
         step_s=problem.reference.step_s,
         start=problem.reference.initial_tension_N,
         joints=tuple(names),
         joints_start_rad=() if joints is None else tuple(float(q) for q in joints.start_rad),
         outputs=1,
-        measures=kind is RuntimeKind.ADAPTIVE,
+        measures=fed or kind is RuntimeKind.ADAPTIVE,
         ranges={
             REFERENCE: followed_range(problem) if kind is RuntimeKind.STREAM else accepted_range(problem),
             **({} if joints is None else joints.ranges),

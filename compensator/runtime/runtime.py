@@ -128,8 +128,8 @@ class Runtime:
             Time since the last call [s]; default: `step_s`, and no other of several joints. A longer one than 30 ms
             (1.5 steps, if those are longer) is a pause: the rig is taken to stand where it was.
         measured : float, optional
-            Measurement that the adaptive kind learns from [N, m or rad]; None or NaN teaches nothing. Of a driven joint
-            with [feedback] what the feedback corrects by [rad], taken at every sample of it; None or NaN holds its
+            Measurement that the adaptive kind learns from [N, m or rad]; None or NaN teaches nothing. With
+            [feedback] what the feedback corrects by [N or rad], taken at every sample of it; None or NaN holds its
             error.
         joints : mapping of str to float, or sequence of float, optional
             Angles [rad] of the joints that `joints` names, by name or in that order.

@@ -15,7 +15,7 @@ from tendonff.ocp.feedback.law import MOST_SAMPLES, FeedbackLaw
 from tendonff.ocp.feedback.linear import Branch, branches
 from tendonff.ocp.feedback.requirement import Requirement
 from tendonff.ocp.feedback.system import FeedbackSystem, Quantity
-from tendonff.ocp.feedback.tune import Margins, Sampled, margins_of, tune
+from tendonff.ocp.feedback.tune import Margins, Sampled, tune, worst_margins
 from tendonff.ocp.mechanism.compiled import CompiledMechanism
 from tendonff.ocp.mechanism.problem import Array, MechanismMemory, rest
 
@@ -103,17 +103,6 @@ class LoopDesign:
         return replace(self, laws=tuple(laws), margins=worst_margins(self.plants, laws))
 
 
-def worst_margins(plants: Sequence[Sampled], laws: Sequence[FeedbackLaw]) -> tuple[Margins, ...]:
-    """Least margins of each loop over all branches, the others closed."""
-    found = []
-    for goal in range(len(laws)):
-        each = [margins_of(plant.rad_per_s, plant.opened(laws, goal)) for plant in plants]
-        gain = min(each, key=lambda margins: margins.gain)
-        phase_deg = min(margins.phase_deg for margins in each)
-        found.append(Margins(gain=gain.gain, phase_deg=phase_deg, oscillation_Hz=gain.oscillation_Hz))
-    return tuple(found)
-
-
 @in_turn
 def design_loops(
     systems: Sequence[FeedbackSystem],
@@ -121,6 +110,7 @@ def design_loops(
     sensor: Sensor,
     requirement: Requirement,
     *,
+    followed: Sequence[Course] | None = None,
     scored: slice = slice(None),
 ) -> LoopDesign:
     """Gains, filter, clamp and shape of the feedback beside a feedforward.
@@ -134,6 +124,8 @@ def design_loops(
     sensor : Sensor
     requirement : Requirement
         Margins on every branch of every system.
+    followed : sequence of Course, optional
+        Motion of each system along which it is linearised, as it follows the reference; default: the feedforward's.
     scored : slice, optional
         Rows whose errors count.
 
@@ -154,11 +146,11 @@ def design_loops(
     errors: list[Array] = []
     seen: list[Array] = []
     references = systems[0].seen(course.reference)
-    for number, system in enumerate(systems):
+    for number, (system, own) in enumerate(zip(systems, followed or [course] * len(systems), strict=True)):
         run = simulate_feedback(system, (), course)
         if not run.complete:
             raise SolveError(f"the feedforward cannot be simulated beyond t = {len(run.output) * course.step_s:.4g} s")
-        found += _linearised(system, course, f"system {number}")
+        found += linearised(system, own, f"system {number}")
         errors.append((run.output - course.reference)[scored])
         seen.append((system.seen(run.output) - references)[scored])
     slow = np.array([_SLOW_RAD_PER_S])
@@ -239,10 +231,10 @@ def _limits(system: FeedbackSystem, course: Course, sensor: Sensor) -> Array | N
     return limits if system.quantity is Quantity.POSITION else np.log1p(limits)
 
 
-def _linearised(system: FeedbackSystem, course: Course, name: str) -> list[Branch]:
+def linearised(system: FeedbackSystem, course: Course, name: str) -> list[Branch]:
     """The plant of the loops along the motion: sliding, and sticking, in units of what the loops see."""
     memories, rows = _states(system, course)
-    names = [f"{name}, {place}" for place in (*(f"at {row * course.step_s:.3g} s" for row in rows), "sticking")]
+    names = [f"{name}, {place}" for place in (*(f"at {row * course.step_s:.4g} s" for row in rows), "sticking")]
     sticking = [False] * len(memories) + [True]
     found = branches(system, [*memories, memories[0]], names, sticking=sticking)
     goals = np.vstack([system.measured(memory.z[None, :, 1], memory.tension_N[None]) for memory in memories])
@@ -254,14 +246,17 @@ def _linearised(system: FeedbackSystem, course: Course, name: str) -> list[Branc
 
 
 def _sliding_rows(reference: Array) -> list[int]:
-    """Rows where a reference moves fastest, one of each part of the motion that moves it at a speed that counts.
+    """Rows at a speed that counts: of each part of the motion the fastest, and the last, where most of a tendon slides.
 
     Near a turn the tendon is between sticking and sliding; both branches bound what it does there.
     """
     speed = np.abs(np.gradient(reference, axis=0)).max(axis=1)
-    parts = np.array_split(np.arange(1, len(speed)), _INSTANTS)
-    rows = [int(part[np.argmax(speed[part])]) for part in parts if len(part)]
-    return [row for row in rows if speed[row] >= _SLIDES * speed.max()]
+    rows: set[int] = set()
+    for part in np.array_split(np.arange(1, len(speed)), _INSTANTS):
+        slides = part[speed[part] >= _SLIDES * speed.max()]
+        if len(slides):
+            rows |= {int(slides[np.argmax(speed[slides])]), int(slides[-1])}
+    return sorted(rows)
 
 
 def _states(system: FeedbackSystem, course: Course) -> tuple[list[MechanismMemory], list[int]]:

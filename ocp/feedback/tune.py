@@ -34,11 +34,14 @@ class Margins:
         Smallest angle to −180° where the loop's gain is 1 [deg]; infinite where it never is.
     oscillation_Hz : float
         Frequency of the oscillation at the gain margin; NaN where there is none.
+    crossover_Hz : float
+        Frequency of the phase margin; NaN where there is none.
     """
 
     gain: float
     phase_deg: float
     oscillation_Hz: float
+    crossover_Hz: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -93,14 +96,27 @@ def margins_of(rad_per_s: Array, opened: Complex) -> Margins:
     system = control.FrequencyResponseData(opened, rad_per_s, smooth=True)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # it divides by zero where a loop has no crossing
-        gains, phases, _, at_gain, _, _ = control.stability_margins(system, returnall=True)
-    gains, phases, at_gain = (np.atleast_1d(each) for each in (gains, phases, at_gain))
+        gains, phases, _, at_gain, at_phase, _ = control.stability_margins(system, returnall=True)
+    gains, phases, at_gain, at_phase = (np.atleast_1d(each) for each in (gains, phases, at_gain, at_phase))
     least = int(np.argmin(gains)) if len(gains) else -1
+    nearest = int(np.argmin(np.abs(phases))) if len(phases) else -1
     return Margins(
         gain=float(gains[least]) if least >= 0 else math.inf,
-        phase_deg=float(np.abs(phases).min()) if len(phases) else math.inf,
+        phase_deg=float(np.abs(phases[nearest])) if nearest >= 0 else math.inf,
         oscillation_Hz=float(at_gain[least]) / math.tau if least >= 0 else math.nan,
+        crossover_Hz=float(at_phase[nearest]) / math.tau if nearest >= 0 else math.nan,
     )
+
+
+def worst_margins(plants: Sequence[Sampled], laws: Sequence[FeedbackLaw]) -> tuple[Margins, ...]:
+    """Least margins of each loop over all branches, the others closed."""
+    found = []
+    for goal in range(len(laws)):
+        loops = [(plant.rad_per_s, plant.opened(laws, goal)) for plant in plants]
+        gain = margins_of(*max(loops, key=lambda loop: _at_180_deg(loop[1])))
+        phase = margins_of(*min(loops, key=lambda loop: _nearest_deg(loop[1])))
+        found.append(replace(gain, phase_deg=phase.phase_deg, crossover_Hz=phase.crossover_Hz))
+    return tuple(found)
 
 
 def excess(opened: Complex, requirement: Requirement) -> float:
@@ -110,11 +126,25 @@ def excess(opened: Complex, requirement: Requirement) -> float:
     """
     size, off = np.abs(opened), np.abs(np.angle(-opened, deg=True))
     near = size[off < requirement.phase_margin_deg]
+    return max(float(near.max(initial=0.0)), requirement.gain_margin * _at_180_deg(opened))
+
+
+def _at_180_deg(opened: Complex) -> float:
+    """Largest gain of a loop at −180° [-]; 0 where it never is there."""
     real, imag = opened.real, opened.imag
     crossing = (imag[:-1] * imag[1:] < 0) & (real[:-1] + real[1:] < 0)
     share = imag[:-1] / np.where(crossing, imag[:-1] - imag[1:], 1.0)
     at = np.abs(real[:-1] + share * (real[1:] - real[:-1]))[crossing]
-    return max(float(near.max(initial=0.0)), requirement.gain_margin * float(at.max(initial=0.0)))
+    return float(at.max(initial=0.0))
+
+
+def _nearest_deg(opened: Complex) -> float:
+    """Smallest angle to −180° where a loop's gain crosses 1 [deg]; infinite where it never does."""
+    size, off = np.abs(opened), np.abs(np.angle(-opened, deg=True))
+    crossing = (size[:-1] - 1) * (size[1:] - 1) < 0
+    share = (1 - size[:-1]) / np.where(crossing, size[1:] - size[:-1], 1.0)
+    at = (off[:-1] + share * (off[1:] - off[:-1]))[crossing]
+    return float(at.min(initial=math.inf))
 
 
 def as_high_as_allowed(

@@ -14,7 +14,7 @@ from tendonff.compensator.export.drive import test_text
 from tendonff.compensator.export.driven.module import Designed
 from tendonff.compensator.export.driven.modules import modules_beside
 from tendonff.compensator.export.feedback import feedback_files
-from tendonff.compensator.export.feedback_module import feedback_module
+from tendonff.compensator.export.feedback_module import joint_module
 from tendonff.compensator.export.joint.golden import (
     JointCourse,
     drive_context,
@@ -140,7 +140,7 @@ def _feedback(
         several = any(each is not None for each in settings)
         text = "the feedback module is left out of a project of several joints; export each joint with [feedback] alone"
         return {}, [text] if several else []
-    module = feedback_module(JointFeedbackTask.of(JointTask.of(scenarios[0]), settings[0]))
+    module = joint_module(JointFeedbackTask.of(JointTask.of(scenarios[0]), settings[0]))
     include = f"{prefix}_joint.h"
     return feedback_files(module, prefix=prefix, precision=precision, include=include, provenance=provenance), []
 

@@ -233,6 +233,11 @@ def _naming(scenario: Scenario, level: Level, precision: Precision, prefix: str)
     }
 
 
+def provenance_of(scenario: Scenario, level: Level, precision: Precision, prefix: str) -> str:
+    """Lines of the comment on top of every file."""
+    return str(_naming(scenario, level, precision, prefix)["provenance"])
+
+
 def harmless(name: str) -> str:
     """A name in one line that neither opens nor ends a comment of C or of Structured Text, nor hides characters."""
     shown = "".join(character if character.isprintable() else " " for character in name)
@@ -318,6 +323,7 @@ def _context(
         line += len(joints.names) if joints is not None else 0  # angles of the last call
         state["stream"] = _padded(output + state["inverse"] + line * size + entry + places, size)
     return _naming(scenario, problem.level, precision, prefix) | {
+        "tested": [],  # modules with a self test of their own
         "joints": joints,
         "shared": shared_sources(problem, names),
         "joint_parameter": f", const {prefix}_real joint_rad[]" if moving else "",

@@ -84,7 +84,7 @@ def design(
     warnings += slack_warnings(slack, expectation.recommended)
     feedback = None
     if scenario.feedback is not None and "inverse" in profiles:
-        from tendonff.compensator.studies.design.feedback import feedback_of  # slow to import, for few scenarios
+        from tendonff.compensator.feedback.tension import feedback_of  # slow to import, for few scenarios
 
         feedback = feedback_of(problem, scenario.feedback, profiles, scenario.source.name)
         warnings += feedback.warnings

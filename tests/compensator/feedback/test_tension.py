@@ -9,9 +9,9 @@ import tendonff as tf
 from benchmarks.feedback_tension import DELAY_S, EXAMPLES, Bench, rms
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.plant import Plant
+from tendonff.compensator.feedback.tension import TensionFeedbackTask
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.settings import Feedback
-from tendonff.compensator.studies.design.feedback import TensionFeedbackTask
 from tendonff.models.parameters.uncertainty import Uncertainty
 from tendonff.ocp.feedback.closed_loop import Course, simulate_feedback
 from tendonff.ocp.feedback.linear import branches

@@ -1,11 +1,12 @@
 """Feedback of the tension of one tendon: its loop about the transmission, from the scenario's data."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tendonff.compensator.compensators.base import Problem
+from tendonff.compensator.compensators.closed_form import Inverse, Uncompensated
 from tendonff.compensator.compensators.plant import FINE_SEGMENTS
 from tendonff.compensator.compensators.profile import FloatArray, Profile
 from tendonff.compensator.feedback.result import FeedbackResult
@@ -23,7 +24,7 @@ from tendonff.ocp.mechanism.start import mechanism_problem
 
 _SEEN_UNIT = "ln N"
 _CYCLES = 3  # of a reference that repeats, of which the last counts
-_MORE_FRICTION = 0.05  # share by which friction is changed for its shape
+MORE_FRICTION = 0.05  # share by which friction is changed for its shape
 _LEAST_OFFSET = 0.01  # of the largest tension, which logarithms need
 
 
@@ -84,10 +85,21 @@ class TensionFeedbackTask(FeedbackTask):
             quantity=Quantity.TENSION,
             goals=(0,),
             direction=np.ones((1, 1)),
-            offset_N=_offset_N(self.problem),
+            offset_N=offset_of(self.problem),
             lag_s=servo.servo_time_s,
             drive_delay_s=servo.lag_s(self.problem.reference.step_s, live=True),
         )
+
+    def followed(self, mechanism: Transmission) -> Course:
+        """See `FeedbackTask.followed`."""
+        own = replace(self.problem, transmission=mechanism, model=None)
+        return _course(own, own.answer(Inverse()), 1)
+
+
+def tension_task(problem: Problem, settings: Feedback, file: str) -> TensionFeedbackTask:
+    """The feedback that a scenario asks for, beside the exact inverse; errors as of `TensionFeedbackTask.of`."""
+    profiles = {each.name: problem.answer(each) for each in (Inverse(), Uncompensated())}
+    return TensionFeedbackTask.of(problem, settings, profiles, file)
 
 
 def feedback_of(problem: Problem, settings: Feedback, profiles: Mapping[str, Profile], file: str) -> FeedbackResult:
@@ -121,7 +133,7 @@ def _course(problem: Problem, profile: Profile, cycles: int, shape: FloatArray |
     )
 
 
-def _offset_N(problem: Problem) -> float:
+def offset_of(problem: Problem) -> float:
     """Force added to others before their logarithm: friction without load acts like more tension."""
     least = _LEAST_OFFSET * float(np.abs(problem.reference.tension_N).max())
     return max(problem.transmission.friction.adhesion_N, least)
@@ -129,7 +141,7 @@ def _offset_N(problem: Problem) -> float:
 
 def _shape(problem: Problem, profile: Profile) -> FloatArray:
     """Change of the logarithm of the force with that of all friction, by a second inverse, shape (rows,)."""
-    offset = _offset_N(problem)
-    more = problem.inverse_of(with_numbers(problem.transmission, {"mu": 1 + _MORE_FRICTION})).force_N
-    found: FloatArray = np.log((more + offset) / (profile.force_N + offset)) / _MORE_FRICTION
+    offset = offset_of(problem)
+    more = problem.inverse_of(with_numbers(problem.transmission, {"mu": 1 + MORE_FRICTION})).force_N
+    found: FloatArray = np.log((more + offset) / (profile.force_N + offset)) / MORE_FRICTION
     return found
