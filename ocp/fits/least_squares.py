@@ -118,11 +118,14 @@ def solve(
     *,
     values: Values | None = None,
     robust: bool = True,
+    from_afar: bool = False,
     most: int = 60,
     tolerance: float = 1e-8,
 ) -> Solution:
     """`minimise`, with the covariance of the values."""
-    found = minimise(evaluate, unknowns, values=values, robust=robust, most=most, tolerance=tolerance)
+    found = minimise(
+        evaluate, unknowns, values=values, robust=robust, from_afar=from_afar, most=most, tolerance=tolerance
+    )
     return found.with_covariance(robust=robust)
 
 
@@ -132,11 +135,14 @@ def minimise(
     *,
     values: Values | None = None,
     robust: bool = True,
+    from_afar: bool = False,
     most: int = 60,
     tolerance: float = 1e-8,
 ) -> Minimum:
     """Minimise the residuals: soft-l1 loss (quadratic below one unit, linear above) or plain squares.
 
+    `from_afar`, most residuals of the start are large: SciPy's soft-l1 loss has hardly any curvature there, so it is
+    searched as the plain squares of `softened` residuals, which are the same.
     `values` gives the residuals alone, where their slopes cost much: a third of the points that a search tries is worse
     than the one before, and asked for no slopes. At most so many evaluations; SolveError if the residuals are not
     finite at the start.
@@ -157,12 +163,16 @@ def minimise(
             memory[key] = evaluate(outside(x))
         return memory[key]
 
+    soft = robust and from_afar
+
     def alone(x: Array) -> Array:
-        return at(x).values if values is None or x.tobytes() in memory else values(outside(x))
+        found = at(x).values if values is None or x.tobytes() in memory else values(outside(x))
+        return softened(found)[0] if soft else found
 
     def slopes(x: Array) -> Array:
         stretch = np.array([u.outside(v) if u.logarithmic else 1.0 for u, v in zip(unknowns, x, strict=True)])
-        return np.asarray(at(x).slopes * stretch)
+        found = at(x)
+        return np.asarray(found.slopes * (stretch * softened(found.values)[1][:, None] if soft else stretch))
 
     if not np.isfinite(at(start).values).all():
         raise SolveError("the model has no finite answer at the start of the fit; check units and signs of the data")
@@ -172,7 +182,7 @@ def minimise(
         jac=slopes,
         bounds=(low, high),
         x_scale=[u.scale for u in unknowns],
-        loss="soft_l1" if robust else "linear",
+        loss="soft_l1" if robust and not soft else "linear",
         max_nfev=most,
         xtol=tolerance,
         ftol=tolerance,
@@ -181,6 +191,13 @@ def minimise(
     residuals = at(found.x)
     bound = tuple(u.name for u, active in zip(unknowns, found.active_mask, strict=True) if active != 0)
     return Minimum(values=outside(found.x), residuals=residuals, cost=float(found.cost), at_bound=bound)
+
+
+def softened(residuals: Array) -> tuple[Array, Array]:
+    """Residuals whose squares are twice their soft-l1 loss, and slopes of these over the given ones."""
+    size = np.sqrt(1 + residuals**2)
+    root = np.sqrt(2 / (1 + size))
+    return residuals * root, 1 / (size * root)
 
 
 def block_covariance(residuals: Residuals, *, robust: bool) -> tuple[Array, int]:
@@ -228,3 +245,9 @@ def gauss_newton_step(residuals: Array, slopes: Array) -> Array:
     scale = np.maximum(np.sqrt((slopes**2).sum(axis=0)), 1e-300)
     scaled = slopes / scale
     return np.asarray(-np.linalg.lstsq(np.sqrt(weight)[:, None] * scaled, np.sqrt(weight) * residuals)[0] / scale)
+
+
+def after_a_step(found: Residuals) -> float:
+    """Soft-l1 loss that residuals would have after a Gauss-Newton step, were their slopes constant."""
+    left = found.values + found.slopes @ gauss_newton_step(found.values, found.slopes)
+    return float((np.sqrt(1 + left**2) - 1).sum())

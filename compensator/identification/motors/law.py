@@ -276,7 +276,7 @@ class MechanismLaw:
         at = min(max(start, reach[0] + margin), reach[1] - margin)
         return replace(number.unknown(at), low=reach[0], high=reach[1])
 
-    def fit(self, start: Values, *, most: int = 15, tolerance: float = 1e-4) -> Solution:
+    def fit(self, start: Values, *, most: int = 15, tolerance: float = 5e-4) -> Solution:
         """Least squares over the numbers of `start`; SolveError where the start has no answer."""
         free = tuple(start)
 
@@ -290,7 +290,9 @@ class MechanismLaw:
         # few slopes come with the simulation; many, or those by differences, are wanted at the accepted points alone
         few = isinstance(self.mechanism, Mechanism) and resolve_engine(Engine.AUTO) is not Engine.CASADI
         try:
-            return solve(evaluate, unknowns, values=None if few else alone, most=most, tolerance=tolerance)
+            return solve(
+                evaluate, unknowns, values=None if few else alone, from_afar=True, most=most, tolerance=tolerance
+            )
         except ParameterError as error:
             raise SolveError(str(error)) from None
 

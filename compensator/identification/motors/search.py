@@ -30,7 +30,7 @@ from tendonff.compensator.identification.motors.result import DESCRIBED_PERCENT
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.models.joint.parameters.finger import Finger
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.fits.least_squares import Solution
+from tendonff.ocp.fits.least_squares import Solution, after_a_step
 
 N = Quantity
 
@@ -48,11 +48,11 @@ STEEP_EXPONENT = 1.1
 """mu theta of a second search where the first one found no slack."""
 
 HOPELESS = 2.0
-"""A law whose error is larger by this factor after its first steps is given up."""
+"""A law whose error, by its slopes, would be larger by this factor after one step is given up."""
 
 MOST_EXTRAS = 3
-FIRST_STEPS, FINE_STEPS = 5, 4
-"""Evaluations of a start, and on the finer mechanism."""
+FIRST_STEPS, FINE_STEPS = 3, 4
+"""Evaluations of each start, of which the best goes on, and on the finer mechanism."""
 
 FINE_PARTS = 2
 """Steps of the last simulations in one row."""
@@ -165,18 +165,24 @@ def fit_loop(
         note = "neither a push against a stop nor the angle of the joint in these files"
     law = MechanismLaw(mechanism=mechanism, logs=logs, fixed=kept)
     say("whole mechanism")
-    if all(log.encoders.all() for log in logs) and (poor := _loaded(law, free, looks)) is not None:
-        return poor
+    encoded = all(log.encoders.all() for log in logs)
+    begun = replace(law, logs=logs[:1]) if encoded else law  # whether anything explains the torque, one file shows
+    solution = _from_starts(begun, free, looks)
+    if encoded and begun.percent(solution.values) > 2 * DESCRIBED_PERCENT:
+        return Found(law=law, solution=solution, covariance=np.full((len(solution.values),) * 2, np.inf))
+    if len(begun.logs) < len(logs):
+        solution = law.fit(solution.values, most=STEPS)
     some = (N.OFFSET,) if not_identifiable else EXTRAS
-    law, solution, tried = _searched(law, free, looks, some, say)
+    law, solution, tried = _searched(law, solution, some, say)
     if touched and not _slack(law, solution):  # or the search went astray: other laws bend a push as well
         steep = [replace(found, exponent=STEEP_EXPONENT) for found in looks]
-        again = _searched(replace(law, as_read=False), free, steep, some, say)
+        smooth = replace(law, as_read=False)
+        again = _searched(smooth, _from_starts(smooth, free, steep), some, say)
         law, solution, tried = min((law, solution, tried), again, key=lambda search: search[1].cost)
     if touched and not _slack(law, solution):
         note = "the pushes end before a tendon is slack"
         law = replace(law, fixed={N.MU: N.MU.of(mechanism)}, as_read=False)
-        law, solution, tried = _searched(law, free, looks, some, say)
+        law, solution, tried = _searched(law, _from_starts(law, free, looks), some, say)
     alternatives: dict[Quantity, Alternative] = {}
     if touched and N.MU not in law.fixed:
         solution, tried, alternatives = with_alternatives(law, solution, tried, say)
@@ -202,14 +208,10 @@ _Search = tuple[MechanismLaw, Solution, Tried]
 
 
 def _searched(
-    law: MechanismLaw,
-    free: Sequence[Quantity],
-    looks: Sequence[FirstLook],
-    some: Sequence[Quantity],
-    say: Callable[[str], None],
+    law: MechanismLaw, solution: Solution, some: Sequence[Quantity], say: Callable[[str], None]
 ) -> _Search:
     """The law of a smooth motor or of one that moves in counts, with the effects that the data support."""
-    law, solution = in_counts(law, _from_starts(law, free, looks))
+    law, solution = in_counts(law, solution)
     solution, tried = _with_extras(law, solution, some, say)
     return law, solution, tried
 
@@ -223,26 +225,15 @@ def in_counts(law: MechanismLaw, solution: Solution) -> tuple[MechanismLaw, Solu
         return law, solution
     counted = replace(law, as_read=True)
     try:
-        tried = counted.fit(solution.values, most=FIRST_STEPS)
-        if tried.cost < HOPELESS * solution.cost:
-            tried = counted.fit(tried.values, most=STEPS)
+        if after_a_step(counted.evaluate(solution.values, list(solution.values))) > HOPELESS * solution.cost:
+            return law, solution
+        tried = counted.fit(solution.values, most=STEPS)
     except SolveError:
         return law, solution
     return (counted, tried) if tried.cost < solution.cost else (law, solution)
 
 
-def _loaded(law: MechanismLaw, free: Sequence[Quantity], looks: Sequence[FirstLook]) -> Found | None:
-    """A fit of the first file alone, where it shows that no mechanism explains the torque; else None."""
-    one = replace(law, logs=law.logs[:1])
-    solution = _from_starts(one, free, looks, most=FIRST_STEPS)
-    if one.percent(solution.values) <= 2 * DESCRIBED_PERCENT:
-        return None
-    return Found(law=law, solution=solution, covariance=np.full((len(solution.values),) * 2, np.inf))
-
-
-def _from_starts(
-    law: MechanismLaw, free: Sequence[Quantity], looks: Sequence[FirstLook], most: int = STEPS
-) -> Solution:
+def _from_starts(law: MechanismLaw, free: Sequence[Quantity], looks: Sequence[FirstLook]) -> Solution:
     """The best fit from the scenario's own values and from those of the first look."""
     mechanism, start_rad = law.mechanism, float(law.logs[0].run.start_rad[0])
     own: dict[str, float] = {n: n.of(mechanism) for n in free if n not in law.fixed}
@@ -260,7 +251,7 @@ def _from_starts(
     if not tried:
         raise SolveError(f"the mechanism cannot follow the log from any start: {failure}")
     best = min(tried, key=lambda s: s.cost)
-    return law.fit(best.values, most=most)
+    return law.fit(best.values, most=STEPS)
 
 
 def _slack(law: MechanismLaw, solution: Solution) -> bool:
