@@ -21,7 +21,7 @@ from tendonff.compensator.scenario.driven.joint import JointScenario, parse_join
 from tendonff.models.joint.parameters import DriveKind, Mechanism
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.ocp.feedback.law import FeedbackController, FeedbackLaw
-from tendonff.ocp.joint.start import joint_problem, start_tensions
+from tendonff.ocp.joint.start import start_tensions
 from tests.joint_plant import Plant
 
 Array = NDArray[np.float64]
@@ -122,7 +122,7 @@ def closed(
     reference = np.concatenate([course.reference[:, 0], np.full(wait, course.reference[-1, 0])])
     command = np.vstack([command, np.repeat(command[-1:], wait, axis=0)])
     system = task.system(plant)
-    tensions, _ = start_tensions(joint_problem(plant, task.joint.level, task.joint.sampled.motion))
+    tensions, _ = start_tensions(plant, float(reference[0]))
     joint = Plant(plant, step, float(reference[0]), tensions_N=tensions)
     controller = None if law is None else FeedbackController(law, float(reference[0]))
     every, follow = round(task.sample_s / step), 1 - math.exp(-step / system.lag_s)

@@ -4,7 +4,7 @@ Python takes slices and names from `StateLayout`, generated C its offsets; a law
 """
 
 import functools
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -117,6 +117,16 @@ class ChainState:
         links, masses = (self.elongation_m, self.link.ravel()), self.friction.ravel()
         parts = (self.velocity_m_per_s, self.near, *links, masses, ends)
         return np.concatenate(parts)
+
+    def hanging(self, slack_m: float) -> "ChainState":
+        """The same at rest with so much of the tendon loose, the same share in every link; shortened at its near end."""
+        each = np.full(len(self.elongation_m), -slack_m / len(self.elongation_m))
+        return replace(
+            self,
+            elongation_m=self.elongation_m + each,
+            link=self.link + each,
+            near_position_m=self.near_position_m - slack_m,
+        )
 
     @classmethod
     def from_vector(cls, x: Array, layout: StateLayout, time_s: float = 0.0) -> "ChainState":

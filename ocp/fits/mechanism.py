@@ -18,10 +18,9 @@ from tendonff.models.joint.description import describe
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.models.joint.parameters.finger import Finger
 from tendonff.models.path import JointMotion
-from tendonff.ocp.joint.protocol import JointProblem
 from tendonff.ocp.joint.simulate import JointOutcome, simulate_joint
-from tendonff.ocp.joint.start import joint_problem, start_memory
-from tendonff.ocp.mechanism.problem import MechanismMemory, MechanismProblem
+from tendonff.ocp.joint.start import joint_problem, start_tensions
+from tendonff.ocp.mechanism.problem import MechanismProblem
 from tendonff.ocp.mechanism.response import MechanismStatus, simulate_mechanism
 from tendonff.ocp.mechanism.slopes import Direction, Start, simulate_slopes
 from tendonff.ocp.mechanism.start import mechanism_problem
@@ -200,11 +199,6 @@ class Loop:
         mechanism, drive = self.mechanism, self.mechanism.drive
         return mechanism.joint, mechanism.tendons, drive.drum_radius_m, drive.gear_ratio, drive.pretension_N
 
-    def _problem(self, run: MotorRun, drum_rad: Array, segments: int) -> tuple[JointProblem, JointMotion]:
-        """The mechanism cut into chains, with masses where the motion touches the path."""
-        motion = self._motion(run, drum_rad)
-        return joint_problem(self.mechanism, Level.PRESLIDING, motion, segments=segments), motion
-
     def _motion(self, run: MotorRun, drum_rad: Array) -> JointMotion:
         """Angles of the joint that decide which sections get masses."""
         mechanism, start = self.mechanism, float(run.start_rad[0])
@@ -214,7 +208,7 @@ class Loop:
 
     def simulate(self, run: MotorRun, drum_rad: Array, led_rad: Array, step_s: float, segments: int) -> Led:
         """See `Rig`."""
-        problem, _ = self._problem(run, drum_rad, segments)
+        problem = joint_problem(self.mechanism, Level.PRESLIDING, self._motion(run, drum_rad), segments=segments)
         answer = simulate_joint(problem, led_rad, step_s)
         held = answer.drum_N @ np.array(problem.windings_m) / self.mechanism.drive.gear_ratio
         slack = answer.outcome is JointOutcome.SLACK
@@ -222,25 +216,19 @@ class Loop:
 
     def start(self, run: MotorRun, drum_rad: Array, segments: int) -> Start:
         """See `Rig`."""
-        problem, motion = self._problem(run, drum_rad, segments)
-        memory = start_memory(problem, hanging=True)
-        whole = MechanismProblem(
-            mechanism=describe(self.mechanism, motion),
+        at, drive = float(run.start_rad[0]), self.mechanism.drive
+        tension, slack_rad = start_tensions(self.mechanism, at)
+        problem = MechanismProblem(
+            mechanism=describe(self.mechanism, self._motion(run, drum_rad)),
             level=Level.PRESLIDING,
             segments=segments,
             driven=1,
             wanted=1,
             motors=1,
-            start=np.array([problem.start_rad, 0.0]),
-            tension_N=memory.tension_N,
+            start=np.array([at, 0.0]),
+            tension_N=tension,
         )
-        z = np.array([memory.z, np.zeros(3)])
-        return Start(
-            problem=whole,
-            memory=MechanismMemory(
-                x=memory.x, x_old=memory.x_old, z=z, z_old=z.copy(), start_m=memory.start_m, tension_N=memory.tension_N
-            ),
-        )
+        return Start.at_rest(problem, slack_rad * drive.gear_ratio)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

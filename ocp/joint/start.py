@@ -7,8 +7,7 @@ import numpy as np
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.joint.balance import JointLaw
-from tendonff.models.joint.parameters import Mechanism
-from tendonff.models.layout import ChainState
+from tendonff.models.joint.parameters import DriveKind, Mechanism
 from tendonff.models.path import JointMotion
 from tendonff.models.turns import in_turn
 from tendonff.ocp.joint.protocol import Array, JointMemory, JointProblem
@@ -66,15 +65,14 @@ def joint_problem(
     )
 
 
-def start_tensions(problem: JointProblem, contact_N_m: float = 0.0) -> tuple[Array, float]:
+def start_tensions(mechanism: Mechanism, start_rad: float, contact_N_m: float = 0.0) -> tuple[Array, float]:
     """Tensions at rest at the start, uniform along each tendon, and what is slack there as an angle of the drum [rad].
 
     Of a loop, tensioned to `pretension_N` where the joint carries nothing; then what the joint holds stretches one
     tendon as much as it lets go of the other. Of a pair, the looser one keeps `least_tension_N`.
     """
-    mechanism, drive = problem.mechanism, problem.mechanism.drive
-    arms = mechanism.arms_at(problem.start_rad)
-    held = float(mechanism.joint.static_torque_N_m(np.array(problem.start_rad))) + contact_N_m
+    drive, arms = mechanism.drive, mechanism.arms_at(start_rad)
+    held = float(mechanism.joint.static_torque_N_m(np.array(start_rad))) + contact_N_m
     if len(arms) == 1:
         tension = held / arms[0]
         if not tension > 0:
@@ -83,7 +81,7 @@ def start_tensions(problem: JointProblem, contact_N_m: float = 0.0) -> tuple[Arr
                 f"{arms[0]:g} m; move rest_rad so that the spring pulls against it"
             )
         return np.array([tension]), 0.0
-    if not problem.loop:
+    if drive.kind is not DriveKind.LOOP:
         least = drive.least_tension_N or 0.0
         tight = 0 if (held > least * math.fsum(arms)) == (arms[0] > 0) else 1
         tensions = np.full(2, least)
@@ -111,7 +109,7 @@ def start_memory(problem: JointProblem, contact_N_m: float = 0.0, *, hanging: bo
     With `hanging`, what is slack hangs in the loose tendon, as forward simulation wants it; else that tendon is just
     taut, and the memory says by how much.
     """
-    tensions, slack_rad = start_tensions(problem, contact_N_m)
+    tensions, slack_rad = start_tensions(problem.mechanism, problem.start_rad, contact_N_m)
     states = []
     for tension, chain, tendon, winding in zip(
         tensions, problem.chains, problem.mechanism.tendons, problem.windings_m, strict=True
@@ -119,7 +117,7 @@ def start_memory(problem: JointProblem, contact_N_m: float = 0.0, *, hanging: bo
         far = float(tendon.arm.travel_m(np.array(problem.start_rad)))
         state = chain.rest_state(float(tension), far)
         if hanging and slack_rad > 0 and tension == 0:
-            state = _hanging(state, slack_rad * abs(winding))
+            state = state.hanging(slack_rad * abs(winding))
         states.append(state)
     z = np.array([0.0, problem.start_rad, 0.0])
     return JointMemory(
@@ -133,19 +131,4 @@ def start_memory(problem: JointProblem, contact_N_m: float = 0.0, *, hanging: bo
         tension_N=tensions,
         rest_N=tensions.copy(),
         closure_rad=slack_rad,
-    )
-
-
-def _hanging(state: ChainState, slack_m: float) -> ChainState:
-    """A tendon at rest with so much of it loose, the same share in every link."""
-    links = len(state.elongation_m)
-    each = np.full(links, -slack_m / links)
-    return ChainState(
-        velocity_m_per_s=state.velocity_m_per_s,
-        elongation_m=state.elongation_m + each,
-        link=state.link + each,
-        friction=state.friction,
-        near_position_m=state.near_position_m - slack_m,
-        far_position_m=state.far_position_m,
-        near=state.near,
     )

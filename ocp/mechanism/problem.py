@@ -221,13 +221,16 @@ def winding(tendon: Tendon) -> Arm:
     return arms[0]
 
 
-def rest(problem: MechanismProblem) -> MechanismMemory:
-    """At rest at the start."""
+def rest(problem: MechanismProblem, loose_rad: float = 0.0) -> MechanismMemory:
+    """At rest at the start; a tendon without tension hangs loose by so much of its motor."""
     places = dict(zip(problem.names, map(ca.SX, problem.start.tolist()), strict=True))
     states = [
         chain.rest_state(float(tension), float(tendon.far.travel_m(places)))
         for chain, tendon, tension in zip(problem.chains(), problem.mechanism.tendons, problem.tension_N, strict=True)
     ]
+    if loose_rad > 0:
+        loose = np.where(problem.tension_N == 0, loose_rad * np.abs(problem.winding_m), 0.0)
+        states = [state.hanging(float(each)) for state, each in zip(states, loose, strict=True)]
     z = np.column_stack([np.zeros(problem.bodies), problem.start, np.zeros(problem.bodies)])
     return MechanismMemory(
         x=[state.vector() for state in states],

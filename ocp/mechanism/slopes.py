@@ -46,9 +46,9 @@ class Start:
     memory: MechanismMemory
 
     @classmethod
-    def at_rest(cls, problem: MechanismProblem) -> "Start":
-        """A mechanism at rest at its start."""
-        return cls(problem=problem, memory=rest(problem))
+    def at_rest(cls, problem: MechanismProblem, loose_rad: float = 0.0) -> "Start":
+        """A mechanism at rest at its start; see `rest`."""
+        return cls(problem=problem, memory=rest(problem, loose_rad))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -262,8 +262,7 @@ class JointTask(MotorTask):
             sharing=Sharing(least_tension_N=system.drive.least_tension_N or 0.0),
             segments=masses,
         )
-        rest = start_tensions(joint_problem(system, level or self.level, sampled.motion, segments=masses), contact)[0]
-        return found.starting(rest)
+        return found.starting(start_tensions(system, start[system.joint.name], contact)[0])
 
     @property
     def without(self) -> Mapping[str, str]:

@@ -64,7 +64,7 @@ def build_joint_fmu(
         lines, warnings = _stated(judge(task, mechanism.joint.name, command), force_export=force_export)
     start, contact = float(sampled.angle_rad[0]), float(sampled.contact_N_m[0])
     least, most = accepted_rad(scenario, sampled)
-    tensions, _ = start_tensions(problem, contact)
+    tensions, _ = start_tensions(mechanism, start, contact)
     motors = 1 if problem.loop else len(mechanism.tendons)
     winders = [""] if motors == 1 else [f"_{tendon.name}" for tendon in mechanism.tendons]
 

@@ -138,7 +138,7 @@ def test_a_little_damped_mode_is_given_the_damping_of_friction():
 
 def on_the_plant(rig, law, *, delay_s=DELAY_S, gain=1.0):
     """Error on the independent plant behind a servo, shape (rows,) [deg], and the age that was learned."""
-    tensions, _ = start_tensions(problem(rig))
+    tensions, _ = start_tensions(rig, 0.0)
     plant = Plant(rig, STEP, 0.0, tensions_N=tensions)
     loop = None if law is None else FeedbackController(law.scaled(gain), 0.0)
     every, follow = round(SAMPLE_S / STEP), 1 - math.exp(-STEP / SERVO_S)

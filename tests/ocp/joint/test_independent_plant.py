@@ -47,7 +47,7 @@ def on_plant(
 ) -> tuple[PlantResponse, JointStatus]:
     plant = plant or design
     found = invert_joint(problem(design, level), ANGLE, STEP)
-    tensions, _ = start_tensions(problem(plant, level))
+    tensions, _ = start_tensions(plant, 0.0)
     motor = command(found.motor_rad)
     response = respond(plant, motor, STEP, 0.0, tensions_N=tensions, soft=level is Level.PRESLIDING)
     return response, found.status

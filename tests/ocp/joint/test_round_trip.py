@@ -93,7 +93,7 @@ def test_a_start_under_load_that_leaves_one_tendon_loose_is_no_jump() -> None:
     rig = mechanism(tension_N=2.0)
     rig = replace(rig, joints=(replace(rig.joint, gravity_N_m=0.2, gravity_zero_rad=-1.0),))
     given = problem(rig)
-    tensions, slack_rad = start_tensions(given)
+    tensions, slack_rad = start_tensions(rig, given.start_rad)
     found = invert_joint(given, ANGLE, STEP)
     run = simulate_joint(given, found.motor_rad, STEP).require()
     assert tensions[1] == 0
