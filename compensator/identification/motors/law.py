@@ -276,7 +276,7 @@ class MechanismLaw:
         at = min(max(start, reach[0] + margin), reach[1] - margin)
         return replace(number.unknown(at), low=reach[0], high=reach[1])
 
-    def fit(self, start: Values, *, most: int = 15, tolerance: float = 5e-4) -> Solution:
+    def fit(self, start: Values, *, most: int = 15, tolerance: float = 1e-3) -> Solution:
         """Least squares over the numbers of `start`; SolveError where the start has no answer."""
         free = tuple(start)
 

@@ -47,11 +47,11 @@ _BY_REVERSALS = (N.MU, N.TENSION, N.STIFFNESS, N.BRISTLE, N.COULOMB, N.GEAR_SLIP
 STEEP_EXPONENT = 1.1
 """mu theta of a second search where the first one found no slack."""
 
-HOPELESS = 2.0
+HOPELESS = 1.2
 """A law whose error, by its slopes, would be larger by this factor after one step is given up."""
 
 MOST_EXTRAS = 3
-FIRST_STEPS, FINE_STEPS = 3, 4
+FIRST_STEPS, FINE_STEPS = 3, 3
 """Evaluations of each start, of which the best goes on, and on the finer mechanism."""
 
 FINE_PARTS = 2
