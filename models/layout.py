@@ -200,4 +200,10 @@ INPUT_NAMES: tuple[str, ...] = tuple(f.name for f in fields(ChainInputs))
 
 def fields_of(record: Any, prefix: str = "") -> dict[str, Any]:
     """Fields of a record by name, with a prefix such as "link_"."""
-    return {f"{prefix}{f.name}": getattr(record, f.name) for f in fields(record)}
+    return {prefix + name: getattr(record, name) for name in _names_of(record.__class__)}
+
+
+@functools.cache
+def _names_of(kind: type) -> tuple[str, ...]:
+    """Names of the fields of a kind of record."""
+    return tuple(f.name for f in fields(kind))

@@ -29,19 +29,16 @@ _STATIC_OF = {"mu_dynamic": "mu_static", "mu_dynamic_release": "mu_static_releas
 
 def keys_of(system: object) -> list[str]:
     """Every key of a system; a number that is not set, such as the drive's dry friction, has a key too."""
-    return _keys(_places(system))
+    places = _places(system)
+    return [*FACTORS, *(f"{place}.{name}" for place in places for name in _keys_at(places, place))]
 
 
-def _keys(places: Mapping[str, Any]) -> list[str]:
-    return [
-        *FACTORS,
-        *(
-            f"{place}.{name}"
-            for place, record in places.items()
-            for name in _numbers(record.__class__)
-            if name != "total_angle_rad" or _turns(record)
-        ),
-    ]
+def _keys_at(places: Mapping[str, Any], place: str) -> tuple[str, ...]:
+    """Names of the numbers at one place."""
+    if place not in places:
+        return ()
+    record = places[place]
+    return tuple(name for name in _numbers(record.__class__) if name != "total_angle_rad" or _turns(record))
 
 
 def _turns(path: Any) -> bool:
@@ -86,12 +83,11 @@ def with_numbers(system: S, values: Mapping[str, float]) -> S:
         return system
     changes: dict[str, dict[str, Any]] = {}
     changed, places = system, _places(system)
-    known = frozenset(_keys(places))
     for key, value in values.items():
-        if key not in known:
-            raise KeyError(key)
         if key not in FACTORS:
-            place, name = key.rsplit(".", 1)
+            place, _, name = key.rpartition(".")
+            if name not in _keys_at(places, place):
+                raise KeyError(key)
             whole = _hints(places[place].__class__)[name] is int
             changes.setdefault(place, {})[name] = round(value) if whole else value
     # A motor before its actuator, whose own keys override what follows from it; else what all share before one's own.
