@@ -278,13 +278,22 @@ class MechanismLaw:
 
     def fit(self, start: Values, *, most: int = 15, tolerance: float = 1e-3) -> Solution:
         """Least squares over the numbers of `start`; SolveError where the start has no answer."""
-        free = tuple(start)
+        free, rows = tuple(start), list[Residuals]()
 
         def evaluate(values: Mapping[str, float]) -> Residuals:
-            return self.evaluate({n: values[n] for n in free}, free)
+            try:
+                rows[:] = [self.evaluate({n: values[n] for n in free}, free)]
+            except ParameterError:
+                if not rows:
+                    raise
+                return replace(rows[0], values=np.full_like(rows[0].values, np.nan))  # the search takes a smaller step
+            return rows[0]
 
         def alone(values: Mapping[str, float]) -> Array:
-            return self.weighted({n: values[n] for n in free})
+            try:
+                return self.weighted({n: values[n] for n in free})
+            except ParameterError:
+                return np.full_like(rows[0].values, np.nan)
 
         unknowns = [self._unknown(n, start[n]) for n in free]
         # few slopes come with the simulation; many, or those by differences, are wanted at the accepted points alone
