@@ -141,19 +141,22 @@ def minimise(
 ) -> Minimum:
     """Minimise the residuals: soft-l1 loss (quadratic below one unit, linear above) or plain squares.
 
-    `from_afar`, most residuals of the start are large: SciPy's soft-l1 loss has hardly any curvature there, so it is
-    searched as the plain squares of `softened` residuals, which are the same.
+    `from_afar`, most residuals of the start are large: SciPy's soft-l1 loss has hardly any curvature there, so the same
+    is searched as plain squares of `softened` residuals, in usual steps of the unknowns, the first of at most one each.
     `values` gives the residuals alone, where their slopes cost much: a third of the points that a search tries is worse
     than the one before, and asked for no slopes. At most so many evaluations; SolveError if the residuals are not
     finite at the start.
     """
-    low = np.array([u.inside(u.low) if u.low > 0 or not u.logarithmic else -np.inf for u in unknowns])
-    high = np.array([u.inside(u.high) for u in unknowns])
-    start = np.clip([u.inside(u.start) for u in unknowns], low, high)
+    usual, first = np.array([u.scale for u in unknowns]), np.array([u.inside(u.start) for u in unknowns])
+    unit = usual if from_afar else np.ones(len(unknowns))
+    origin = first - unit if from_afar else np.zeros(len(unknowns))
+    low = (np.array([u.inside(u.low) if u.low > 0 or not u.logarithmic else -np.inf for u in unknowns]) - origin) / unit
+    high = (np.array([u.inside(u.high) for u in unknowns]) - origin) / unit
+    start = np.clip((first - origin) / unit, low, high)
     memory: dict[bytes, Residuals] = {}
 
     def outside(x: Array) -> dict[str, float]:
-        return {u.name: u.outside(v) for u, v in zip(unknowns, x, strict=True)}
+        return {u.name: u.outside(v) for u, v in zip(unknowns, origin + unit * x, strict=True)}
 
     def at(x: Array) -> Residuals:
         key = x.tobytes()
@@ -170,7 +173,7 @@ def minimise(
         return softened(found)[0] if soft else found
 
     def slopes(x: Array) -> Array:
-        stretch = np.array([u.outside(v) if u.logarithmic else 1.0 for u, v in zip(unknowns, x, strict=True)])
+        stretch = unit * [v if u.logarithmic else 1.0 for u, v in zip(unknowns, outside(x).values(), strict=True)]
         found = at(x)
         return np.asarray(found.slopes * (stretch * softened(found.values)[1][:, None] if soft else stretch))
 
@@ -181,7 +184,7 @@ def minimise(
         start,
         jac=slopes,
         bounds=(low, high),
-        x_scale=[u.scale for u in unknowns],
+        x_scale=usual / unit,
         loss="soft_l1" if robust and not soft else "linear",
         max_nfev=most,
         xtol=tolerance,

@@ -219,7 +219,7 @@ def test_what_a_log_does_not_identify_has_the_width_that_a_design_assumes(exampl
 
 @pytest.mark.parametrize(
     ("effect", "value"),
-    [(Quantity.RELAXING, 0.3), (Quantity.ADHESION, 2.0)],
+    [(Quantity.RELAXING, 0.3), (Quantity.ADHESION, 8.0)],
 )
 def test_an_effect_of_the_tendons_that_the_law_lacks_is_named_and_widens_the_intervals(pair, effect, value):
     """A log of the mechanism itself with that effect; without it nothing is named."""
@@ -237,7 +237,7 @@ def test_an_effect_of_the_tendons_that_the_law_lacks_is_named_and_widens_the_int
         seen = law.respond(log, {**own, **more})
         written = replace(log, torque_N_m=seen.torque_N_m + noise, joint_rad=seen.angle_rad)
         known = replace(law, logs=[written])
-        return promises(known, known.fit(own, most=2), OF_TENDONS)
+        return promises(known, known.fit(own, most=8), OF_TENDONS)
 
     found = lacking({effect: value})
     assert found[effect].gain > 4
