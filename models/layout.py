@@ -119,7 +119,7 @@ class ChainState:
         return np.concatenate(parts)
 
     def hanging(self, slack_m: float) -> "ChainState":
-        """The same at rest with so much of the tendon loose, the same share in every link; shortened at its near end."""
+        """The same at rest with so much of the tendon loose, a like share in every link, shortened at its near end."""
         each = np.full(len(self.elongation_m), -slack_m / len(self.elongation_m))
         return replace(
             self,

@@ -207,9 +207,7 @@ def fit_loop(
 _Search = tuple[MechanismLaw, Solution, Tried]
 
 
-def _searched(
-    law: MechanismLaw, solution: Solution, some: Sequence[Quantity], say: Callable[[str], None]
-) -> _Search:
+def _searched(law: MechanismLaw, solution: Solution, some: Sequence[Quantity], say: Callable[[str], None]) -> _Search:
     """The law of a smooth motor or of one that moves in counts, with the effects that the data support."""
     law, solution = in_counts(law, solution)
     solution, tried = _with_extras(law, solution, some, say)

@@ -1,10 +1,20 @@
 """Least squares and its statement about its own uncertainty."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.fits.least_squares import Residuals, Unknown, block_covariance, solve
+from tendonff.ocp.fits.least_squares import (
+    Residuals,
+    Unknown,
+    after_a_step,
+    block_covariance,
+    minimise,
+    softened,
+    solve,
+)
 
 TIME = np.linspace(0, 1, 400)
 UNKNOWNS = [
@@ -103,3 +113,59 @@ def test_points_that_are_worse_than_the_one_before_cost_no_slopes():
     found = solve(evaluate, unknowns, values=off, robust=False)
     assert found.values == plain.values == pytest.approx({"a": 1.0, "b": 1.0})
     assert asked.count("slopes") < every
+
+
+def far(values):
+    """A curve whose error at the start is thousands of times its noise, and grows without bound at small b."""
+    model = values["a"] * np.exp(values["b"] * TIME)
+    measured = 2e3 * np.exp(1.5 * TIME) + np.sin(np.arange(len(TIME)))
+    slopes = np.stack([np.exp(values["b"] * TIME), model * TIME], axis=1)
+    return Residuals(values=model - measured, slopes=slopes, blocks=np.arange(len(TIME)) // 10)
+
+
+FAR = [
+    Unknown(name="a", start=500.0, low=1, high=1e6, scale=0.5, logarithmic=True),
+    Unknown(name="b", start=3.0, low=1e-3, high=10, scale=0.5),
+]
+
+
+def test_a_search_from_afar_ends_where_the_usual_one_does_in_half_the_evaluations():
+    def searched(*, from_afar):
+        count = []
+
+        def counting(values):
+            count.append(values)
+            return far(values)
+
+        return minimise(counting, FAR, from_afar=from_afar, most=200, tolerance=1e-10), len(count)
+
+    (found, few), (usual, many) = (searched(from_afar=each) for each in (True, False))
+    assert found.values == pytest.approx(usual.values, rel=1e-6)
+    assert found.cost == pytest.approx(usual.cost, rel=1e-6)
+    assert 2 * few <= many, (few, many)
+
+
+def test_softened_residuals_have_the_loss_for_their_squares():
+    residuals = np.array([-1e6, -3.0, 0.0, 1e-9, 0.5, 40.0])
+    soft, slope = softened(residuals)
+    assert soft**2 / 2 == pytest.approx(np.sqrt(1 + residuals**2) - 1, rel=1e-12, abs=1e-15)
+    assert np.sign(soft).tolist() == np.sign(residuals).tolist()
+    step = 1e-6 * np.maximum(np.abs(residuals), 1.0)
+    differences = (softened(residuals + step)[0] - softened(residuals - step)[0]) / (2 * step)
+    assert slope == pytest.approx(differences, rel=1e-6)
+
+
+def test_a_search_steps_back_from_where_there_is_no_answer():
+    def bounded(values):
+        found = far(values)
+        return found if values["b"] < 3.5 else replace(found, values=np.full_like(found.values, np.nan))
+
+    begun = [FAR[0], replace(FAR[1], start=3.4, scale=30.0)]
+    found = minimise(bounded, begun, from_afar=True, most=200, tolerance=1e-10)
+    assert found.values["b"] == pytest.approx(1.5, abs=1e-3)
+
+
+def test_what_a_step_would_leave_is_exact_where_residuals_are_linear():
+    rows = line(2 + 3 * TIME)({"a": 1.0, "b": 1.0})
+    assert after_a_step(rows) == pytest.approx(0.0, abs=1e-12)
+    assert np.sum(np.sqrt(1 + rows.values**2) - 1) > 1
