@@ -30,16 +30,16 @@ import tendonff as tf
 tf.identify(tf.load_scenario(scenario), [log]).write(out)
 """
 
-SPRING = """    JOINT_SPRING = (
-        "joint_stiffness_N_m_per_rad",
+DAMPING = """    JOINT_DAMPING = (
+        "joint_damping_N_m_s_per_rad",
         Spec(
-            unit="N m/rad",
+            unit="N m s/rad",
             role=Role.EXTRA,
-            key="joint.stiffness_N_m_per_rad",
+            key="joint.damping_N_m_s_per_rad",
             low=0.0,
             step=0.01,
             of_force=True,
-            effect="spring of the joint",
+            effect="viscous friction of the joint",
         ),
     )
 """
@@ -71,18 +71,18 @@ def fitted(name, before, entry, scenario, log):
     return json.loads((out / "fit.json").read_text("utf-8")), (out / "report.html").read_text("utf-8"), found
 
 
-def test_a_spring_of_a_joint_is_found_by_one_entry(tmp_path):
+def test_viscous_friction_of_a_joint_is_found_by_one_entry(tmp_path):
     true = own_log.other()
-    true = replace(true, joints=(replace(true.joint, stiffness_N_m_per_rad=0.02),))
+    true = replace(true, joints=(replace(true.joint, damping_N_m_s_per_rad=0.02),))
     (tmp_path / "hand.toml").write_text(hand().text, encoding="utf-8")
     place = of_motors.__name__, "    ADHESION = (\n"
-    answer, report, found = fitted(*place, SPRING, tmp_path / "hand.toml", own_log.write(tmp_path, true))
-    assert answer["law"] == "loop with presliding, spring of the joint"
-    assert "spring of the joint" in report
-    estimate = answer["estimates"]["joint_stiffness_N_m_per_rad"]
+    answer, report, found = fitted(*place, DAMPING, tmp_path / "hand.toml", own_log.write(tmp_path, true))
+    assert answer["law"] == "loop with presliding, viscous friction of the joint"
+    assert "viscous friction of the joint" in report
+    estimate = answer["estimates"]["joint_damping_N_m_s_per_rad"]
     low, high = estimate["interval_95"]
     assert low < 0.02 < high < 0.025
-    assert found.mechanism.joint.stiffness_N_m_per_rad == pytest.approx(estimate["estimate"])
+    assert found.mechanism.joint.damping_N_m_s_per_rad == pytest.approx(estimate["estimate"])
 
 
 def test_inertia_of_a_tendon_is_found_by_one_entry(tmp_path, examples):
