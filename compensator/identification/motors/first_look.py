@@ -20,6 +20,9 @@ from tendonff.models.joint.parameters import Mechanism
 PUSHED = 1.2
 """A push: torque beyond that of free strokes by this factor."""
 
+LEAST_STEEP = 1e-3
+"""A push is steeper than weight, by the geometric mean of its slope and the loop's: weight at least this share of it."""
+
 STEEPER = 1.5
 """Ratio of slopes from which on a rise is a stop after weight, and not a stop after which a tendon goes slack."""
 
@@ -118,9 +121,9 @@ def look(log: MotorsLog, mechanism: Mechanism) -> FirstLook | None:
     drive, offset = (levels[0] - levels[1]) / 2, (levels[0] + levels[1]) / 2
     if not drive > 0:
         return None
-    pushes = tuple(
-        push for way in (1, -1) if (push := _push(motor, torque, way, drive, levels[0 if way > 0 else 1])) is not None
-    )
+    found = (_push(motor, torque, way, drive, levels[0 if way > 0 else 1]) for way in (1, -1))
+    least = _least_slope(mechanism, float(log.run.start_rad[0]))
+    pushes = tuple(push for push in found if push is not None and push.slopes_N_m_per_rad[0] > least)
     exponents = [e for push in pushes if (e := _exponent(push)) is not None]
     exponent = float(np.median(exponents)) if exponents else None
     ratio = None
@@ -152,8 +155,22 @@ def _sliding(motor: Array, speed: Array) -> Mask:
     return kept
 
 
+def _least_slope(mechanism: Mechanism, start_rad: float) -> float:
+    """Slope of a push at least: a weight or a spring also adds to friction, where it pulls at an end of the range."""
+    joint, first = mechanism.joint, GrossSliding.of(mechanism, start_rad).tendons[0]
+    radius = first.drum_m / mechanism.drive.gear_ratio
+    loop = 2 * first.stiffness_N_per_m * radius**2
+    weight = (abs(joint.gravity_N_m) + joint.stiffness_N_m_per_rad) * (radius / first.arm_m) ** 2
+    return math.sqrt(max(weight, LEAST_STEEP * loop) * loop)
+
+
 def _push(motor: Array, torque: Array, way: int, drive: float, level: float) -> Push | None:
-    """The push that goes furthest one way: where its torque leaves that of free strokes, and two straight lines."""
+    """The push that goes furthest one way: where its torque leaves that of free strokes, and two straight lines.
+
+    None where the motor goes no further than it stood at the start: there the joint is within its stops.
+    """
+    if way * motor[0] >= (way * motor).max() - END_SHARE * float(np.ptp(motor)):
+        return None
     furthest = np.flatnonzero(way * motor >= (way * motor).max() - END_SHARE * float(np.ptp(motor)))
     last = int(furthest[np.argmax(way * torque[furthest])])  # once the motor stands, friction of its gear lets go
     if way * (torque[last] - level) < (PUSHED - 1) * drive:

@@ -262,17 +262,17 @@ class MechanismLaw:
         return replace(found, slopes=np.hstack(columns))
 
     def _unknown(self, name: str, start: float) -> Unknown:
-        """Bounds and step of a number's search; a stop that was touched stands where the motors went."""
+        """Bounds and step of a number's search; a stop that was touched stands between start and end of the motors."""
         number, mechanism = self.numbers[name], self.mechanism
         if number.quantity not in (Q.STOP_LOW, Q.STOP_HIGH) or not isinstance(mechanism, Mechanism):
             return number.unknown(start)
-        places = []
-        for log in self.logs:
-            at = float(log.run.start_rad[0])
-            per_rad = mechanism.drum_radius_m[0] / (mechanism.drive.gear_ratio * abs(mechanism.arms_at(at)[0]))
-            places.append(at + log.run.motor_rad[:, 0] * per_rad)
-        reach = [float(f(np.concatenate(places))) for f in (np.min, np.max)]
+        reach = list(reach_rad(mechanism, self.logs))
         margin = STOP_MARGIN * (reach[1] - reach[0])
+        begun = [float(log.run.start_rad[0]) for log in self.logs]
+        if number.quantity is Q.STOP_LOW:
+            reach[1] = max(min(begun), reach[0] + 2 * margin)
+        else:
+            reach[0] = min(max(begun), reach[1] - 2 * margin)
         at = min(max(start, reach[0] + margin), reach[1] - margin)
         return replace(number.unknown(at), low=reach[0], high=reach[1])
 
@@ -306,6 +306,17 @@ class MechanismLaw:
             raise SolveError(str(error)) from None
 
 
+def reach_rad(mechanism: Mechanism, logs: Sequence[MotorsLog]) -> tuple[float, float]:
+    """Least and largest angle that a joint would have without lost motion and stops."""
+    places = []
+    for log in logs:
+        at = float(log.run.start_rad[0])
+        per_rad = mechanism.drum_radius_m[0] / (mechanism.drive.gear_ratio * abs(mechanism.arms_at(at)[0]))
+        places.append(at + log.run.motor_rad[:, 0] * per_rad)
+    joined = np.concatenate(places)
+    return float(joined.min()), float(joined.max())
+
+
 def centred(rows: Array, log: MotorsLog) -> Array:
     """Angles with no zero of the encoders, or their slopes."""
     return np.asarray(rows - rows[log.counted].mean(axis=0))
@@ -314,7 +325,8 @@ def centred(rows: Array, log: MotorsLog) -> Array:
 def widened(covariance: Array, residuals: Residuals, kinds: Blocks) -> Array:
     """A covariance whose variances are at least the squares of what each kind of rows would move the values by."""
     weight = 1 / np.sqrt(1 + residuals.values**2)
-    size = np.maximum(np.sqrt((weight[:, None] * residuals.slopes**2).sum(axis=0)), 1e-300)
+    size = np.sqrt((weight[:, None] * residuals.slopes**2).sum(axis=0))
+    size = np.where(size > 0, size, np.inf)  # a value that no row tells
     slopes = residuals.slopes / size
     inverse = np.linalg.pinv(slopes.T @ (weight[:, None] * slopes), hermitian=True)
     names, index = np.unique(kinds, return_inverse=True)

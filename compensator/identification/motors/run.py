@@ -32,7 +32,7 @@ from tendonff.compensator.identification.motors.result import (
     MotorsIdentification,
 )
 from tendonff.compensator.identification.motors.routine import MotorsRoutine, suggest_motors
-from tendonff.compensator.identification.motors.search import FIRST_OF_SEVERAL, fit_loop, fit_several, with_stops
+from tendonff.compensator.identification.motors.search import FIRST_OF_SEVERAL, fit_loop, fit_several, with_own_stops, with_stops
 from tendonff.compensator.identification.motors.sensor import UNITS as SENSOR_UNITS
 from tendonff.compensator.identification.motors.sensor import fit_sensor
 from tendonff.compensator.identification.motors.torque import UNITS as TORQUE_UNITS
@@ -153,7 +153,12 @@ def _loop(
     looks = tuple(one for log in logs if (one := look(log, scenario.mechanism)) is not None)
     mechanism, touched = with_stops(scenario.mechanism, looks, float(logs[0].run.start_rad[0]))
     found = fit_loop(mechanism, logs, looks, touched, say)
-    poor = found.law.percent(found.solution.values) > DESCRIBED_PERCENT
+    poor = _percent(found) > DESCRIBED_PERCENT
+    own, stated = with_own_stops(scenario.mechanism, logs)
+    if poor and stated != touched:
+        say("the scenario's own stops")
+        found = min((found, fit_loop(own, logs, looks, stated, say)), key=_percent)
+        poor = _percent(found) > DESCRIBED_PERCENT
     observed = poor and all(log.encoders.all() for log in (*logs, *judges))
     say("intervals")
     answer = replace(_answer(scenario, scenario.mechanism, found, judges, (*files, *judging), observed), looks=looks)
@@ -161,6 +166,11 @@ def _loop(
         say("virtual sensor")
         answer = _observed(scenario, answer, logs, judges)
     return replace(answer, warnings=(*doubts, *answer.warnings))
+
+
+def _percent(found: Found) -> float:
+    """RMS error of a torque in % of its range."""
+    return found.law.percent(found.solution.values)
 
 
 def _observed(

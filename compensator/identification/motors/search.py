@@ -23,6 +23,7 @@ from tendonff.compensator.identification.motors.law import (
     MechanismLaw,
     covariance_of,
     promises,
+    reach_rad,
 )
 from tendonff.compensator.identification.motors.log import MotorsLog
 from tendonff.compensator.identification.motors.parameters import EXTRAS, OF_TENDONS, PARTNERS, Quantity, Role, told_N
@@ -142,6 +143,19 @@ def with_stops(
     stiffness = (joint.stop_stiffness_N_m_per_rad or STOP_STIFFNESS_N_M_PER_RAD) if ways else 0.0
     joint = replace(joint, **places, stop_stiffness_N_m_per_rad=stiffness)  # type: ignore[arg-type]
     numbers = tuple(N(name) for name, way in stops.items() if way in ways)
+    return replace(mechanism, joints=(joint,)), (*numbers, N.STOP_STIFFNESS) if numbers else ()
+
+
+def with_own_stops(mechanism: Mechanism, logs: Sequence[MotorsLog]) -> tuple[Mechanism, tuple[Quantity, ...]]:
+    """The mechanism with the stops of the scenario that its motor reaches, and the numbers of these."""
+    joint, (low, high) = mechanism.joint, reach_rad(mechanism, logs)
+    places = {
+        "stop_low_rad": None if joint.stop_low_rad is None or joint.stop_low_rad <= low else joint.stop_low_rad,
+        "stop_high_rad": None if joint.stop_high_rad is None or joint.stop_high_rad >= high else joint.stop_high_rad,
+    }
+    numbers = tuple(N(name) for name, place in places.items() if place is not None)
+    stiffness = (joint.stop_stiffness_N_m_per_rad or STOP_STIFFNESS_N_M_PER_RAD) if numbers else 0.0
+    joint = replace(joint, **places, stop_stiffness_N_m_per_rad=stiffness)  # type: ignore[arg-type]
     return replace(mechanism, joints=(joint,)), (*numbers, N.STOP_STIFFNESS) if numbers else ()
 
 
