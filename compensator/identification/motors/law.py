@@ -261,6 +261,10 @@ class MechanismLaw:
             columns.append(off[:, None] / (value - start))
         return replace(found, slopes=np.hstack(columns))
 
+    def unknowns(self, start: Values) -> list[Unknown]:
+        """Bounds and steps of a search from given values."""
+        return [self._unknown(name, at) for name, at in start.items()]
+
     def _unknown(self, name: str, start: float) -> Unknown:
         """Bounds and step of a number's search; a stop that was touched stands between start and end of the motors."""
         number, mechanism = self.numbers[name], self.mechanism
@@ -295,7 +299,7 @@ class MechanismLaw:
             except ParameterError:
                 return np.full_like(rows[0].values, np.nan)
 
-        unknowns = [self._unknown(n, start[n]) for n in free]
+        unknowns = self.unknowns(start)
         # few slopes come with the simulation; many, or those by differences, are wanted at the accepted points alone
         few = isinstance(self.mechanism, Mechanism) and resolve_engine(Engine.AUTO) is not Engine.CASADI
         try:

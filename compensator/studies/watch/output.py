@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.files.writing import atomic_directory, write_csv
+from tendonff.compensator.identification.motors.parameters import Quantity
 from tendonff.compensator.reporting.colours import BLUE, GREY, INK, ORANGE, VERMILION
 from tendonff.compensator.reporting.page import (
     FileNote,
@@ -99,6 +100,8 @@ class Watch(Result):
         """Messages for the user."""
         silent = [w for w in self.windows if not w.values]
         found = [*self.accepted, *([self._not_shown] if self.alarms and self._not_shown else [])]
+        if not _states_mu(self.scenario):
+            found.insert(0, _NOT_IDENTIFIED.format(file=self.scenario.source.name))
         if silent and len(silent) < len(self.windows):
             why = Counter(w.why for w in silent).most_common(1)[0][0]
             found.append(f"{len(silent)} of {len(self.windows)} windows are left out, most because {why}")
@@ -141,6 +144,18 @@ class Watch(Result):
             },
             "warnings": list(self.warnings),
         }
+
+
+_NOT_IDENTIFIED = (
+    "{file}: its numbers were not identified on this joint ([robust] states no interval of mu_dynamic), and what watch "
+    "takes as known may be wrong; run tendonff identify first, and watch its fitted.toml"
+)
+
+
+def _states_mu(scenario: JointScenario) -> bool:
+    """Whether the scenario states an interval of friction, as identification writes it."""
+    keys = {key for spread in scenario.robust.spread for key in spread.keys}
+    return scenario.robust.mu > 0 or any(key.endswith(Quantity.MU.spec.key) for key in keys)
 
 
 def _late(course: Course) -> float:

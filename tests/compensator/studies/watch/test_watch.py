@@ -13,6 +13,7 @@ from tendonff.compensator.files.writing import write_csv, write_text
 from tendonff.compensator.identification.motors.fitted import fitted_text
 from tendonff.compensator.identification.motors.loop_routine import suggest_routine
 from tendonff.compensator.identification.motors.parameters import Quantity
+from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.experiment.run import experiment
 from tendonff.compensator.studies.watch.chart import DRIFTS, courses_of
@@ -32,6 +33,11 @@ SURE = np.diag([0.02, 0.02, 0.05]) ** 2
 
 WIDE = np.diag([0.1, 0.1, 0.3]) ** 2
 """With the scatter of the base, each number to +-31 % or worse, and no product that is known better."""
+
+
+def identified(asked: JointScenario, hand: HandInUse) -> str:
+    """The scenario with the hand's numbers, and how well friction is known."""
+    return fitted_text(asked, known(hand.mechanism), []) + "\n[robust]\nmu = 0.05\n"
 
 
 def drawn(hours: float, moved, covariance, seed: int = 0) -> list[Window]:
@@ -141,14 +147,25 @@ def test_a_change_is_found_within_the_use_that_is_stated(covariance):
         assert sum(a is not None and a <= 300 + base.sure_s / 3 for a in alarms) < 10
 
 
+def test_numbers_that_no_log_identified_are_said_to_be_the_scenarios():
+    windows = tuple(drawn(1 / 3, lambda _: np.zeros(3), SURE))
+    planned = scenario()
+    fitted = replace(planned, robust=replace(planned.robust, mu=0.05))
+    of_planned, of_fitted = (
+        Watch(scenario=each, windows=windows, courses=courses_of(windows), inputs=()).warnings
+        for each in (planned, fitted)
+    )
+    assert "not identified on this joint" in of_planned[0]
+    assert of_fitted == ()
+
+
 @pytest.mark.compiler
 @pytest.mark.slow
 def test_a_pre_tension_that_falls_between_two_days_is_named_and_written(tmp_path, capsys):
     true = hidden(1).mechanism
     hand = HandInUse(mechanism=replace(true, drive=replace(true.drive, gear_efficiency=1.0)))
     asked = scenario()
-    text = fitted_text(asked, known(hand.mechanism), [])
-    write_text(tmp_path / "fitted.toml", text)
+    write_text(tmp_path / "fitted.toml", identified(asked, hand))
     arguments = ["watch", str(tmp_path / "fitted.toml"), "--out", str(tmp_path / "out")]
     for day, changed in enumerate(({}, {N.TENSION: 0.8})):
         seconds = 60.0 + 60.0 * day
@@ -168,7 +185,7 @@ def test_a_pre_tension_that_falls_between_two_days_is_named_and_written(tmp_path
 def test_the_suggested_routine_is_no_window_that_something_else_moved(tmp_path):
     """With its pushes against the stop, on a mechanism a few per cent off the fitted one."""
     hand, asked = HandInUse(mechanism=hidden(2).mechanism), scenario()
-    write_text(tmp_path / "fitted.toml", fitted_text(asked, known(hand.mechanism), []))
+    write_text(tmp_path / "fitted.toml", identified(asked, hand))
     routine = suggest_routine(asked)
     motor = np.interp(np.arange(0.0, routine.time_s[-1], ROW_S), routine.time_s, routine.motor_rad)
     write_csv(tmp_path / "routine.csv", hand.measured(hand.mechanism, motor, np.random.default_rng(0)))
