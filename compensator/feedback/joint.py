@@ -13,7 +13,7 @@ from tendonff.compensator.feedback.run import design_feedback
 from tendonff.compensator.feedback.task import FeedbackTask
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.compensator.scenario.driven.reference import JointQuantity
-from tendonff.compensator.scenario.settings import Feedback, FeedbackSensor
+from tendonff.compensator.scenario.settings import Feedback
 from tendonff.models.joint.description import MOTOR, describe
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.models.mechanism.sharing import Sharing
@@ -41,7 +41,7 @@ class JointFeedbackTask(FeedbackTask):
         """The feedback that a scenario asks for; InputError where it has none."""
         scenario = task.scenario
         file = scenario.source.name
-        require_joint_sensor(settings, file)
+        settings.require_joint(file)
         if scenario.reference.quantity is not JointQuantity.ANGLE:
             raise InputError(f'{file} [feedback]: it is for quantity = "joint_angle", not for a torque; leave it out')
         lead = task.sampled.lead
@@ -93,18 +93,6 @@ class JointFeedbackTask(FeedbackTask):
 def feedback_of(task: JointTask, settings: Feedback) -> FeedbackResult:
     """Feedback beside the feedforward; errors as of `JointFeedbackTask.of`."""
     return design_feedback(JointFeedbackTask.of(task, settings))
-
-
-def require_joint_sensor(settings: Feedback, file: str) -> None:
-    """Refuse a sensor that driven joints have no feedback from; InputError with the reason."""
-    if settings.sensor is FeedbackSensor.MOTOR_ANGLE_AND_TORQUE:
-        raise InputError(
-            f'{file} [feedback]: sensor = "motor_angle_and_torque" is not possible: an observer estimates the joint by '
-            "the model that the feedforward inverts, so its estimate hides the errors that feedback should correct; "
-            'measure "joint_angle"'
-        )
-    if settings.sensor is not FeedbackSensor.JOINT_ANGLE:
-        raise InputError(f'{file} [feedback]: driven joints need sensor = "joint_angle", got "{settings.sensor}"')
 
 
 def _course(task: JointTask, name: str, cycles: int) -> Course:

@@ -12,8 +12,7 @@ from tendonff.compensator.compensators.profile import FloatArray, Profile
 from tendonff.compensator.feedback.result import FeedbackResult
 from tendonff.compensator.feedback.run import design_feedback
 from tendonff.compensator.feedback.task import FeedbackTask
-from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.scenario.settings import Feedback, FeedbackSensor
+from tendonff.compensator.scenario.settings import Feedback
 from tendonff.compensator.scenario.unit import NEWTON
 from tendonff.models.mechanism import Mechanism
 from tendonff.models.parameters import Transmission
@@ -44,10 +43,7 @@ class TensionFeedbackTask(FeedbackTask):
         cls, problem: Problem, settings: Feedback, profiles: Mapping[str, Profile], file: str
     ) -> "TensionFeedbackTask":
         """The feedback that a scenario asks for; InputError where it has none."""
-        if settings.sensor is not FeedbackSensor.OUTPUT_TENSION:
-            raise InputError(
-                f'{file} [feedback]: the tension of one tendon needs sensor = "output_tension", got "{settings.sensor}"'
-            )
+        settings.require_tension(file)
         cycles = _CYCLES if problem.reference.periodic else 1
         rows = len(problem.reference.tension_N)
         return cls(

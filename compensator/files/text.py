@@ -124,6 +124,12 @@ def encoding_of(path: Path) -> str:
     return "utf-8-sig"
 
 
+def require_named(path: Path, asker: str) -> None:
+    """Refuse a file that is named elsewhere and is not there; InputError says by whom, and where it was looked for."""
+    if not path.exists():
+        raise InputError(f"{asker} names {path.name}, which is not in {path.parent.absolute()}")
+
+
 def open_text(path: Path, encoding: str = "utf-8-sig") -> IO[str]:
     """Open a user's text file, packed or not, turning what can go wrong into an InputError."""
     try:

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from tendonff.compensator.files.reading import InputError, read_text
+from tendonff.compensator.files.text import require_named
 from tendonff.compensator.scenario.tables import show
 from tendonff.compensator.scenario.toml import toml_of
 
@@ -28,6 +29,7 @@ def _with_base(raw: dict[str, object], source: Path, inputs: list[Path], above: 
     path = source.parent / name
     if path.resolve() in above:
         raise InputError(f"{source.name}: base = {show(name)} leads back to {path.name}; take one of them out")
+    require_named(path, f"{source.name}: base")
     inputs.append(path)
     base = _with_base(toml_of(read_text(path), path.name), path, inputs, (*above, path.resolve()))
     own = {key: value for key, value in raw.items() if key != "base"}

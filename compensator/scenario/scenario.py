@@ -240,6 +240,8 @@ def parse_scenario(text: str, source: str | os.PathLike[str] = "scenario.toml") 
     run = parts.pop("run")
     optional = {key: parts.pop(key) for key in _OPTIONAL}
     optional |= {key: table(cls, key) for key, cls in _ON_REQUEST.items() if key in raw}
+    if isinstance(feedback := optional.get("feedback"), Feedback):
+        feedback.require_tension(file)
     try:
         transmission = Transmission(**parts)  # type: ignore[arg-type]
         for section in sections:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
 
+from tendonff.compensator.files.text import InputError
 from tendonff.models.errors import ParameterError, require, require_given, require_whole
 from tendonff.models.fidelity import Level
 from tendonff.ocp.adaptation.tuning import MAX_DELAY, Sensor, Tunable, check_parameters
@@ -203,3 +204,21 @@ class Feedback:
         require("resolution", self.resolution, least=0, hint="leave it out for none")
         require_given("limit", self.limit, above=0, hint="leave it out for what the design finds necessary")
         Requirement(gain_margin=self.gain_margin, phase_margin_deg=self.phase_margin_deg)
+
+    def require_tension(self, file: str) -> None:
+        """Refuse a sensor that the tension of one tendon has no feedback from; InputError."""
+        if self.sensor is not FeedbackSensor.OUTPUT_TENSION:
+            raise InputError(
+                f'{file} [feedback]: the tension of one tendon needs sensor = "output_tension", got "{self.sensor}"'
+            )
+
+    def require_joint(self, file: str) -> None:
+        """Refuse a sensor that driven joints have no feedback from; InputError with the reason."""
+        if self.sensor is FeedbackSensor.MOTOR_ANGLE_AND_TORQUE:
+            raise InputError(
+                f'{file} [feedback]: sensor = "motor_angle_and_torque" is not possible: an observer estimates the '
+                "joint by the model that the feedforward inverts, so its estimate hides the errors that feedback "
+                'should correct; measure "joint_angle"'
+            )
+        if self.sensor is not FeedbackSensor.JOINT_ANGLE:
+            raise InputError(f'{file} [feedback]: driven joints need sensor = "joint_angle", got "{self.sensor}"')

@@ -21,7 +21,7 @@ PUSHED = 1.2
 """A push: torque beyond that of free strokes by this factor."""
 
 LEAST_STEEP = 1e-3
-"""A push is steeper than weight, by the geometric mean of its slope and the loop's: weight at least this share of it."""
+"""Slope of weight at least, as a share of the loop's: a push is steeper than the geometric mean of the two."""
 
 STEEPER = 1.5
 """Ratio of slopes from which on a rise is a stop after weight, and not a stop after which a tendon goes slack."""

@@ -32,7 +32,13 @@ from tendonff.compensator.identification.motors.result import (
     MotorsIdentification,
 )
 from tendonff.compensator.identification.motors.routine import MotorsRoutine, suggest_motors
-from tendonff.compensator.identification.motors.search import FIRST_OF_SEVERAL, fit_loop, fit_several, with_own_stops, with_stops
+from tendonff.compensator.identification.motors.search import (
+    FIRST_OF_SEVERAL,
+    fit_loop,
+    fit_several,
+    with_own_stops,
+    with_stops,
+)
 from tendonff.compensator.identification.motors.sensor import UNITS as SENSOR_UNITS
 from tendonff.compensator.identification.motors.sensor import fit_sensor
 from tendonff.compensator.identification.motors.torque import UNITS as TORQUE_UNITS

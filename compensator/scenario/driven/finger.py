@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray, InputError, read_csv, suggestion
+from tendonff.compensator.files.text import require_named
 from tendonff.compensator.scenario.base import with_base
 from tendonff.compensator.scenario.driven.common import (
     PARTS,
@@ -206,6 +207,7 @@ def sample_finger(scenario: FingerScenario) -> SampledFinger:
     names = scenario.mechanism.names
     if scenario.file is not None:
         columns = tuple(f"{name}_rad" for name in names)
+        require_named(folder / scenario.file, f"{file} [reference]: file")
         table = read_csv(folder / scenario.file, ("time_s", *columns), increasing="time_s", starts_at_zero=True)
         length = float(table["time_s"][-1])
         time = instants(length, step, file)

@@ -223,6 +223,8 @@ def parse_joint_scenario(text: str, source: str | os.PathLike[str] = "scenario.t
         observer=read_table(ObserverTable, raw["observer"], file=file, table="observer") if "observer" in raw else None,
     )
     _check_gear(scenario)
+    if scenario.feedback is not None:
+        scenario.feedback.require_joint(file)
     named = [getattr(part, "file", None) for part in (reference, motion, *others.values())]
     return replace(scenario, inputs=(*inputs, *(source.parent / each for each in named if each)))
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray, InputError, read_csv
+from tendonff.compensator.files.text import require_named
 from tendonff.compensator.scenario.reference import Shape, along_sines, along_waypoints, require_waypoints
 from tendonff.compensator.scenario.unit import NEWTON_METRE, RADIAN, Unit
 from tendonff.models.errors import ParameterError, require
@@ -170,6 +171,7 @@ class JointCsv(_JointRequest):
 
     def _read(self, folder: Path) -> tuple[FloatArray, FloatArray]:
         column = "angle_rad" if self.quantity is JointQuantity.ANGLE else "torque_N_m"
+        require_named(folder / self.file, "[reference]: file")
         table = read_csv(folder / self.file, ("time_s", column), increasing="time_s", starts_at_zero=True)
         if len(table["time_s"]) < 2:
             raise InputError(

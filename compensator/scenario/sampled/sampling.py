@@ -8,6 +8,7 @@ import numpy as np
 
 from tendonff.compensator.files.notices import Remark
 from tendonff.compensator.files.reading import FloatArray, InputError
+from tendonff.compensator.files.text import require_named
 from tendonff.compensator.scenario.doubts import (
     length_doubts,
     reach_notes,
@@ -175,6 +176,7 @@ def _sample(scenario: Scenario) -> Reference:
             time = _grid(spec.duration_s, step, file)
             course = along_waypoints(spec.times_s, spec.values, spec.shape, time)
         case CsvReference():
+            require_named(scenario.source.parent / spec.file, f"{scenario.source.name} [reference]: file")
             samples = read_samples(spec, scenario.source.parent / spec.file, step)
             time = _grid(float(samples.time_s[-1]), step, file)
             course, removed = resample(spec, samples, time, step, file)

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from random_examples import tried_on
 
+import tendonff as tf
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_text
 from tendonff.compensator.scenario.doubts import largest_tension, scenario_doubts, scenario_notes
@@ -16,7 +17,7 @@ from tendonff.compensator.scenario.reference import CsvReference, SineReference
 from tendonff.compensator.scenario.scenario import Scenario, parse_scenario, scenario_hash, scenario_to_toml
 from tendonff.compensator.scenario.settings import Run
 from tendonff.compensator.scenario.tables import descriptions
-from tendonff.compensator.scenarios import load_scenario
+from tendonff.compensator.scenarios import load_scenario, parse_any
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Friction
 from tendonff.models.parameters.uncertainty import Objective, Uncertainty
@@ -393,6 +394,33 @@ def test_the_hash_sees_values_and_reference_samples_but_not_comments(tmp_path: P
     before = scenario_hash(csv)
     write_text(tmp_path / "w.csv", "time_s,tension_N\n0,1\n1,3\n")
     assert scenario_hash(csv) != before
+
+
+def test_a_named_file_that_is_missing_is_refused_with_who_names_it(tmp_path: Path, examples: Path) -> None:
+    for name, text in (
+        ("of.toml", 'schema = 1\nbase = "nothere.toml"\n'),
+        ("t.toml", _with_file((examples / "finger.toml").read_text("utf-8"))),
+        ("j.toml", _with_file((examples / "hand_joint.toml").read_text("utf-8"))),
+    ):
+        (tmp_path / name).write_text(text, "utf-8")
+        with pytest.raises(InputError, match=r"(of\.toml: base|\[reference\]: file) names nothere.*not in /"):
+            tf.design(load_scenario(tmp_path / name))
+
+
+def _with_file(text: str) -> str:
+    head, _, rest = text.partition("[reference]")
+    quantity = 'quantity = "joint_angle"\n' if "[drive]" in text else ""
+    return f'{head}[reference]\n{quantity}kind = "csv"\nfile = "nothere.csv"\n[{rest.partition(chr(10) + "[")[2]}'
+
+
+def test_a_sensor_of_another_kind_of_scenario_is_refused_on_reading(examples: Path) -> None:
+    for name, sensor, other in (
+        ("finger", "joint_angle", "output_tension"),
+        ("hand_joint", "output_tension", "joint_angle"),
+    ):
+        text = (examples / f"{name}.toml").read_text("utf-8").partition("[feedback]")[0]
+        with pytest.raises(InputError, match=f'sensor = "{other}", got "{sensor}"'):
+            parse_any(f'{text}\n[feedback]\nsensor = "{sensor}"\n', examples / f"{name}.toml")
 
 
 def test_what_is_no_readable_file_is_refused(tmp_path: Path) -> None:

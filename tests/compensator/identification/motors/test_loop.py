@@ -131,9 +131,12 @@ def test_kinds_of_rows_that_disagree_widen_an_interval(tmp_path):
 
 def test_a_value_that_no_row_tells_widens_nothing():
     """As that of a stop which the joint never touched: 1e-300 for the size of its slopes overflowed."""
-    rows = Residuals(values=np.full(8, 0.1), slopes=np.outer(np.ones(8), [1.0, 0.0]), blocks=np.arange(8))
-    covariance = np.diag([1e-4, 1e-4])
-    assert widened(covariance, rows, np.arange(8) % 2)[1, 1] == pytest.approx(1e-4)
+    for seed in range(10):
+        draw = np.random.default_rng(seed)
+        slopes = draw.standard_normal((60, 6))
+        slopes[:, 2] = 0.0
+        rows = Residuals(values=0.1 * draw.standard_normal(60), slopes=slopes, blocks=np.arange(60))
+        assert widened(1e-4 * np.eye(6), rows, np.arange(60) % 3)[2, 2] == pytest.approx(1e-4)
 
 
 def test_weight_at_an_end_of_the_strokes_is_no_push_against_a_stop(tmp_path):
