@@ -37,7 +37,7 @@ from tendonff.ocp.feedback.design import LoopDesign
 from tendonff.ocp.feedback.law import FeedbackController, FeedbackLaw
 from tendonff.ocp.feedback.system import FeedbackSystem, Quantity
 from tendonff.ocp.feedback.tune import Margins, margins_of
-from tendonff.ocp.joint.start import joint_problem, start_tensions
+from tendonff.ocp.joint.start import start_tensions
 from tests.independent_rig import Rig
 from tests.joint_plant import Plant
 
@@ -90,8 +90,8 @@ class TensionPlant(Mover):
 class JointPlant(Mover):
     """A joint between tendons."""
 
-    def __init__(self, task: JointFeedbackTask, mechanism: Any, step_s: float, start_rad: float) -> None:
-        tensions, _ = start_tensions(joint_problem(mechanism, task.joint.level, task.joint.sampled.motion))
+    def __init__(self, mechanism: Any, step_s: float, start_rad: float) -> None:
+        tensions, _ = start_tensions(mechanism, start_rad)
         self._plant = Plant(mechanism, step_s, start_rad, tensions_N=tensions)
 
     def move(self, before: Array, after: Array) -> float:
@@ -197,7 +197,7 @@ def _plant(task: FeedbackTask, mechanism: Any, course: Course) -> Mover:
     if isinstance(task, TensionFeedbackTask):
         return TensionPlant(task, mechanism, course.step_s)
     assert isinstance(task, JointFeedbackTask)
-    return JointPlant(task, mechanism, course.step_s, float(course.reference[0, 0]))
+    return JointPlant(mechanism, course.step_s, float(course.reference[0, 0]))
 
 
 def _going_on(values: Array, row: int, rows: int) -> Array:

@@ -87,6 +87,14 @@ def require_file(path: Path) -> None:
         raise InputError(f"{path} is a pipe or a device, not a file; write what it gives into a file first")
 
 
+def require_suffix(path: Path, *suffixes: str) -> None:
+    """Refuse a name to write that ends as another kind of file; folders are for who writes to name."""
+    if path.suffix.lower() not in suffixes and not path.is_dir():
+        raise InputError(
+            f"{path.name} must end in {' or '.join(suffixes)}, as what is written is; try {path.stem}{suffixes[0]}"
+        )
+
+
 def open_bytes(path: Path) -> IO[bytes]:
     """Open a user's file, unpacked on the way where it is packed; OSError or ValueError where it cannot be."""
     require_file(path)

@@ -174,7 +174,7 @@ def test_a_grid_designs_anew_at_every_point(tmp_path: Path) -> None:
 def test_a_table_is_the_quasi_static_law_and_judged_on_the_same_plants(scenario: JointScenario, tmp_path: Path) -> None:
     found, task = MotorTables.made(scenario), JointTask.of(scenario)
     static = task.expect({"static": task.answer(compensator_of(task, "static"))}).best
-    assert found.error_rad <= BOUND_SHARE * np.ptp(task.wanted)
+    assert found.law.error_rad <= BOUND_SHARE * np.ptp(task.wanted)
     assert found.expectation.worst_percent["table"] == pytest.approx(
         static.worst.rmse_percent_of_range, rel=0.1, abs=0.2
     )
@@ -182,7 +182,7 @@ def test_a_table_is_the_quasi_static_law_and_judged_on_the_same_plants(scenario:
     names, *rows = (tmp_path / "t" / "table.csv").read_text("utf-8").splitlines()
     loop = scenario.mechanism.drive.kind is DriveKind.LOOP
     assert names == ("angle_rad,branch,motor_rad" if loop else "angle_rad,branch,motor_flexor_rad,motor_extensor_rad")
-    assert len(rows) == 2 * len(found.angle_rad)
+    assert len(rows) == 2 * len(found.law.angle_rad)
 
 
 def test_a_table_is_refused_where_it_has_no_meaning(tmp_path: Path) -> None:
@@ -201,9 +201,9 @@ def test_a_table_has_the_nodes_and_speeds_that_are_asked_for(examples: Path, tmp
     scenario = load_scenario(examples / "hand_joint.toml")
     nodes = np.linspace(-0.6, 1.7, 6)
     found = MotorTables.made(scenario, level=Level.ELASTIC, angles_rad=nodes, rates=(0.5, 4.0))
-    assert np.array_equal(found.angle_rad, nodes)
-    assert (found.motor_rad["up"][1] > found.motor_rad["up"][0]).all()
-    assert (found.motor_rad["down"][1] < found.motor_rad["down"][0]).all()
+    assert np.array_equal(found.law.angle_rad, nodes)
+    assert (found.law.motor_rad["up"][1] > found.law.motor_rad["up"][0]).all()
+    assert (found.law.motor_rad["down"][1] < found.law.motor_rad["down"][0]).all()
     found.write(tmp_path / "t")
     names, *rows = (tmp_path / "t" / "table.csv").read_text("utf-8").splitlines()
     assert names == "angle_rad,branch,speed_rad_per_s,motor_rad"

@@ -25,12 +25,9 @@ def finger_doubts(scenario: FingerScenario, *, follows_reference: bool = True) -
     for motor in finger.motors:
         found += drive_doubts(motor.drive, "motors", "drums_m")
     for tendon in finger.tendons:
-        [tension_N] = [
-            motor.drive.pretension_N or finger.sharing.least_tension_N
-            for motor in finger.motors
-            if tendon.name in motor.winds
-        ]
-        found += tendon_doubts(tendon, "moment_arms_m", tension_N)
+        [own_N] = [motor.drive.pretension_N for motor in finger.motors if tendon.name in motor.winds]
+        at_rest = "motors.pretension_N" if own_N else "sharing.least_tension_N"
+        found += tendon_doubts(tendon, "moment_arms_m", at_rest, own_N or finger.sharing.least_tension_N)
     if follows_reference:
         found += _of_reference(scenario, arms)
     return unaccepted(found, run)

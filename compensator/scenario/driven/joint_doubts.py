@@ -31,12 +31,14 @@ from tendonff.models.path import FURTHEST_RAD
 
 _LARGEST_N = 2e4  # in a tendon of a joint
 _LARGEST_INERTIA_KG_M2, _LARGEST_ROTOR_KG_M2 = 50.0, 1.0  # a leg with a robot on it, a motor of 100 kW
+_LEAST_IN_USE_N, _FURTHEST_AT_REST_M = 1e3, 0.1  # more at rest, and further, is in another unit
 _OVER_PRETENSION = 5.0  # a tendon in use pulls so many times its tension at rest
 
 
 def joint_doubts(scenario: JointScenario, *, follows_reference: bool = True) -> tuple[UnitDoubt, ...]:
     """Doubts about the numbers of a scenario file and, unless not followed, its reference: empty for a sound one."""
     mechanism, run = scenario.mechanism, scenario.run
+    at_rest = f"drive.{'pretension_N' if mechanism.drive.pretension_N else 'least_tension_N'}"
     tension_N = mechanism.drive.pretension_N or mechanism.drive.least_tension_N or 0.0
     found = [
         *step_doubts(run),
@@ -45,7 +47,7 @@ def joint_doubts(scenario: JointScenario, *, follows_reference: bool = True) -> 
     ]
     found += drive_doubts(mechanism.drive, "drive", "drum_radius_m")
     for tendon in mechanism.tendons:
-        found += tendon_doubts(tendon, "moment_arm_m", tension_N)
+        found += tendon_doubts(tendon, "moment_arm_m", at_rest, tension_N)
     found += moved_doubts(scenario.joints, scenario.source.parent)
     if follows_reference:
         found += _of_references(scenario)
@@ -83,9 +85,15 @@ def driven_doubts(joint: DrivenJoint, arm_m: float) -> Iterator[UnitDoubt]:
             yield value_doubt(f"{table}.{key}", torque, _newton_mm(torque, arm_m))
 
 
-def tendon_doubts(tendon: JointTendon, arms_key: str, tension_N: float) -> Iterator[UnitDoubt]:
-    """Doubts about a tendon with this tension at rest [N], whose moment arms are in this key of [[tendons]]."""
-    yield from rope_doubts(tendon.path, tendon.tendon, tendon.friction, _OVER_PRETENSION * tension_N)
+def tendon_doubts(tendon: JointTendon, arms_key: str, at_rest: str, tension_N: float) -> Iterator[UnitDoubt]:
+    """Doubts about a tendon with a tension at rest [N] from a key, and moment arms in a key of [[tendons]]."""
+    stretch_m = tension_N / tendon.tendon.stiffness_N_per_m
+    is_beyond = tension_N > _LEAST_IN_USE_N and stretch_m > _FURTHEST_AT_REST_M
+    if is_beyond:
+        text = f"it stretches the tendon at rest by {stretch_m:.2g} m: mN? Then it is {tension_N / 1e3:g}"
+        yield value_doubt(at_rest, tension_N, text)
+    in_use_N = 0.0 if is_beyond else _OVER_PRETENSION * tension_N
+    yield from rope_doubts(tendon.path, tendon.tendon, tendon.friction, in_use_N)
     for section in tendon.path.sections:
         yield from radius_doubts("tendons.path.sections.length_per_rad_m", section.length_per_rad_m)
     for arm in tendon.arms:

@@ -55,3 +55,12 @@ def test_a_scenario_that_exists_is_replaced_only_on_request(tmp_path: Path, caps
     assert path.read_text(encoding="utf-8") == "precious"
     assert run(["new", str(path), "--force"]) == 0
     assert path.read_text(encoding="utf-8") != "precious"
+
+
+@pytest.mark.parametrize("command", [["new"], ["simulate", "s.toml", "--force", "f.csv", "--out"]])
+def test_a_result_that_would_end_as_another_kind_of_file_is_refused(
+    command: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    kind = ".toml" if command == ["new"] else ".csv"
+    assert run([*command, "mine.json"]) == 2
+    assert f"mine.json must end in {kind}, as what is written is; try mine{kind}" in capsys.readouterr().err

@@ -127,6 +127,16 @@ def test_a_feedback_in_another_unit_is_asked_about(changes: dict[str, float], qu
     assert [str(doubt) for doubt in feedback_doubts(replace(usual, **changes))] == [question]
 
 
+@pytest.mark.parametrize("example", ["hand_joint", "instrument_pair"])
+def test_a_tension_at_rest_that_no_tendon_bears_is_asked_about_by_its_key(example: str) -> None:
+    """Not the stiffness of its tendons."""
+    scenario = load_scenario(ROOT / "examples" / f"{example}.toml")
+    drive = scenario.mechanism.drive
+    key = "pretension_N" if drive.pretension_N else "least_tension_N"
+    odd = replace(scenario, mechanism=replace(scenario.mechanism, drive=replace(drive, **{key: 15000.0})))
+    assert {doubt.key for doubt in joint_doubts(odd, follows_reference=False)} == {f"drive.{key}"}
+
+
 def test_the_range_of_a_live_joint_in_degrees_is_asked_about() -> None:
     """It guards a live reference: with degrees nothing is held."""
     scenario = load_scenario(ROOT / "examples" / "hand_joint.toml")

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from tendonff.compensator.cli.options import option
-from tendonff.compensator.files.text import InputError
+from tendonff.compensator.files.text import InputError, require_suffix
 
 
 class Rig(StrEnum):
@@ -40,6 +40,7 @@ def new(
     from tendonff.compensator.reporting.plots import save_figure
     from tendonff.compensator.scenarios import parse_any
 
+    require_suffix(file, ".toml")
     for target in (file, file.with_suffix(".svg")):
         if target.exists() and not force:
             raise InputError(f"{target} exists; choose another name, or replace it with --force")

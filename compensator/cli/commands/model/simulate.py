@@ -14,6 +14,7 @@ from tendonff.compensator.cli.options import (
     option,
 )
 from tendonff.compensator.cli.progress import progress, say, warn
+from tendonff.compensator.files.text import require_suffix
 from tendonff.ocp.integrate.method import Method
 
 _COLUMN = "Column of the force or, with NAME for the motor, of motor angles; default: force_N, motor_NAME_rad."
@@ -39,6 +40,7 @@ def simulate(
 
     The run starts at rest at the scenario's initial tension; of a joint, where its reference starts.
     """
+    require_suffix(out, ".csv")
     loaded = looked_at(scenario, follows_reference=False, yes=yes)
     from tendonff.compensator import door
 
