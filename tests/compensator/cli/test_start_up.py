@@ -108,7 +108,7 @@ FOLLOWS = ("design", "compare", "adapt", "sweep", "table", "export-c", "export-f
 COMPUTES = {
     **{name: ("--no-browser",) if name == "explore" else ("--out", "o") for name in FOLLOWS},
     "experiment": ("--out", "o"),
-    "simulate": ("--force", "f.csv", "--out", "o"),
+    "simulate": ("--force", "f.csv", "--out", "o.csv"),
     "identify": ("--data", "d.csv", "--out", "o"),
 }
 
