@@ -92,10 +92,12 @@ def robustness_table(found: Expectation, labels: Mapping[str, str], segments: in
         at = sample_words(band.worst_sample.numbers) or "nominal"
         errors = (band.nominal.rmse_percent_of_range, band.expected_percent, worst.rmse_percent_of_range)
         rows.append((labels[name], *errors, unit.factor * worst.rmse, unit.factor * band.worst_peak, over, at))
+    identified = found.doubt.uncertainty.correlation
+    law = ", with the identified law taken for right" if identified is not None and identified.noise is not None else ""
     return Table(
         caption=f"Errors over {len(found.doubt.samples)} samples of the parameters on {segments} masses; "
-        "expected: half of all draws by noise alone are below; over-compensation: largest swing of the output beyond "
-        "the reference's",
+        f"expected: half of all draws are below{law}; over-compensation: largest swing of the output beyond the "
+        "reference's",
         columns=(
             "profile",
             "nominal [% of range]",

@@ -44,8 +44,10 @@ def _advice(text: str, error: str) -> str:
     if place is None or not 0 < (number := int(place[1])) <= len(lines):
         return ""
     line = lines[number - 1].partition("#")[0].strip()
-    if error.startswith(("Cannot overwrite", "Cannot declare")):
+    if error.startswith("Cannot overwrite"):
         return f"; {line.partition('=')[0].strip()} stands here a second time: keep one"
+    if error.startswith("Cannot declare"):
+        return f"; {line} stands here a second time: put the keys of both into one"
     for pattern, advice in _NO_TOML:
         if len(line) < 200 and (found := re.fullmatch(pattern, line)):
             return advice.format(*found.groups())

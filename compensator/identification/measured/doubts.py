@@ -23,6 +23,7 @@ LIKELY_MILLI, LIKELY_KILO = 150.0, 1000.0
 _LONGEST_STROKE_M = 10.0
 _MOST_APART = 300.0  # largest tension of an end over that of the other: beyond what friction does, e^5
 _UNITS_APART = 1e4  # more is a tendon that goes slack
+_ALIKE = 0.8  # correlation of both ends of a taut tendon
 _LEAST_PART = 0.05  # of a recording, that may be in another unit
 
 _FORCES, _LENGTHS = ("kN", "mN", "lbf", "lb", "kg"), ("mm", "cm", "um")
@@ -134,14 +135,30 @@ def _ends_apart(files: Sequence[Record], largest: Mapping[str, tuple[float, str]
         yield UnitDoubt(f"measurement.{low}_scale", f"{text} Then --scale {low}=1000")
         return
     for file in files:
-        changes = {end: _change(np.abs(file.joined(f"{end}_N"))) for end in largest}
+        size_N = {end: np.abs(file.joined(f"{end}_N")) for end in largest}
+        changes = {end: _change(size) for end, size in size_N.items()}
         factors = {end: factor for end, (_, factor) in changes.items()}
         end = max(factors, key=lambda each: abs(np.log(factors[each])))
-        if _MOST_APART < max(apart := factors["input"] / factors["output"], 1 / apart) < _UNITS_APART:
-            at_s = file.joined("time_s")[changes[end][0]]
-            changed = f"the {end} tension alone is {factors[end]:.2g} times as large as before"
-            text = f"{file.name}: from {at_s:.4g} s on {changed}: another unit? Then split the file there"
-            yield UnitDoubt(f"measurement.{end}_scale", text)
+        at, by = changes[end]
+        if _is_unit(factors["input"] / factors["output"]):
+            which = f"the {end} tension alone is"
+        elif _is_unit(by) and _are_alike(*(size[at:] if by < 1 else size[:at] for size in size_N.values())):
+            which = "both tensions are"
+        else:
+            continue
+        changed = f"from {file.joined('time_s')[at]:.4g} s on {which} {by:.2g} times as large as before"
+        text = f"{file.name}: {changed}: another unit? Then split the file there"
+        yield UnitDoubt(f"measurement.{end}_scale", text)
+
+
+def _is_unit(factor: float) -> bool:
+    """Whether a factor either way is beyond friction, and below that of a tendon that goes slack."""
+    return _MOST_APART < max(factor, 1 / factor) < _UNITS_APART
+
+
+def _are_alike(one: Array, other: Array) -> bool:
+    """Whether small tensions move together: those of a slack tendon are noise."""
+    return bool(np.std(one) > 0 and np.std(other) > 0 and np.corrcoef(one, other)[0, 1] > _ALIKE)
 
 
 def _change(size: Array) -> tuple[int, float]:
@@ -153,7 +170,7 @@ def _change(size: Array) -> tuple[int, float]:
     before = np.maximum.accumulate(size)[least - 1 : -least]
     after = np.maximum.accumulate(size[::-1])[::-1][least : len(size) - least + 1]
     change = np.log((after + floor) / (before + floor))
-    at = int(np.argmax(np.abs(change) > 0.9 * np.abs(change).max()))
+    at = int(np.argmax(np.abs(change) > 0.8 * np.abs(change).max()))
     return at + least, float(np.exp(change[at]))
 
 

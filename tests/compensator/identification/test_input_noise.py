@@ -131,9 +131,9 @@ def test_laws_are_compared_behind_the_input_that_they_imply(nominal, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("true", "told"), [({"adhesion_N": 1.5}, False), ({"load_exponent": 0.2, "reference_tension_N": 40.0}, True)]
+    ("true", "falls"), [({"adhesion_N": 1.5}, False), ({"load_exponent": 0.2, "reference_tension_N": 40.0}, True)]
 )
-def test_friction_that_falls_with_the_load_is_told_from_adhesion_by_the_misfit(nominal, tmp_path, true, told):
+def test_friction_that_falls_with_the_load_is_told_from_adhesion_by_the_misfit(nominal, tmp_path, true, falls):
     """The law with adhesion is fitted in either case; the other one starts from it, and takes its place where true."""
     task, plain, _ = fitted(nominal, tmp_path, 1, 0.003, **true)
     free = (*CORE, D.STIFFNESS, D.ADHESION)
@@ -145,8 +145,8 @@ def test_friction_that_falls_with_the_load_is_told_from_adhesion_by_the_misfit(n
     rival, other = second_look._with_other_dependence(task, found)
     assert (D.LOAD_EXPONENT in rival.free, D.ADHESION in rival.free) == (True, False)
     mine, its = second_look._misfits([(task, found), (rival, other)])
-    assert (mine - its > TUNED.decisive) is told
-    if told:
+    assert (mine - its > TUNED.decisive) is falls
+    if falls:
         assert other.values[D.LOAD_EXPONENT] == pytest.approx(0.2, rel=0.1)
 
 

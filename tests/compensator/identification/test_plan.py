@@ -158,8 +158,13 @@ def test_one_end_in_another_unit_is_doubted_whole_or_from_where_it_changes(recor
     [doubt] = data_doubts([record(**tensions(pulled, np.where(half, held, 1e-3 * held)))], Measurement(), 200.0)
     assert doubt.key == "measurement.output_scale"
     assert re.search(r"from 10(\.\d+)? s on the output tension alone is 0.00\d+ times as large as before", doubt.text)
-    slack = record(**tensions(np.where(half, pulled, 0.0), np.where(half, held, 0.0)))
-    assert not list(data_doubts([slack], Measurement(), 200.0))
+    both = record(**tensions(np.where(half, pulled, 1e-3 * pulled), np.where(half, held, 1e-3 * held)))
+    [doubt] = data_doubts([both], Measurement(), 200.0)
+    assert re.search(r"from 10(\.\d+)? s on both tensions are 0.00\d+ times as large as before", doubt.text)
+    noise = 0.01 * np.random.default_rng(0).standard_normal((2, len(WAVE)))
+    for left in (0.0, 1.0):
+        slack = record(**tensions(np.where(half, pulled, left * noise[0]), np.where(half, held, left * noise[1])))
+        assert not list(data_doubts([slack], Measurement(), 200.0))
 
 
 def test_a_spike_of_a_cell_is_no_sign_of_reversed_columns(record):
