@@ -25,7 +25,7 @@ static double slid, before = START, read, stuck = START;
 int main(void)
 {
     double angle = START, target = START, rate = 0.0, lost = 0.0;
-    tff_real there[2] = { 0, 0 };
+    tff_real there[2] = { 0, 0 }, read_rad[2] = { 0, 0 };
     int k;
     (void)tff_joint_init(&joint, 0, START, 0);
     (void)tff_joint_init(&observer, 0, START, 0);
@@ -49,7 +49,9 @@ int main(void)
             angle = LOW + (HIGH - LOW) * (0.2 + 0.6 * uniform());
             target = angle;
             printf("%d ", (int)tff_joint_init_at(&joint, 0, (tff_real)((uniform() < 0.1) ? edge() : angle), there, (tff_real)((uniform() < 0.1) ? edge() : 0.0)));
-            printf("%u ", tff_joint_observe(&joint, TFF_STEP_S, 0, 0));
+            read_rad[0] = 0;
+            read_rad[1] = 0;
+            printf("%u ", tff_joint_observe_motors(&joint, TFF_STEP_S, read_rad, 0));
             there[1] = (tff_real)((uniform() < 0.5) ? NAN : edge());
             printf("%d ", (int)tff_joint_init_at(&joint, 0, (tff_real)angle, there, 0));
             printf("%d ", (int)tff_joint_init_at(&observer, 0, (tff_real)angle, there, 0));
@@ -61,7 +63,9 @@ int main(void)
         }
         lost = (lost > 0.0) ? lost - 1.0 : ((uniform() < 0.002) ? ((uniform() < 0.5) ? 2.0 : 300.0) : 0.0);
         motor = (double)joint.motor_rad[0] + ((lost > 0.0) ? 6.283185307179586 : 0.0);
-        (void)tff_joint_observe(&observer, (tff_real)((what < 0.6) ? (double)TFF_STEP_S : dt), (tff_real)((uniform() < 0.003) ? NAN : motor), (tff_real)contact);
+        read_rad[0] = (tff_real)((uniform() < 0.003) ? NAN : motor);
+        read_rad[1] = (tff_real)((uniform() < 0.003) ? NAN : (double)joint.motor_rad[1]);
+        (void)tff_joint_observe_motors(&observer, (tff_real)((what < 0.6) ? (double)TFF_STEP_S : dt), read_rad, (tff_real)contact);
         printf("%.17g %.17g %.17g %.17g %.17g %.17g %.17g %.17g %.17g %u %u %.17g %u %u", (double)joint.command_rad[0], (double)joint.command_rad[1],
             (double)joint.motor_rad[0], (double)joint.motor_rad[1], (double)joint.motor_torque_N_m[0], (double)joint.tension_N[0], (double)joint.tension_N[1],
             (double)joint.least_N, (double)joint.slack_m, joint.status, joint.seen, (double)observer.angle_rad, observer.status, observer.seen);

@@ -274,10 +274,6 @@ class JointTask(MotorTask):
             found["table"] = "a table over the angle has no room for a torque"
         elif any(tendon.follows(name) for name in moved for tendon in mechanism.tendons):
             found["table"] = "no table can hold a path that other joints move"
-        if not self.problem.loop and len(self.motors) > 1:
-            found |= dict.fromkeys(
-                ("plant", "observer"), "one motor of a loop tells where its joint is; those of a pair set tensions too"
-            )
         return found
 
     @property

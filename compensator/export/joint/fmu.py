@@ -1,5 +1,6 @@
 """`tendonff export-fmu` of a driven joint: angle of the joint in and that of its motor out, or the other way."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from tendonff._version import __version__
@@ -98,8 +99,8 @@ def build_joint_fmu(
         outputs.append(Variable(name="factor", text="present estimate over the scenario's value", unit="", start="1.0"))
         extras.append(angle("measured", "last measurement of the joint's angle"))
     elif observes:
-        given, tells = motor("motor", "present"), "torque that the tendons ask of the motor"
-        outputs = [angle("angle", "angle of the joint"), Variable(name="torque", text=tells, unit="N.m", start="0.0")]
+        given, *more = [motor(f"motor{end}", "present") for end in winders]
+        outputs, extras = [angle("angle", "angle of the joint"), *_asked(winders)], [*extras, *more]
     elif looks_up:
         low, high = float(sampled.angle_rad.min()), float(sampled.angle_rad.max())
         given, extras, others = replace(given, low=low, high=high), [], ()
@@ -120,7 +121,8 @@ def build_joint_fmu(
         "observes": observes,
         "radians": True,
         "joint_at": -1,
-        "motors": 2 if observes else motors,
+        "motors": 1 + motors if observes else motors,
+        "winders": winders,
         "others": others,
         "taken": "an angle or the contact",
         "refusal": "a communication step must be longer than 0 s",
@@ -137,6 +139,11 @@ def build_joint_fmu(
         lines=lines,
         warnings=warnings,
     )
+
+
+def _asked(winders: Sequence[str]) -> list[Variable]:
+    tells = "torque that the tendons ask of the motor"
+    return [Variable(name=f"torque{end}", text=tells, unit="N.m", start="0.0") for end in winders]
 
 
 def _stated(judged: JudgedJoint, *, force_export: bool) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -15,7 +15,6 @@ from tendonff.compensator.export.joint.observed import STEP_RAD, observed_motor
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.scenario.driven.joint import JointScenario, SampledJoint
-from tendonff.models.joint.parameters import DriveKind
 from tendonff.models.path import JointMotion
 from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.codegen.precision import Precision
@@ -214,12 +213,11 @@ def golden_context(
 
 
 def _observed_rad(scenario: JointScenario, course: JointCourse, rad: float) -> float:
-    """Error that an observer may make in the joint's angle by the motor's; 0 where it takes no such motor."""
-    mechanism, step = scenario.mechanism, scenario.run.step_s
+    """Error that an observer may make in the joint's angle by the motors'; 0 where it takes no such motor."""
+    step = scenario.run.step_s
     observed, fastest = observed_motor(scenario, course.angle_rad)
     quick = float(np.abs(np.diff(course.motor_rad, axis=0)).max(initial=0.0)) > STEP_RAD + fastest * step
-    pair = len(mechanism.tendons) > 1 and mechanism.drive.kind is not DriveKind.LOOP
-    return 0.0 if quick or pair else 20 * rad * max(1.0, abs(observed)) + 1e-8
+    return 0.0 if quick else 20 * rad * max(1.0, abs(observed)) + 1e-8
 
 
 def run_courses(
@@ -264,7 +262,6 @@ def run_courses(
 def drive_context(scenario: JointScenario, course: JointCourse, least_rad: float, most_rad: float) -> dict[str, object]:
     """Of a joint in a drive at random: sizes; limits, start and usual change of its angle, contact, motor."""
     mechanism = scenario.mechanism
-    loop = mechanism.drive.kind is DriveKind.LOOP
     start, usual = float(course.angle_rad[0]), float(np.abs(np.diff(course.angle_rad)).max(initial=0.0))
     arm = max(abs(each) for each in mechanism.arms_at(start))
     fastest = STEP_RAD + observed_motor(scenario, course.angle_rad)[1] * scenario.run.step_s
@@ -272,7 +269,6 @@ def drive_context(scenario: JointScenario, course: JointCourse, least_rad: float
     return {
         "motors": course.motor_rad.shape[1],
         "tendons": course.tension_N.shape[1],
-        "observed": int(loop or len(mechanism.tendons) == 1),
         "numbers": [literal(float(value), Precision.DOUBLE) for value in numbers],
     }
 

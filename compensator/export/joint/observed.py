@@ -23,3 +23,11 @@ def observed_motor(scenario: JointScenario, angle_rad: FloatArray) -> tuple[floa
         return observed, SPEED * drive.speed_max_rad_per_s
     joint = float(np.abs(np.diff(angle_rad)).max(initial=0.0)) / scenario.run.step_s
     return observed, SPEED_OF_COURSE * joint / abs(observed)
+
+
+def stiffness_N_m_per_rad(scenario: JointScenario, angle_rad: FloatArray) -> float:
+    """Torque that turns the joint by a radian while its motors stand, without friction."""
+    mechanism = scenario.mechanism
+    arms = np.array(mechanism.arms_at(float(angle_rad[0])))
+    tendons = np.array([each.tendon.stiffness_N_per_m for each in mechanism.tendons])
+    return float(tendons @ arms**2) + mechanism.joint.stiffness_N_m_per_rad

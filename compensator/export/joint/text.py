@@ -215,6 +215,7 @@ def _described(
         *(text(scale[0] / mechanism.arms_at(float(sampled.angle_rad[0]))[0]),),
         *(text(observed.observed_motor(scenario, sampled.angle_rad)[1]),),
         *(text(drive.play_rad / 2), text(drive.turning_rad), text(drive.gives_rad_per_N_m)),
+        text(observed.stiffness_N_m_per_rad(scenario, sampled.angle_rad)),
     ]
     if others:
         numbers.append("{ " + ", ".join(others if len(others) > 1 else [*others, *others]) + " }")

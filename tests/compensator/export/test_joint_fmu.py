@@ -68,28 +68,33 @@ def test_the_command_writes_a_unit_and_refuses_what_a_joint_has_not(examples, tm
     assert "no unit of the kind capstan: the capstan law gives the ratio" in "".join(capsys.readouterr())
 
 
-def test_the_plant_of_a_joint_undoes_its_inverse(examples, tmp_path):
-    """A unit for a loop closed in simulation: the motor's angle in, the joint's angle out."""
-    scenario = changed(examples / "hand_joint.toml", tmp_path / "short.toml")
+@pytest.mark.parametrize(
+    ("name", "motors", "tendon"),
+    [("hand_joint", ["motor"], "flexor"), ("instrument_pair", ["motor_open", "motor_close"], "open")],
+)
+def test_the_plant_of_a_joint_undoes_its_inverse(examples, tmp_path, name, motors, tendon):
+    """A unit for a loop closed in simulation: angles of the motors in, the joint's angle out."""
+    scenario = changed(examples / f"{name}.toml", tmp_path / "short.toml")
     unit = build_joint_fmu(scenario, Kind.PLANT)
     unit.write(tmp_path)
     runtime, time = tf.Runtime(scenario), np.arange(201) * 1e-3
     wanted = 0.15 * (1 - np.cos(9 * time))
     runtime.step(0.0)  # the sample at t = 0, before a first step at rest
-    motor = np.array([runtime.step(angle) for angle in wanted])
-    signal = np.array(list(zip(time, motor, strict=True)), dtype=[("time", float), ("motor", float)])
+    motor = np.array([np.atleast_1d(runtime.step(angle)) for angle in wanted])
+    signal = np.array(list(zip(time, *motor.T, strict=True)), dtype=[("time", float), *((m, float) for m in motors)])
     out = fmpy.simulate_fmu(
         str(tmp_path / unit.name),
         stop_time=time[-1],
         step_size=1e-3,
         output_interval=1e-3,
         input=signal,
-        output=["motor", "angle", "tension_flexor"],
+        output=[*motors, "angle", f"tension_{tendon}"],
         fmi_type="CoSimulation",
     )
-    assert out["motor"][1:] == pytest.approx(motor[:-1])
+    for each, column in zip(motors, motor.T, strict=True):
+        assert out[each][1:] == pytest.approx(column[:-1])
     assert out["angle"][1:] == pytest.approx(wanted[:-1], abs=1e-9)
-    assert out["tension_flexor"].min() > 0
+    assert out[f"tension_{tendon}"].min() > 0
 
 
 def test_the_table_of_a_joint_is_a_unit(examples, tmp_path):

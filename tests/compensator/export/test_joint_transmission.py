@@ -126,13 +126,48 @@ def test_a_joint_starts_from_where_its_motor_is(hand):
     assert plain[0] == pytest.approx(3.5, abs=1e-9)
 
 
-def test_a_pair_has_no_observer(examples):
-    driver = """#include "tff_joint.h"
-    int ask(void) { static tff_joint self; (void)tff_joint_init(&self, 0, 0, 0);
-    return (int)tff_joint_observe(&self, TFF_STEP_S, 0, 0); }"""
+PAIR = """#include "tff_joint.h"
+int follow(long n, const tff_real *motor, tff_real *angle, tff_real *tension, tff_real *slack)
+{
+    static tff_joint self;
+    long k;
+    int good = tff_joint_init(&self, 0, angle[0], 0);
+    for (k = 1; k < n; k++) {
+        const uint32_t status = tff_joint_observe_motors(&self, TFF_STEP_S, &motor[2 * k], 0);
+        good = good && ((status & ~(TFF_SLACK | TFF_TORQUE_LIMITED)) == TFF_OK);
+        slack[k] = ((status & TFF_SLACK) != 0u) ? self.slack_m : 0;
+        angle[k] = self.angle_rad;
+        tension[2 * k] = self.tension_N[0];
+        tension[(2 * k) + 1] = self.tension_N[1];
+    }
+    return good && (tff_joint_observe(&self, TFF_STEP_S, 0, 0) == TFF_FAILED);
+}
+"""
+
+
+@pytest.mark.parametrize(
+    ("precision", "together_rad", "most_rad", "most_N"),
+    [
+        (Precision.DOUBLE, 0.015, 1e-8, 1e-6),
+        (Precision.FLOAT, 0.015, 1e-4, 0.02),
+        (Precision.DOUBLE, -0.05, 3e-4, 0.1),  # slack for a while, where the simulation ends a step in parts
+    ],
+)
+def test_the_plant_of_a_pair_goes_where_the_simulation_has_it(examples, precision, together_rad, most_rad, most_N):
+    """Both motors pull more or less at once, so that they share the load otherwise than the inverse would."""
     pair = tf.load_scenario(examples / "instrument_pair.toml")
-    code = compile_on_host(joint_sources((pair,)), driver, Precision.DOUBLE)
-    assert code.function("ask", result=ctypes.c_int)() == 16
+    sampled = sample_joint(pair)
+    motor = linear_motor_rad(pair, sampled) + together_rad * (1 - np.cos(7 * sampled.time_s))[:, None]
+    code = compile_on_host(joint_sources((pair,), precision=precision), PAIR, precision)
+    angle, slack = code.array(sampled.angle_rad.copy()), code.array(np.zeros(len(motor)))
+    tension = code.array(np.zeros(motor.shape))
+    call = code.function("follow", ctypes.c_long, *(code.reals,) * 4, result=ctypes.c_int)
+    assert call(len(motor), code.array(motor), angle, tension, slack) == 1
+    there = tf.simulate(problem_of(pair, sampled), motor, pair.run.step_s)
+    assert np.abs(there.angle_rad - sampled.angle_rad).max() > 0.005
+    assert np.abs(angle - there.angle_rad).max() < most_rad
+    assert np.abs(tension - there.tension_N)[1:].max() < most_N
+    assert (slack.max() > 1e-4) == (together_rad < 0)
 
 
 def test_the_ros_2_transmission_commands_as_the_runtime_and_sees_the_joint(hand, tmp_path):
