@@ -27,7 +27,7 @@ from tendonff.ocp.step.laws import ElementLaws, twins_of
 from tendonff.ocp.step.render import Core, StepCode
 from tendonff.ocp.step.target import require_linear
 
-_SINGLE = {"tolerance": 2e-6, "nudge_rad": 1e-3, "moves": 15, "evaluations": 30}
+_SINGLE = {"tolerance": 2e-6, "nudge_rad": 1e-5, "moves": 15, "evaluations": 30}
 _DOUBLE = {"evaluations": 60}
 """Bounds of a step by precision: three or four evaluations are usual, a dozen where many masses turn at once."""
 

@@ -75,8 +75,6 @@ class FingerTask(MotorTask):
         return {
             **super().without,
             "table": "the angle of each motor hangs on all joints and the way of each",
-            "plant": "the exported C leads the joints; tendonff simulate moves them by the motors",
-            "observer": "the motors do not tell the far ends of tendons apart that share a joint",
             "adaptive": "joints share tendons, so that the torque of one motor tells of many",
         }
 

@@ -79,6 +79,9 @@ static void tff_finger_views(tff_finger *self, tff_finger_view *v)
     v->m.past = self->past;
     v->m.worth = self->worth;
     v->m.loose = self->loose;
+    v->m.wound_m = NULL;
+    v->m.gives = NULL;
+    v->m.motor_of = r->motor_of;
     v->m.evaluations = 0;
     v->m.most = TFF_MOST_EVALUATIONS;
 }
@@ -331,8 +334,9 @@ int32_t tff_finger_init(tff_finger *self, int which, const tff_real joint_rad[])
     return tff_finger_init_at(self, which, joint_rad, none);
 }
 
-/* A step of the model over a time [s], `again` after a loss of the reference; 0 where it has no answer: the joints then stand. */
-static int tff_finger_advance(tff_finger *self, tff_real step_s, const tff_real *joint_rad, int again)
+/* A step of the model over a time [s], `again` after a loss of the reference; 0 where it has no answer: the joints then
+ * stand. Backwards from the joints, or forwards from the motors: the other of both is null. */
+static int tff_finger_advance(tff_finger *self, tff_real step_s, const tff_real *joint_rad, const tff_real *driven_rad, int again)
 {
     const tff_real before_s = (self->fresh != 0) ? 0 : self->step_s;
     const int usual = ((tff_finger_within(step_s, TFF_STEP_S, TFF_STEP_S) != 0) && ((self->fresh != 0) || (tff_finger_within(before_s, TFF_STEP_S, TFF_STEP_S) != 0))) ? 1 : 0;
@@ -343,11 +347,22 @@ static int tff_finger_advance(tff_finger *self, tff_real step_s, const tff_real 
     tff_real slack[TFF_FINGER_TENDONS];
     tff_real motor_rad[TFF_FINGER_MOTORS] = { 0 };
     tff_real loosest[TFF_FINGER_MOTORS];
+    tff_real wound_m[TFF_FINGER_TENDONS];
+    tff_real gives[TFF_FINGER_TENDONS];
     int k;
     int b;
     int i;
 
     tff_finger_views(self, &v);
+    for (k = 0; (driven_rad != NULL) && (k < v.record->tendons); k++) {
+        const int motor = v.record->motor_of[k];
+        gives[k] = v.record->motor[motor].gives;
+        wound_m[k] = (driven_rad[motor] + (gives[k] * self->rest_N_m[motor])) * v.record->sharing.winding_m[k];
+        v.m.wound_m = wound_m;
+        v.m.gives = gives;
+        v.m.led = 0;
+        v.m.most = TFF_MOST_EVALUATIONS * (1 + TFF_FINGER_BODIES); /* slopes over the joints are differences */
+    }
     if (usual == 0) {
         how = v.record->sharing;
         how.price = (how.price * TFF_STEP_S) / step_s;
@@ -395,11 +410,14 @@ static int tff_finger_advance(tff_finger *self, tff_real step_s, const tff_real 
     if (self->slack_m > 0) {
         self->status |= TFF_SLACK;
     } else if (self->least_N <= 0) {
-        self->status |= TFF_WOULD_PUSH;
+        self->status |= (driven_rad != NULL) ? TFF_SLACK : TFF_WOULD_PUSH; /* a drum pays out, but does not push */
     } else {
         /* taut */
     }
     tff_finger_tell(self, motor_rad, step_s / TFF_STEP_S, (before_s > 0) ? (step_s / before_s) : (tff_real)1, again);
+    for (k = 0; (driven_rad != NULL) && (k < v.record->motors); k++) {
+        self->motor_rad[k] = driven_rad[k];
+    }
     return 1;
 }
 
@@ -417,7 +435,7 @@ static void tff_finger_stand(tff_finger *self, tff_real step_s)
     }
     self->back = 0;
     tff_finger_settle(self);
-    (void)tff_finger_advance(self, step_s, at, 0);
+    (void)tff_finger_advance(self, step_s, at, NULL, 0);
     self->status &= ~(uint32_t)TFF_SPEED_LIMITED; /* no new command */
     self->lost = 1;
     for (k = 0; k < TFF_FINGER_MOTORS; k++) {
@@ -449,7 +467,7 @@ static void tff_finger_follow(tff_finger *self, tff_real step_s, const tff_real 
         self->torque_N_m[b] = torque_N_m[b];
         to[b] = (self->back > 0) ? self->held_rad[b] + ((joint_rad[b] - self->held_rad[b]) * (1 - self->back)) : joint_rad[b];
     }
-    if (tff_finger_advance(self, step_s, to, again) == 0) {
+    if (tff_finger_advance(self, step_s, to, NULL, again) == 0) {
         self->lost = 1;
     }
 }
@@ -494,6 +512,44 @@ uint32_t tff_finger_step_dt(tff_finger *self, tff_real dt_s, const tff_real join
         } else {
             tff_finger_follow(self, step_s, joint_rad, torque_N_m);
         }
+    }
+    self->seen |= self->status;
+    return self->status;
+}
+
+uint32_t tff_finger_observe(tff_finger *self, tff_real dt_s, const tff_real motor_rad[], const tff_real torque_N_m[])
+{
+    const tff_finger_record *const r = &tff_finger_records[self->which];
+    const tff_real since = self->waiting_s + dt_s;
+    const int pause = (since > TFF_STEP_MAX_S) ? 1 : 0; /* in which the finger came to rest */
+    int good = tff_finger_within(dt_s, 0, (tff_real)1e30);
+    int k;
+
+    for (k = 0; k < r->motors; k++) {
+        good &= tff_finger_within(motor_rad[k], -(tff_real)1e6, (tff_real)1e6);
+    }
+    for (k = 0; k < r->wanted; k++) {
+        good &= tff_finger_within(torque_N_m[k], -(tff_real)1e6, (tff_real)1e6);
+    }
+    self->status = TFF_OK;
+    if (self->fresh == 3) {
+        self->status = TFF_FAILED; /* init refused */
+    } else if (good == 0) {
+        self->status = TFF_INPUT_HELD;
+    } else if (since < TFF_STEP_MIN_S) {
+        self->waiting_s = since; /* too short for a step of its own: counted with the next one */
+    } else {
+        const int usual = tff_finger_within(since, TFF_STEP_S * (1 - TFF_SAME_STEP), TFF_STEP_S * (1 + TFF_SAME_STEP));
+        const tff_real step_s = (usual != 0) ? TFF_STEP_S : since;
+        self->waiting_s = 0;
+        for (k = 0; k < r->wanted; k++) {
+            self->torque_N_m[k] = torque_N_m[k];
+        }
+        if (pause != 0) {
+            tff_finger_settle(self);
+        }
+        (void)tff_finger_advance(self, (pause != 0) ? TFF_STEP_MAX_S : step_s, self->joint_rad, motor_rad, 0);
+        self->status &= ~(uint32_t)TFF_SPEED_LIMITED; /* no new command */
     }
     self->seen |= self->status;
     return self->status;

@@ -1,4 +1,4 @@
-"""`tendonff export-fmu` of a finger: wanted angles in, angles of the motors and tensions out."""
+"""`tendonff export-fmu` of a finger: wanted angles in, angles of the motors and tensions out, or the other way."""
 
 from tendonff._version import __version__
 from tendonff.compensator.compensators.motors.finger import FingerTask
@@ -52,40 +52,48 @@ def build_finger_fmu(
 
     each = list(zip(joints, *columns, strict=True))
     torques = task.sampled.effort_N_m[0, : len(joints)].tolist()
-    outputs = [
-        Variable(name=f"motor_{m}", text=f"commanded angle of the motor {m} since the start", unit="rad", start="0.0")
-        for m in described["motors"]
-    ]
+    motors, observes = described["motors"], kind in (Kind.PLANT, Kind.OBSERVER)
+    turned = [_motor(name, "present" if observes else "commanded") for name in motors]
+    wanted = [angle("angle", "angle of the joint" if observes else "reference angle of the joint", one) for one in each]
+    given, outputs = (turned, wanted) if observes else (wanted, turned)
+    if observes:
+        outputs = [
+            *outputs,
+            *(_torque(f"torque_at_{m}", f"torque that the tendons ask of the motor {m}") for m in motors),
+        ]
     problem = task.problem(task.finger)
-    outputs += [
-        Variable(name=f"tension_{t}", text=f"tension of {t} at its far end", unit="N", start=repr(tension))
-        for t, tension in zip(described["tendons"], problem.tension_N.tolist(), strict=True)
-    ]
-    extras = [angle("angle", "reference angle of the joint", one) for one in each[1:]]
-    extras += [
-        Variable(name=f"torque_{j}", text=f"torque of {j} on what it touches", unit="N.m", start=repr(torque))
-        for j, torque in zip(joints, torques, strict=True)
+    outputs = [
+        *outputs,
+        *(
+            Variable(name=f"tension_{t}", text=f"tension of {t} at its far end", unit="N", start=repr(tension))
+            for t, tension in zip(described["tendons"], problem.tension_N.tolist(), strict=True)
+        ),
     ]
     rest = "angle at rest before the start of the joint"
-    extras += [angle("initial_angle", rest, one, fixed=True) for one in each[1:]]
-    identifier = f"{prefix}_finger"
+    extras = [
+        *given[1:],
+        *(_torque(f"torque_{j}", f"torque of {j} on what it touches", x) for j, x in zip(joints, torques, strict=True)),
+        *(angle("initial_angle", rest, one, fixed=True) for one in each[1:]),
+    ]
+    identifier = f"{prefix}_finger" if kind is Kind.INVERSE else f"{prefix}_finger_{kind}"
     context = {
         "prefix": prefix,
         "guard": prefix.upper(),
         "identifier": identifier,
-        "compiled": [f"{identifier}.c"],
-        "description": f"inverse of the finger {described['symbol'].lower()}, level {task.level}: {name}",
+        "compiled": [f"{prefix}_finger.c"],
+        "description": f"{kind} of the finger {described['symbol'].lower()}, level {task.level}: {name}",
         "version": __version__,
-        "input": angle("angle", "reference angle of the joint", each[0]),
+        "input": given[0],
         "first": angle("initial_angle", rest, each[0]),
         "outputs": outputs,
         "extras": extras,
         "module": "finger",
-        "observes": False,
+        "observes": observes,
+        "winders": motors,
         "joints": len(joints),
         "radians": True,
         "joint_at": -1,
-        "motors": len(described["motors"]),
+        "motors": len(outputs) - len(described["tendons"]),
         "others": (),
         "taken": "an angle or a torque",
         "refusal": "a communication step must be longer than 0 s",
@@ -103,3 +111,13 @@ def build_finger_fmu(
         lines=(judged.line,),
         warnings=warnings,
     )
+
+
+def _motor(name: str, which: str) -> Variable:
+    return Variable(
+        name=f"motor_{name}", text=f"{which} angle of the motor {name} since the start", unit="rad", start="0.0"
+    )
+
+
+def _torque(name: str, text: str, start: float = 0.0) -> Variable:
+    return Variable(name=name, text=text, unit="N.m", start=repr(start))

@@ -477,6 +477,9 @@ typedef struct {
     tff_real *last, *past;     /* count: tensions of the step before, and of the one before that */
     tff_real *worth;           /* TFF_MOST_EQUATIONS, of a balance: what it saves to ask for less of it [-] */
     int *loose;                /* count, 1: hangs, no tension, its closure does not count */
+    const tff_real *wound_m;   /* null, or the drums stand where they are and positions are unknown: what each has wound */
+    const tff_real *gives;     /* of these, by tendon: angle by which a motor gives way to a torque [rad/(N m)], */
+    const int *motor_of;       /* and the number of that motor */
     long evaluations;          /* of all tendons */
     long most;                 /* that this step may make `evaluations` */
 } tff_balance;
@@ -529,8 +532,20 @@ static tff_real tff_open(const tff_balance *m, int t, int other)
     return ((m->strands[t].travel_m / how->winding_m[t]) - (m->strands[other].travel_m / how->winding_m[other])) + how->closure_rad[t];
 }
 
-/* Balances of torques as forces, and closures as angles of the drum times a tension; returns their number. */
-static int tff_off(const tff_balance *m, tff_real *off)
+/* What a drum has wound less than its tendon takes: it gives way to all that its motor winds. */
+static tff_real tff_unwound(const tff_balance *m, int t)
+{
+    tff_real torque = 0;
+    int i;
+    for (i = 0; i < m->count; i++) { /* a drum that holds a loose end holds nothing */
+        torque += ((m->motor_of[i] == m->motor_of[t]) && (m->strands[i].drum_N > 0)) ? (m->strands[i].drum_N * m->how->winding_m[i]) : 0;
+    }
+    return m->strands[t].travel_m - (m->wound_m[t] - (m->gives[t] * torque * m->how->winding_m[t]));
+}
+
+/* Balances of torques as forces, and closures as angles of the drum times a tension, or what drums have wound; returns
+ * their number. */
+static int tff_off(const tff_balance *m, const tff_real *u, tff_real *off)
 {
     int rows = 0;
     int b;
@@ -545,7 +560,10 @@ static int tff_off(const tff_balance *m, tff_real *off)
     }
     for (t = 0; t < m->count; t++) {
         const int other = m->how->partner[t];
-        if (other >= 0) {
+        if (m->wound_m != NULL) {
+            off[rows] = (m->loose[t] != 0) ? -u[t] : (-tff_unwound(m, t) / m->how->compliance[t]);
+            rows++;
+        } else if (other >= 0) {
             off[rows] = -tff_open(m, t, other) * TFF_FABS(m->how->winding_m[t]) / m->strands[t].travel_by;
             rows++;
         }
@@ -561,6 +579,27 @@ static tff_real tff_damped(tff_real damping, tff_real turned)
     return (turned < 0) ? (TFF_HALF * damping) : more;
 }
 
+/* Tendons hang whose drums would have to push, and no longer where their drums take them in; returns how many have changed. */
+static int tff_hang(tff_balance *m, tff_real *u)
+{
+    const tff_real rounded = 100 * TFF_SHARE_TOLERANCE;
+    int changed = 0;
+    int t;
+    for (t = 0; (m->wound_m != NULL) && (t < m->count); t++) {
+        if ((m->loose[t] == 0) && (u[t] < -rounded)) {
+            m->loose[t] = 1;
+            u[t] = 0;
+            changed++;
+        } else if ((m->loose[t] != 0) && (tff_unwound(m, t) < (-rounded * m->how->compliance[t]))) {
+            m->loose[t] = 0;
+            changed++;
+        } else {
+            /* as it was */
+        }
+    }
+    return changed;
+}
+
 /* Tensions and positions of the joints that nothing leads, where balances and closures are as many as both: Newton's
  * method, slopes over positions by differences. Returns 0 where there is no answer. */
 static int tff_follow(tff_balance *m, tff_real *u)
@@ -571,6 +610,8 @@ static int tff_follow(tff_balance *m, tff_real *u)
     tff_real nudged[TFF_MOST_EQUATIONS];
     tff_real went[TFF_MOST_EQUATIONS] = { 0 };
     const int unknown = m->count + (m->balanced - m->led);
+    tff_real moved[TFF_MOST_EQUATIONS] = { 0 };
+    tff_real wished = 0; /* square of the last move of Newton's */
     tff_real damping = 1;
     int k;
     int i;
@@ -583,7 +624,7 @@ static int tff_follow(tff_balance *m, tff_real *u)
             tff_torque_wanted(m, i);
         }
         tff_all_back(m, u, 1);
-        rows = tff_off(m, b);
+        rows = tff_off(m, u, b);
         if (rows != unknown) {
             return 0;
         }
@@ -594,7 +635,13 @@ static int tff_follow(tff_balance *m, tff_real *u)
             }
             for (i = 0; i < m->count; i++) {
                 const int other = m->how->partner[i];
-                if (other >= 0) {
+                if (m->wound_m != NULL) {
+                    const tff_real gives = (m->motor_of[i] == m->motor_of[t]) ? (m->gives[i] * m->how->winding_m[i] * m->how->winding_m[t]) : 0;
+                    const tff_real own = (t == i) ? m->strands[t].travel_by : 0;
+                    const tff_real pinned = (t == i) ? (tff_real)1 : (tff_real)0;
+                    a[(row * stride) + t] = (m->loose[i] != 0) ? pinned : ((own + (gives * m->strands[t].by_f[0])) / m->how->compliance[i]);
+                    row++;
+                } else if (other >= 0) {
                     const tff_real scale = m->strands[i].travel_by / TFF_FABS(m->how->winding_m[i]);
                     const tff_real own = (t == i) ? (m->strands[t].travel_by / m->how->winding_m[t]) / scale : 0;
                     a[(row * stride) + t] = (t == other) ? -(m->strands[t].travel_by / m->how->winding_m[t]) / scale : own;
@@ -609,7 +656,7 @@ static int tff_follow(tff_balance *m, tff_real *u)
             m->position[i] = stood + TFF_NUDGE;
             tff_torque_wanted(m, i);
             tff_all_back(m, u, 1);
-            (void)tff_off(m, nudged);
+            (void)tff_off(m, u, nudged);
             m->position[i] = stood;
             tff_torque_wanted(m, i);
             for (row = 0; row < rows; row++) {
@@ -629,15 +676,22 @@ static int tff_follow(tff_balance *m, tff_real *u)
         if (!(most < TFF_SHARE_LOST)) {
             return 0;
         }
-        damping = tff_damped(damping, turned);
+        damping = (k < (TFF_SHARE_MOVES / 2)) ? tff_damped(damping, turned) : (tff_real)1;
         for (i = 0; i < unknown; i++) {
+            /* where that does not end moves to and fro over a kink: to where both would meet, on the way back */
+            moved[i] = ((turned < 0) && (k >= (TFF_SHARE_MOVES / 2))) ? ((turned / (wished - turned)) * moved[i]) : (damping * b[i]);
             if (i < m->count) {
-                u[i] += damping * b[i];
+                u[i] += moved[i];
             } else {
-                m->position[m->led + (i - m->count)] += damping * b[i];
+                m->position[m->led + (i - m->count)] += moved[i];
             }
         }
-        if (most <= TFF_SHARE_TOLERANCE) {
+        wished = 0;
+        for (i = 0; i < unknown; i++) {
+            wished += b[i] * b[i];
+        }
+        /* later on less will do: moves go to and fro by what rounding leaves */
+        if ((tff_hang(m, u) == 0) && ((most <= TFF_SHARE_TOLERANCE) || ((k >= (TFF_SHARE_MOVES / 2)) && (most <= (100 * TFF_SHARE_TOLERANCE))))) {
             for (i = m->led; i < m->balanced; i++) {
                 tff_torque_wanted(m, i);
             }
@@ -703,8 +757,8 @@ static int tff_share(tff_balance *m, tff_real *u)
     tff_real b[TFF_MOST_EQUATIONS];
     const tff_sharing *const how = m->how;
     const tff_real price = (m->still != 0) ? 0 : how->price;
-    tff_real of_u[TFF_MOST_TENDONS];
-    tff_real of_slope[TFF_MOST_TENDONS];
+    tff_real of_u[TFF_MOST_TENDONS] = { 0 };
+    tff_real of_slope[TFF_MOST_TENDONS] = { 0 };
     int of_row[TFF_MOST_EQUATIONS];
     tff_real went[TFF_MOST_TENDONS] = { 0 };
     tff_real damping = 1;
@@ -808,7 +862,7 @@ static int tff_nearest(tff_balance *m, tff_real *u)
     int of_row[TFF_MOST_EQUATIONS];
     tff_real kept[TFF_MOST_TENDONS];
     tff_real move[TFF_MOST_TENDONS];
-    tff_real ease[TFF_MOST_TENDONS]; /* 1: its torques follow its tension as without friction; small: masses turn */
+    tff_real ease[TFF_MOST_TENDONS] = { 0 }; /* 1: its torques follow its tension as without friction; small: masses turn */
     tff_real held = 0;
     tff_real damping = 1;
     int k;
@@ -918,13 +972,24 @@ static int tff_tensions_of(tff_balance *m, tff_real *u, tff_real *slack)
     return 0;
 }
 
+/* What finds the unknowns of a step. */
+static int tff_solved(tff_balance *m, tff_real *u, tff_real *slack)
+{
+    const int follows = ((m->led < m->balanced) || (m->wound_m != NULL)) ? 1 : 0;
+    const int found = (follows != 0) ? tff_follow(m, u) : tff_tensions_of(m, u, slack);
+    int t;
+    for (t = 0; (m->wound_m != NULL) && (t < m->count); t++) {
+        slack[t] = ((m->loose[t] != 0) && (tff_unwound(m, t) > 0)) ? tff_unwound(m, t) : 0;
+    }
+    return found;
+}
+
 /* Advance to the positions of bodies that are wanted at the end of a step while bodies give torques to what they touch;
  * `fresh`: there is no earlier state, or the first row of the scheme is for steps of other lengths. z, z_old: bodies x 3;
  * u: tensions; slack: length that hangs loose. Returns 0 where there are no such tensions; then no state has changed. */
 static int tff_balance_step(tff_balance *m, int fresh, const tff_real *wanted, const tff_real *effort, tff_real *z, tff_real *z_old, tff_real *u, tff_real *slack)
 {
     const int scheme = (fresh != 0) ? 0 : 1;
-    const int follows = (m->led < m->balanced) ? 1 : 0;
     int b;
     int k;
     int i;
@@ -946,7 +1011,7 @@ static int tff_balance_step(tff_balance *m, int fresh, const tff_real *wanted, c
     for (b = 0; b < m->bodies; b++) {
         tff_torque_wanted(m, b);
     }
-    if (((follows != 0) ? tff_follow(m, u) : tff_tensions_of(m, u, slack)) == 0) {
+    if (tff_solved(m, u, slack) == 0) {
         return 0;
     }
     for (k = 0; k < m->count; k++) {

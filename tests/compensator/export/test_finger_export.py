@@ -1,5 +1,6 @@
 """Exported C of fingers: compiled, and compared with the Python model and the runtime."""
 
+import ctypes
 import json
 import subprocess
 from pathlib import Path
@@ -15,7 +16,8 @@ from tendonff.compensator.export.finger.fmu import build_finger_fmu
 from tendonff.compensator.export.finger.golden import followed_course, largest_departure, run_courses
 from tendonff.compensator.export.finger.project import export_fingers
 from tendonff.compensator.export.finger.text import finger_module
-from tendonff.compensator.export.kinds import FmiVersion
+from tendonff.compensator.export.host import compile_on_host
+from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.driven.finger import FingerScenario, parse_finger_scenario
 from tendonff.ocp.codegen.precision import Precision
@@ -205,3 +207,86 @@ def test_a_unit_of_a_finger_is_valid_and_equals_the_runtime(fmi, tmp_path):
     live = np.array([runtime.step([row[name] for name in names]) for row in out[2:]])  # the first repeats the start
     assert np.array([[row[name] for name in motors] for row in out[2:]]) == pytest.approx(live, abs=1e-9)
     assert np.ptp(live, axis=0).max() > 0.01
+
+
+PLANT = """#include "tff_finger.h"
+int move(long n, int joints, int motors, int tendons, const tff_real *motor, tff_real *angle, tff_real *tension)
+{
+    static tff_finger self;
+    const tff_real none[TFF_FINGER_BODIES] = { 0 };
+    int good = (int)tff_finger_init_at(&self, 0, angle, none);
+    unsigned seen = 0u;
+    long k;
+    int j;
+    for (k = 1; k < n; k++) {
+        const uint32_t status = tff_finger_observe(&self, TFF_STEP_S, &motor[motors * k], none);
+        good = good && ((status & ~(TFF_SLACK | TFF_TORQUE_LIMITED)) == TFF_OK);
+        seen |= (unsigned)status;
+        for (j = 0; j < joints; j++) {
+            angle[(joints * k) + j] = self.joint_rad[j];
+        }
+        for (j = 0; j < tendons; j++) {
+            tension[(tendons * k) + j] = self.tension_N[j];
+        }
+    }
+    return good * (((seen & TFF_SLACK) != 0u) ? 2 : 1);
+}
+"""
+
+
+@pytest.mark.parametrize(
+    ("made", "precision", "beside_rad", "most_rad", "most_N"),
+    [
+        (finger, Precision.DOUBLE, 0.1, 1e-9, 1e-6),
+        (finger, Precision.FLOAT, 0.1, 5e-5, 0.02),
+        (loops, Precision.DOUBLE, 0.05, 1e-9, 1e-6),
+        (springed, Precision.DOUBLE, 0.1, 1e-9, 1e-6),
+        (finger, Precision.DOUBLE, -0.05, 0.03, 1.0),  # slack: what friction holds in a tendon that hangs is left out
+    ],
+)
+def test_the_plant_goes_where_the_simulation_has_it(made, precision, beside_rad, most_rad, most_N):
+    """Each motor winds more or less than the inverse would, by a way of its own."""
+    task = FingerTask.of(made())
+    module = finger_module([task], [task.problem(task.finger)], precision, "tff")
+    motor = followed_course(task, precision).run.motor
+    place = np.linspace(0, 1, len(motor))[:, None] * (2.0 + np.arange(motor.shape[1]))
+    motor = motor + beside_rad * (1 - np.cos(np.pi * place))
+    there = task.turned(motor).response
+    joints, tendons = there.position_rad.shape[1], there.tension_N.shape[1]
+    code = compile_on_host(module.files, PLANT, precision)
+    angle = code.array(np.tile(task.sampled.angle_rad[0], (len(motor), 1)))
+    tension = code.array(np.zeros((len(motor), tendons)))
+    sizes = (ctypes.c_long, *(ctypes.c_int,) * 3)
+    call = code.function("move", *sizes, *(code.reals,) * 3, result=ctypes.c_int)
+    found = call(len(motor), joints, motor.shape[1], tendons, code.array(motor), angle, tension)
+    assert found == (1 if beside_rad > 0 else 2)
+    assert np.abs(there.position_rad - task.sampled.angle_rad).max() > 0.01
+    assert np.abs(angle - there.position_rad)[1:].max() < most_rad
+    assert np.abs(tension - there.tension_N)[1:].max() < most_N
+
+
+def test_the_plant_of_a_finger_as_a_unit_undoes_its_inverse(tmp_path):
+    fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
+    from fmpy.validation import validate_fmu
+
+    scenario = finger()
+    unit = build_finger_fmu(scenario, Kind.PLANT)
+    unit.write(tmp_path)
+    assert validate_fmu(str(tmp_path / unit.name)) == []
+    task = FingerTask.of(scenario)
+    run = followed_course(task, Precision.DOUBLE).run
+    names = [f"motor_{motor.name}" for motor in task.finger.motors]
+    joints = [f"angle_{joint}" for joint in task.finger.names]
+    rows = [(k * 1e-3, *row) for k, row in enumerate(run.motor[1:])]
+    out = fmpy.simulate_fmu(
+        str(tmp_path / unit.name),
+        stop_time=rows[-1][0],
+        step_size=1e-3,
+        output_interval=1e-3,
+        input=np.array(rows, dtype=[("time", float), *((name, float) for name in names)]),
+        output=[*joints, f"tension_{task.finger.tendons[0].name}"],
+        fmi_type="CoSimulation",
+    )
+    found = np.array([[row[name] for name in joints] for row in out[1:]])
+    assert found == pytest.approx(run.position[1:-1], abs=1e-7)
+    assert out[f"tension_{task.finger.tendons[0].name}"][1:] == pytest.approx(run.tension_N[1:-1, 0], abs=1e-4)
