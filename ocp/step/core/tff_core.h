@@ -14,6 +14,7 @@
 #define TFF_MOST_EQUATIONS ((2 * TFF_MOST_TENDONS) + TFF_MOST_BODIES)
 #define TFF_SHARE_LOST ((tff_real)1e12) /* a tension that no tendon has [N] */
 #define TFF_HALF ((tff_real)0.5)
+#define TFF_SHARE_ROUNDING (8 * TFF_SHARE_TOLERANCE) /* a move that rounding may make */
 #define TFF_MOST_AXES 3
 
 /* Effect of a body on a tendon. */
@@ -571,12 +572,14 @@ static int tff_off(const tff_balance *m, const tff_real *u, tff_real *off)
     return rows;
 }
 
-/* Less of a move that turns back on the one before: to and fro over kinks. */
-static tff_real tff_damped(tff_real damping, tff_real turned)
+/* Less of a move that turns back on the one before, by `turned` (their product; `before`: its square): to and fro over
+ * kinks. What turns back by less than half comes nearer by itself. */
+static tff_real tff_damped(tff_real damping, tff_real turned, tff_real before)
 {
     const tff_real twice = damping + damping;
     const tff_real more = (twice < 1) ? twice : 1;
-    return (turned < 0) ? (TFF_HALF * damping) : more;
+    const tff_real as_before = (turned < 0) ? damping : more;
+    return ((turned + (TFF_HALF * before)) < 0) ? (TFF_HALF * damping) : as_before;
 }
 
 /* Tendons hang whose drums would have to push, and no longer where their drums take them in; returns how many have changed. */
@@ -611,7 +614,6 @@ static int tff_follow(tff_balance *m, tff_real *u)
     tff_real went[TFF_MOST_EQUATIONS] = { 0 };
     const int unknown = m->count + (m->balanced - m->led);
     tff_real moved[TFF_MOST_EQUATIONS] = { 0 };
-    tff_real wished = 0; /* square of the last move of Newton's */
     tff_real damping = 1;
     int k;
     int i;
@@ -619,6 +621,7 @@ static int tff_follow(tff_balance *m, tff_real *u)
     for (k = 0; (k < TFF_SHARE_MOVES) && (m->evaluations < m->most); k++) {
         tff_real most = 0;
         tff_real turned = 0;
+        tff_real before = 0;
         int rows;
         for (i = m->led; i < m->balanced; i++) {
             tff_torque_wanted(m, i);
@@ -671,24 +674,21 @@ static int tff_follow(tff_balance *m, tff_real *u)
             const tff_real size = TFF_FABS(b[i]) / (1 + TFF_FABS(now));
             most = (size <= most) ? most : size; /* this way round NaN counts */
             turned += b[i] * went[i];
+            before += went[i] * went[i];
             went[i] = b[i];
         }
         if (!(most < TFF_SHARE_LOST)) {
             return 0;
         }
-        damping = (k < (TFF_SHARE_MOVES / 2)) ? tff_damped(damping, turned) : (tff_real)1;
+        damping = (k < (TFF_SHARE_MOVES / 2)) ? tff_damped(damping, turned, before) : (tff_real)1;
         for (i = 0; i < unknown; i++) {
             /* where that does not end moves to and fro over a kink: to where both would meet, on the way back */
-            moved[i] = ((turned < 0) && (k >= (TFF_SHARE_MOVES / 2))) ? ((turned / (wished - turned)) * moved[i]) : (damping * b[i]);
+            moved[i] = ((turned < 0) && (k >= (TFF_SHARE_MOVES / 2))) ? ((turned / (before - turned)) * moved[i]) : (damping * b[i]);
             if (i < m->count) {
                 u[i] += moved[i];
             } else {
                 m->position[m->led + (i - m->count)] += moved[i];
             }
-        }
-        wished = 0;
-        for (i = 0; i < unknown; i++) {
-            wished += b[i] * b[i];
         }
         /* later on less will do: moves go to and fro by what rounding leaves */
         if ((tff_hang(m, u) == 0) && ((most <= TFF_SHARE_TOLERANCE) || ((k >= (TFF_SHARE_MOVES / 2)) && (most <= (100 * TFF_SHARE_TOLERANCE))))) {
@@ -762,6 +762,7 @@ static int tff_share(tff_balance *m, tff_real *u)
     int of_row[TFF_MOST_EQUATIONS];
     tff_real went[TFF_MOST_TENDONS] = { 0 };
     tff_real damping = 1;
+    tff_real least = TFF_SHARE_LOST; /* of all moves so far */
     int k;
     int t;
     int i;
@@ -770,6 +771,7 @@ static int tff_share(tff_balance *m, tff_real *u)
     for (k = 0; (k < TFF_SHARE_MOVES) && (m->evaluations < m->most); k++) {
         const int width = m->count + m->balanced + m->count;
         tff_real turned = 0;
+        tff_real before = 0;
         int rows;
         tff_real most = 0;
         tff_all_back(m, u, 0);
@@ -834,18 +836,20 @@ static int tff_share(tff_balance *m, tff_real *u)
         }
         for (t = 0; t < m->count; t++) {
             turned += b[t] * went[t];
+            before += went[t] * went[t];
             went[t] = b[t];
         }
-        damping = tff_damped(damping, turned);
+        damping = tff_damped(damping, turned, before);
         for (t = 0; t < m->count; t++) {
             u[t] += damping * b[t];
         }
         for (i = m->count; i < rows; i++) {
             m->worth[of_row[i]] += damping * b[i];
         }
-        if (most <= TFF_SHARE_TOLERANCE) {
-            return 1;
+        if ((most <= TFF_SHARE_TOLERANCE) || ((most <= TFF_SHARE_ROUNDING) && (most > (TFF_HALF * least)))) {
+            return 1; /* or rounding leaves no less */
         }
+        least = (most < least) ? most : least;
     }
     return 0;
 }
@@ -923,7 +927,7 @@ static int tff_nearest(tff_balance *m, tff_real *u)
             if (most <= TFF_SHARE_TOLERANCE) {
                 return room;
             }
-            damping = tff_damped(damping, 1);
+            damping = tff_damped(damping, 1, 0);
         }
         for (t = 0; t < m->count; t++) {
             u[t] = kept[t] + (damping * move[t]);
