@@ -57,8 +57,9 @@ class FrictionLaw(Protocol):
 
     What an implementer owes: (1) a frozen dataclass whose fields are its parameters, of the whole tendon or, after
     `on_piece`, of one element; (2) `states`; (3) their rate; (4) the same states under the implicit rule
-    x = base + H dx/dt for a known normal force, in closed form; (5) either the closed form for f_n = A + state_force,
-    or None; then each state's share of the force must lie between zero and its value for a large normal force.
+    x = base + H dx/dt for a known normal force, in closed form; (5) either the closed form for f_n = A + state_force
+    and the balance that it solves, or None twice; then each state's share of the force must lie between zero and its
+    value for a large normal force.
     """
 
     states: ClassVar[tuple[str, ...]]
@@ -94,6 +95,9 @@ class FrictionLaw(Protocol):
 
     def implicit_from_far_side(self, v: ca.SX, base: States, step_s: ca.SX, far_sum: ca.SX) -> States | None:
         """The same where f_n = A + state_force(states) with A = `far_sum` known; None without a closed form."""
+
+    def far_side_balance(self, v: ca.SX, base: States, step_s: ca.SX, far_sum: ca.SX, states: States) -> States | None:
+        """What is zero at the states of `implicit_from_far_side`; None without a closed form."""
 
 
 def equivalent_coefficient(mu: ca.SX, angle_rad: ca.SX) -> ca.SX:
@@ -139,6 +143,17 @@ def from_far_side(law: FrictionLaw, v: ca.SX, base: States, step_s: ca.SX, far_s
         inside = (newton >= low) * (newton <= high)  # a Newton move that leaves the bracket becomes a bisection
         x = ca.if_else(inside, newton, (low + high) / 2)
     return law.implicit(v, base, step_s, x)
+
+
+def far_side_balance(
+    law: FrictionLaw, v: ca.SX, base: States, step_s: ca.SX, far_sum: ca.SX, states: States
+) -> States:
+    """What is zero at the states of `from_far_side`: its slopes give those of the states without those of a root."""
+    closed = law.far_side_balance(v, base, step_s, far_sum, states)
+    if closed is not None:
+        return closed
+    f_n = at_least(far_sum + law.state_force(states), NORMAL_FORCE_FLOOR_N)
+    return tuple(x - end for x, end in zip(states, law.implicit(v, base, step_s, f_n), strict=True))
 
 
 def bristle_rate(stiffness_N_per_m: ca.SX, v: ca.SX, f_s: ca.SX, most_N: ca.SX) -> ca.SX:
@@ -312,6 +327,15 @@ class LuGreBristle:
         drive, resistance = self._rational(v, base[0], step_s)
         return (_from_far_side(drive, resistance, far_sum),)
 
+    def far_side_balance(self, v: ca.SX, base: States, step_s: ca.SX, far_sum: ca.SX, states: States) -> States:
+        """That quadratic [N^2]."""
+        return (_far_side_balance(*self._rational(v, base[0], step_s), far_sum, states[0]),)
+
+
+def _far_side_balance(drive: ca.SX, resistance: ca.SX, far_sum: ca.SX, f_s: ca.SX) -> ca.SX:
+    """f_s (A + f_s + g) - B (A + f_s) [N^2] with B = `drive`, g = `resistance`, A = `far_sum`."""
+    return f_s * (f_s + (far_sum + resistance - drive)) - far_sum * drive
+
 
 def _from_far_side(drive: ca.SX, resistance: ca.SX, far_sum: ca.SX) -> ca.SX:
     """f_s [N] of f_s (1 + g/(A + f_s)) = B with B = `drive`, g = `resistance`, A = `far_sum`."""
@@ -374,3 +398,9 @@ class LoadedBristle(LuGreBristle):
             x = at_least(x - (x - far_sum - f_s) / (1 - slope), NORMAL_FORCE_FLOOR_N)
         mu, _ = self._at_load(v, x)
         return (_from_far_side(drive, sliding / mu, far_sum),)
+
+    def far_side_balance(self, v: ca.SX, base: States, step_s: ca.SX, far_sum: ca.SX, states: States) -> States:
+        """The quadratic of the plain bristle with the coefficient at this f_s [N^2]."""
+        drive, sliding = self._drive(v, base[0], step_s)
+        mu, _ = self._at_load(v, at_least(far_sum + states[0], NORMAL_FORCE_FLOOR_N))
+        return (_far_side_balance(drive, sliding / mu, far_sum, states[0]),)

@@ -16,7 +16,7 @@ weight left open, `extract_parametric` leaves a few operations more still.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import casadi as ca
 
@@ -94,6 +94,42 @@ class PartialEvaluator:
         known = dict(self.parameters) | {key: (value,) * self.weights for key, value in (fixed or {}).items()}
         results = _Tape(self.reorder, self.floors, self.steady).run(law, known, self.weights)
         return self._print(law, name, results)
+
+    def parts(self, laws: Sequence[Law], whole: Sequence[str] = ()) -> list[FoldedLaw]:
+        """C text of laws, in two parts of those with held arguments but for the names in `whole`."""
+        parts: list[FoldedLaw] = []
+        for law in laws:
+            parts += self.split(law) if law.held and law.name not in whole else (self.fold(law),)
+        return parts
+
+    def split(self, law: Law) -> tuple[FoldedLaw, FoldedLaw]:
+        """A law in two: `NAME_ready` takes what depends on the held arguments alone, the law itself its results."""
+        tape = _Tape(self.reorder, self.floors, self.steady, law.held)
+        results = tape.run(law, self.parameters, self.weights)
+        early: dict[int, tuple[_Node, _Node]] = {}
+        again: dict[int, _Node] = {}
+
+        def late(node: _Node) -> _Node:
+            if node.constant is not None:
+                return node
+            if id(node) not in again:
+                if tape.is_held(node):
+                    again[id(node)] = _Node(None, argument=f"ready_{len(early)}")
+                    early[id(node)] = node, again[id(node)]
+                else:
+                    again[id(node)] = replace(node, operands=tuple(map(late, node.operands)))
+            return again[id(node)]
+
+        rest = [late(node) for node in results]
+        names = [argument.argument or "" for _, argument in early.values()]
+        outputs = {name: ca.SX(0) for name in names}
+        before = replace(law, comment=f"{law.comment} What can be evaluated before.", outputs=outputs)
+        free = tuple(symbol for symbol in law.inputs if symbol.name() not in law.held)
+        after = replace(law, inputs=(*free, *map(ca.SX.sym, names)))
+        return (
+            self._print(before, f"{law.name}_ready", [node for node, _ in early.values()]),
+            self._print(after, law.name, rest),
+        )
 
     def evaluate(self, law: Law) -> tuple[Values, ...]:
         """Outputs of a law whose arguments are all known, one value per weight each."""
@@ -230,12 +266,20 @@ def _is_condition(node: _Node) -> bool:
 class _Tape:
     """Runs the instructions of a law on nodes and folds what is known, with the rules of `PartialEvaluator`."""
 
-    def __init__(self, reorder: bool, floors: Mapping[str, float] | None = None, steady: Sequence[str] = ()) -> None:
-        self._reorder, self._floors, self._steady = reorder, floors or {}, steady
+    def __init__(
+        self,
+        reorder: bool,
+        floors: Mapping[str, float] | None = None,
+        steady: Sequence[str] = (),
+        held: Sequence[str] = (),
+    ) -> None:
+        self._reorder, self._floors, self._steady, self._held = reorder, floors or {}, steady, held
         self._table: dict[tuple[object, ...], _Node] = {}
+        self._weights = 1
 
     def run(self, law: Law, known: Mapping[str, Values], weights: int) -> list[_Node]:
         """Nodes of the law's outputs."""
+        self._weights = weights
         results_in = ca.densify(ca.vertcat(*law.outputs.values()))  # the tape numbers structural nonzeros
         tape = ca.Function(law.name, [ca.vertcat(*law.inputs)], [results_in], {"cse": True})
         names = [symbol.name() for symbol in law.inputs]
@@ -283,6 +327,8 @@ class _Tape:
             return _Node(None, constant=tuple(_value_of(op, row) for row in rows), made=(op, operands))
         if op == ca.OP_LT and self._is_below(*operands):
             return _constant(1.0, 1)
+        if self._held and self._reorder and (early := self._held_apart(op, operands)) is not None:
+            return early
         if (moved := self._into_choice(op, operands)) is not None:
             return moved
         if self._reorder and (gathered := self._gathered(op, operands)) is not None:
@@ -295,6 +341,44 @@ class _Tape:
             return all(self._is_below(low, branch) for branch in value.operands[1:])
         floor = self._floors.get(value.argument or "")
         return floor is not None and low.constant is not None and max(low.constant) <= floor
+
+    def is_held(self, node: _Node) -> bool:
+        """Depends on held arguments alone."""
+        return node.constant is not None or (
+            all(map(self.is_held, node.operands)) if node.argument is None else node.argument in self._held
+        )
+
+    def _is_held_choice(self, node: _Node) -> bool:
+        """A choice between two values of held arguments by something else."""
+        which, *values = node.operands if node.op == SELECT else (node,)
+        return bool(values) and not self.is_held(which) and all(map(self.is_held, values))
+
+    def _held_apart(self, op: int, operands: tuple[_Node, ...]) -> _Node | None:
+        """What held arguments decide, taken out of what the others do, but for a choice between two such values."""
+        a, b = operands[0], operands[-1]
+        if op in (ca.OP_FABS, ca.OP_SIGN) and not self.is_held(a):  # of zero: +1
+            zero, up, down = (_constant(value, self._weights) for value in (0.0, 1.0, -1.0))
+            way = self._shared(_Node(SELECT, (self.operation(ca.OP_LE, (zero, a)), up, down)))
+            return way if op == ca.OP_SIGN else self.operation(ca.OP_MUL, (a, way))
+        choices = {id(o.operands[0]): o.operands[0] for o in operands if self._is_held_choice(o)}
+        parted = [o for o in operands if self._is_held_choice(o) or self.is_held(o)]
+        if len(choices) == 1 and len(parted) == len(operands):
+            yes, no = (
+                self.operation(op, tuple(o.operands[k] if self._is_held_choice(o) else o for o in operands))
+                for k in (1, 2)
+            )
+            (which,) = choices.values()
+            return yes if yes is no else self._shared(_Node(SELECT, (which, yes, no)))
+        if op == ca.OP_DIV and len(parted) == 1 and parted[0] is b:
+            inverse = self.operation(ca.OP_DIV, (_Node(None, constant=(1.0,)), b))
+            return self.operation(ca.OP_MUL, (a, inverse))
+        if op == ca.OP_MUL and len(parted) == 1:
+            product, own = (a, b) if parted[0] is b else (b, a)
+            for inner, rest in (product.operands, product.operands[::-1]) if product.op == ca.OP_MUL else ():
+                whole = self.operation(ca.OP_MUL, (own, inner))
+                if self.is_held(whole) or self._is_held_choice(whole):
+                    return self.operation(ca.OP_MUL, (rest, whole))
+        return None
 
     def _gathered(self, op: int, operands: tuple[_Node, ...]) -> _Node | None:
         """Division by a constant as multiplication, and K1 (K2 x) as (K1 K2) x."""

@@ -7,14 +7,17 @@ import numpy as np
 
 from tendonff.models.joint.balance import JointLaw
 from tendonff.models.layout import fields_of
-from tendonff.models.tendon.assembly import NORMAL_FORCE_FLOOR_N, near_tension, tension_sum
-from tendonff.models.tendon.bounds import at_least
+from tendonff.models.tendon.assembly import near_tension, tension_sum
 from tendonff.models.tendon.chain import Chain
+from tendonff.models.tendon.friction import far_side_balance
 from tendonff.ocp.codegen.printer import Law
 from tendonff.ocp.step.laws import ElementLaws, symbolic, symbols, twins_of, way_of
 
 _NO_JOINT = JointLaw(**dict.fromkeys(JointLaw.__dataclass_fields__, 0.0))
 """Numbers that do not matter: only the names of the fields are used."""
+
+_RIGID = 1e30
+"""Slope of a balance that lets nothing move."""
 
 JOINT_NUMBERS = tuple(fields_of(_NO_JOINT, "joint_"))
 """Names of a joint's numbers in C."""
@@ -52,14 +55,20 @@ def link_back(laws: ElementLaws) -> Law:
     law = laws.link_rate()
     force, rate = law.inputs[0], law.outputs["rate"]
     comment = "Rate of elongation [m/s] of a taut link that carries a force, and its slope over the force."
-    return replace(law, name="link_back", comment=comment, outputs={"rate": rate, "by_force": ca.jacobian(rate, force)})
+    return replace(
+        law,
+        name="link_back",
+        comment=comment,
+        outputs={"rate": rate, "by_force": ca.jacobian(rate, force)},
+        held=tuple(s.name() for s in law.inputs[1:]),
+    )
 
 
 def path_mass_back(laws: ElementLaws) -> Law:
     """Friction and inertia that a mass adds to the tension, with slopes over its speed and the load side's tension.
 
-    The normal force f_n = A(v, f_far) + S(v, f_n), S being the states' force, gives its slopes without those of its
-    root: fewer operations, and no branches.
+    The balance of its friction's states gives their slopes without those of its root: fewer operations, and no
+    branches. Where the tendon is slack they are those without friction.
     """
     law, friction = laws.path_mass_inverse(drop=True), laws.friction
     known = {s.name(): s for s in law.inputs}
@@ -67,22 +76,26 @@ def path_mass_back(laws: ElementLaws) -> Law:
     inertia = known["piece_mass_kg"] / step * (v - known["v_base"])
     own = near_tension(f_far, friction.viscous_force(v), inertia)
     far_sum = tension_sum(f_far, own, known["piece_adhesion_N"])
-    states = tuple(law.outputs[name] for name in friction.states)
     base = tuple(known[f"{name}_base"] for name in friction.states)
-    f_n = ca.SX.sym("f_n")
-    force = friction.state_force(friction.implicit(v, base, step, f_n))
-    found = at_least(far_sum + friction.state_force(states), NORMAL_FORCE_FLOOR_N)
-    by_f_n, by_v = ca.substitute([ca.jacobian(force, f_n), ca.jacobian(force, v)], [f_n], [found])
-    rest = 1 - by_f_n
-    # Behind the mass is own + S, S = f_n - A, and f_n changes by (dA + dS at this f_n)/(1 - dS/df_n).
+    found = ca.vertcat(*(law.outputs[name] for name in friction.states))
+    x, a = ca.SX.sym("x", len(friction.states)), ca.SX.sym("a")
+    states = tuple(ca.vertsplit(x))
+    balance = ca.vertcat(*far_side_balance(friction, v, base, step, a, states))
+    of_states = [ca.jacobian(friction.state_force(states), x), *(ca.jacobian(balance, s) for s in (x, a, v))]
+    force, by_x, by_a, by_v = ca.substitute(of_states, [x, a], [found, far_sum])
+    held = force @ ca.inv(ca.if_else(far_sum > 0, by_x, _RIGID * ca.SX.eye(len(states))))
     slopes = {
-        "by_v": ca.jacobian(own, v) + (by_v + by_f_n * ca.jacobian(far_sum, v)) / rest,
-        "by_far": ca.jacobian(own, f_far) + by_f_n * ca.jacobian(far_sum, f_far) / rest,
+        "by_v": ca.jacobian(own, v) - held @ (by_v + by_a * ca.jacobian(far_sum, v)),
+        "by_far": ca.jacobian(own, f_far) - held @ (by_a * ca.jacobian(far_sum, f_far)),
     }
     comment = "Friction and inertia of a mass [N], slopes of the tension behind it, and the states of its friction."
     every = {name: value for name, value in law.outputs.items() if name != "drop"}
     return replace(
-        law, name="path_mass_back", comment=comment, outputs={"drop": law.outputs["drop"], **slopes, **every}
+        law,
+        name="path_mass_back",
+        comment=comment,
+        outputs={"drop": law.outputs["drop"], **slopes, **every},
+        held=tuple(known.keys() - {"v", "f_far"}),
     )
 
 

@@ -103,7 +103,7 @@ def mechanism_code(
     known["H"] = tuple(weight for weight, _ in weights)
     single = precision is Precision.FLOAT
     folder = PartialEvaluator(prefix=prefix, precision=precision, parameters=known, reorder=single)
-    folded = {law.name: folder.fold(law) for law in laws}
+    folded = {law.name: law for law in folder.parts(laws)}
     bodies = [fields_of(law, "joint_") for problem in problems for law in problem.laws()[: problem.known]]
     same = {name: (float(bodies[0][name]),) for name in JOINT_NUMBERS if len({each[name] for each in bodies}) == 1}
     balance = PartialEvaluator(prefix=prefix, precision=precision, parameters=same).fold(joint_torque())

@@ -106,7 +106,8 @@ def host_source(
     printer = PartialEvaluator(prefix=PREFIX, precision=Precision.DOUBLE, parameters={})
     elements = ElementLaws.of(chain, folded=True)
     moved = (elements.contact(twins_of(chain, ways_differ=ways_differ)),) if chain.moving else ()
-    printed = {law.name: printer.fold(law) for law in (*laws, *moved)}
+    whole = () if CORE in templates else tuple(law.name for law in laws)
+    printed = {law.name: law for law in printer.parts((*laws, *moved), whole)}
     templates = ("moving.c.j2", *templates) if chain.moving else templates
     code = StepCode(
         prefix=PREFIX,

@@ -193,6 +193,11 @@ class StepCode:
         """Names of the parameters of friction on one mass."""
         return tuple(name for name in self.numbers if name.startswith("friction_"))
 
+    @property
+    def ready(self) -> dict[str, tuple[str, ...]]:
+        """By name of a law that was split: results of its first part."""
+        return {name: made.outputs for name in self.laws if (made := self.laws.get(f"{name}_ready")) is not None}
+
     def work(self) -> tuple[tuple[str, str], ...]:
         """Arrays of the work area of one step, with their sizes in C."""
         n = self.size
@@ -207,6 +212,8 @@ class StepCode:
             extra += [("gain", f"{n} + 1"), ("ratio", f"{n} + 1"), ("drift", f"{n} + 2")]
         if self.moving and self.host:
             extra += [(name, n) for name in ("angle", "kept", "kept_old", "piece_mass_kg", *self.friction_numbers)]
+        if self.ready:
+            extra.append(("ready", f"{sum(map(len, self.ready.values()))} * ({n} + 1)"))
         base = ("base", _text(*self.layout.offset("end"), n))
         return (base, *links, *own, *((name, f"{n} + 2") for name in masses), *extra)
 
@@ -306,6 +313,9 @@ class StepCode:
             index=list(self.numbers).index,
             takes=lambda law, name: name in self.laws[law].inputs,
             outputs={name: law.outputs for name, law in self.laws.items()},
+            ready=self.ready,
+            addressed=lambda law, first: {name: f"&ready[{first + k}]" for k, name in enumerate(self.ready[law])},
+            given_ready=lambda law, first: {name: f"ready[{first + k}]" for k, name in enumerate(self.ready[law])},
             addresses=lambda law: {name: f"&{name}" for name in self.laws[law].outputs},
             work=self.work(),
             state_text=", ".join(name for name, _, _ in states.blocks),

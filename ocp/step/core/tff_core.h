@@ -317,10 +317,18 @@ static void tff_strand_place(tff_strand *s, int bodies, const tff_real *q)
 /* The path and everything that follows from it for positions at the end of a step. */
 static void tff_strand_at(tff_strand *s, int bodies, const tff_real *q)
 {
+    const int n = s->given->chain->count;
+    int i;
     tff_strand_place(s, bodies, q);
     tff_move(s->c, &s->place, s->given->x, s->given->x_old, &s->w);
-    tff_carry(s->given->chain->count, &s->w);
-    tff_link_starts(s->c, s->given->chain->count, s->w.ratio, s->w.base, s->w.start, s->w.gain);
+    tff_carry(n, &s->w);
+    tff_link_starts(s->c, n, s->w.ratio, s->w.base, s->w.start, s->w.gain);
+    for (i = 0; i <= n; i++) {
+        tff_link_ready(s->c, &s->w, i, &s->w.ready[TFF_READY * i]);
+        if (i > 0) {
+            tff_mass_ready(s->c, &s->w, i, &s->w.ready[TFF_READY * i]);
+        }
+    }
 }
 
 /* What a step starts from: base of the scheme. */
@@ -351,9 +359,10 @@ static void tff_back(tff_strand *s, int bodies, tff_real tension)
     int i;
     w->v[n + 1] = v;
     for (i = n; i >= 0; i--) {
+        const tff_real *const ready = &w->ready[TFF_READY * i];
         tff_real rate;
         tff_real of_force;
-        tff_link_of_force(c, w, i, f, &rate, &of_force);
+        tff_link_of_force(c, ready, f, &rate, &of_force);
         v += rate - w->drift[i];
         by_v += of_force * by_f;
         w->v[i] = v;
@@ -363,7 +372,7 @@ static void tff_back(tff_strand *s, int bodies, tff_real tension)
             tff_real drop;
             tff_real of_v;
             tff_real of_far;
-            tff_mass_of_force(c, w, i, v, f, &drop, &of_v, &of_far);
+            tff_mass_of_force(c, ready, w, i, v, f, &drop, &of_v, &of_far);
             f += drop;
             by_f = (of_v * by_v) + (of_far * by_f);
         }
