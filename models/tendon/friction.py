@@ -145,9 +145,7 @@ def from_far_side(law: FrictionLaw, v: ca.SX, base: States, step_s: ca.SX, far_s
     return law.implicit(v, base, step_s, x)
 
 
-def far_side_balance(
-    law: FrictionLaw, v: ca.SX, base: States, step_s: ca.SX, far_sum: ca.SX, states: States
-) -> States:
+def far_side_balance(law: FrictionLaw, v: ca.SX, base: States, step_s: ca.SX, far_sum: ca.SX, states: States) -> States:
     """What is zero at the states of `from_far_side`: its slopes give those of the states without those of a root."""
     closed = law.far_side_balance(v, base, step_s, far_sum, states)
     if closed is not None:
