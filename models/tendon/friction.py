@@ -97,7 +97,7 @@ class FrictionLaw(Protocol):
         """The same where f_n = A + state_force(states) with A = `far_sum` known; None without a closed form."""
 
     def far_side_balance(self, v: ca.SX, base: States, step_s: ca.SX, far_sum: ca.SX, states: States) -> States | None:
-        """What is zero at the states of `implicit_from_far_side`; None without a closed form."""
+        """Balance that is zero at the states of `implicit_from_far_side`; None without a closed form."""
 
 
 def equivalent_coefficient(mu: ca.SX, angle_rad: ca.SX) -> ca.SX:
@@ -146,7 +146,7 @@ def from_far_side(law: FrictionLaw, v: ca.SX, base: States, step_s: ca.SX, far_s
 
 
 def far_side_balance(law: FrictionLaw, v: ca.SX, base: States, step_s: ca.SX, far_sum: ca.SX, states: States) -> States:
-    """What is zero at the states of `from_far_side`: its slopes give those of the states without those of a root."""
+    """Balance that is zero at the states of `from_far_side`: its slopes give theirs without those of a root."""
     closed = law.far_side_balance(v, base, step_s, far_sum, states)
     if closed is not None:
         return closed

@@ -42,6 +42,7 @@ class _Node:
         return self.constant is not None and all(c == value for c in self.constant)
 
 
+_ONE = _Node(None, constant=(1.0,))
 _Made = tuple[int, tuple[_Node, ...]]
 
 
@@ -319,7 +320,7 @@ class _Tape:
         elif op == ca.OP_TWICE:
             op, operands = ca.OP_ADD, (a, a)
         elif op == ca.OP_INV:
-            op, operands = ca.OP_DIV, (_Node(None, constant=(1.0,)), a)
+            op, operands = ca.OP_DIV, (_ONE, a)
         if all(o.constant is not None for o in operands):
             columns = [o.constant for o in operands if o.constant is not None]
             count = max(len(column) for column in columns)
@@ -354,24 +355,23 @@ class _Tape:
         return bool(values) and not self.is_held(which) and all(map(self.is_held, values))
 
     def _held_apart(self, op: int, operands: tuple[_Node, ...]) -> _Node | None:
-        """What held arguments decide, taken out of what the others do, but for a choice between two such values."""
+        """Node that keeps apart what held arguments decide, but for a choice between two such values."""
         a, b = operands[0], operands[-1]
         if op in (ca.OP_FABS, ca.OP_SIGN) and not self.is_held(a):  # of zero: +1
-            zero, up, down = (_constant(value, self._weights) for value in (0.0, 1.0, -1.0))
-            way = self._shared(_Node(SELECT, (self.operation(ca.OP_LE, (zero, a)), up, down)))
+            rising = self.operation(ca.OP_LE, (_constant(0.0, self._weights), a))
+            way = self._shared(_Node(SELECT, (rising, _ONE, _Node(None, constant=(-1.0,)))))
             return way if op == ca.OP_SIGN else self.operation(ca.OP_MUL, (a, way))
+        if op == ca.OP_DIV and not a.is_number(1) and (self.is_held(b) or self._is_held_choice(b)):
+            return self.operation(ca.OP_MUL, (a, self.operation(ca.OP_DIV, (_ONE, b))))
         choices = {id(o.operands[0]): o.operands[0] for o in operands if self._is_held_choice(o)}
         parted = [o for o in operands if self._is_held_choice(o) or self.is_held(o)]
-        if len(choices) == 1 and len(parted) == len(operands):
+        if len(choices) == 1 and len(parted) == len(operands) and op != ca.OP_SUB:  # one more choice is dearer
             yes, no = (
                 self.operation(op, tuple(o.operands[k] if self._is_held_choice(o) else o for o in operands))
                 for k in (1, 2)
             )
             (which,) = choices.values()
             return yes if yes is no else self._shared(_Node(SELECT, (which, yes, no)))
-        if op == ca.OP_DIV and len(parted) == 1 and parted[0] is b:
-            inverse = self.operation(ca.OP_DIV, (_Node(None, constant=(1.0,)), b))
-            return self.operation(ca.OP_MUL, (a, inverse))
         if op == ca.OP_MUL and len(parted) == 1:
             product, own = (a, b) if parted[0] is b else (b, a)
             for inner, rest in (product.operands, product.operands[::-1]) if product.op == ca.OP_MUL else ():
@@ -384,7 +384,7 @@ class _Tape:
         """Division by a constant as multiplication, and K1 (K2 x) as (K1 K2) x."""
         a, b = operands[0], operands[-1]
         if op == ca.OP_DIV and (b.constant is not None or _is_choice(b)):
-            return self.operation(ca.OP_MUL, (a, self.operation(ca.OP_DIV, (_Node(None, constant=(1.0,)), b))))
+            return self.operation(ca.OP_MUL, (a, self.operation(ca.OP_DIV, (_ONE, b))))
         if op == ca.OP_NEG and a.op == ca.OP_MUL and any(o.constant is not None for o in a.operands):
             return self.operation(ca.OP_MUL, (a, _Node(None, constant=(-1.0,))))
         if op == ca.OP_MUL:

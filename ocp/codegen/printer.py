@@ -24,7 +24,7 @@ class Law:
     comment: str
     inputs: tuple[ca.SX, ...]  # scalar symbols
     outputs: dict[str, ca.SX]  # expressions
-    # names of arguments that stay while the others change from call to call, as in a search: see `PartialEvaluator.split`
+    # arguments that stay while the others change from call to call, as in a search: see `PartialEvaluator.split`
     held: tuple[str, ...] = ()
 
     def function(self) -> ca.Function:

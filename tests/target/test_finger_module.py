@@ -10,7 +10,7 @@ from tendonff.ocp.codegen.precision import Precision
 
 pytestmark = pytest.mark.compiler
 
-MOST = {("m4f", "reference"): 60_000, ("m7", "reference"): 70_000, ("m4f", "turn"): 100_000, ("m7", "turn"): 110_000}
+MOST = {("m4f", "reference"): 40_000, ("m7", "reference"): 50_000, ("m4f", "turn"): 60_000, ("m7", "turn"): 82_000}
 
 
 @pytest.fixture
@@ -40,7 +40,7 @@ def module(toolbox, examples, tmp_path):
 def test_a_step_of_three_joints_and_four_tendons_takes_at_most_60000_instructions_in_float(
     toolbox, module, board, course, record_property
 ):
-    """Twelve masses a tendon, the most of all calls; where joints turn back at speed within a sample, up to 100 000."""
+    """Twelve masses a tendon, the most of all calls, also where joints turn back at speed within a sample."""
     ceiling, board = MOST[board, course], getattr(toolbox, board)
     source = module(board, course)
     there, image = toolbox.on_board(board, source, source, kinds=("finger",))

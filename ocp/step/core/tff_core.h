@@ -12,9 +12,12 @@
 #define TFF_CORE_H
 
 #define TFF_MOST_EQUATIONS ((2 * TFF_MOST_TENDONS) + TFF_MOST_BODIES)
+#define TFF_MOST_ROWS (TFF_MOST_TENDONS + TFF_MOST_BODIES) /* balances that count */
 #define TFF_SHARE_LOST ((tff_real)1e12) /* a tension that no tendon has [N] */
 #define TFF_HALF ((tff_real)0.5)
 #define TFF_SHARE_ROUNDING (8 * TFF_SHARE_TOLERANCE) /* a move that rounding may make */
+#define TFF_SHARE_NEAR (64 * TFF_SHARE_TOLERANCE) /* a move after which the next one's size is known */
+#define TFF_SHARE_STIFF ((tff_real)1e-4) /* least slope of a tension's condition over it: none where its price is nil */
 #define TFF_MOST_AXES 3
 
 /* Effect of a body on a tendon. */
@@ -324,9 +327,9 @@ static void tff_strand_at(tff_strand *s, int bodies, const tff_real *q)
     tff_carry(n, &s->w);
     tff_link_starts(s->c, n, s->w.ratio, s->w.base, s->w.start, s->w.gain);
     for (i = 0; i <= n; i++) {
-        tff_link_ready(s->c, &s->w, i, &s->w.ready[TFF_READY * i]);
+        tff_link_ready(s->c, &s->w, i);
         if (i > 0) {
-            tff_mass_ready(s->c, &s->w, i, &s->w.ready[TFF_READY * i]);
+            tff_mass_ready(s->c, &s->w, i);
         }
     }
 }
@@ -716,12 +719,12 @@ static tff_real tff_way(const tff_sharing *how, int t)
     return (how->winding_m[t] > 0) ? (tff_real)1 : (tff_real)-1;
 }
 
-/* What is missing in all balances of torque and closures of drums, as tensions, and its slopes over the tensions, in rows
- * from `first` on; `of_row` tells which each is. Returns the row behind the last. */
-static int tff_missing(const tff_balance *m, tff_real *a, int stride, tff_real *b, int *of_row, int first)
+/* What is missing in all balances of torque and closures of drums, as tensions, and its slopes over the tensions;
+ * `of_row` tells which each is. Returns their number. */
+static int tff_missing(const tff_balance *m, tff_real *a, int stride, tff_real *b, int *of_row)
 {
     const tff_sharing *const how = m->how;
-    int rows = first;
+    int rows = 0;
     int i;
     int t;
     int j;
@@ -756,19 +759,51 @@ static int tff_missing(const tff_balance *m, tff_real *a, int stride, tff_real *
     return rows;
 }
 
+/* What the prices of the tensions know of the balances that count: arms in units of tension, as without friction, and
+ * which each is, in the order of `tff_missing`. Returns their number. */
+static int tff_plain(const tff_balance *m, tff_real *a, int *of_row)
+{
+    int rows = 0;
+    int i;
+    int t;
+    for (i = 0; i < m->balanced; i++) {
+        for (t = 0; t < m->count; t++) {
+            a[(rows * TFF_MOST_TENDONS) + t] = m->strands[t].arm[i] / m->scale[i];
+        }
+        of_row[rows] = i;
+        rows++;
+    }
+    for (i = 0; i < m->count; i++) {
+        const int other = m->how->partner[i];
+        if ((other >= 0) && (m->loose[i] == 0) && (m->loose[other] == 0)) {
+            for (t = 0; t < m->count; t++) {
+                a[(rows * TFF_MOST_TENDONS) + t] = 0;
+            }
+            a[(rows * TFF_MOST_TENDONS) + i] = tff_way(m->how, i);
+            a[(rows * TFF_MOST_TENDONS) + other] = -tff_way(m->how, other);
+            of_row[rows] = m->balanced + i;
+            rows++;
+        }
+    }
+    return rows;
+}
+
 /* Tensions u at the far ends that balance all torques and close all drums. Newton's method on those balances with local
  * tensions, and on the conditions of the least price among tensions that give the same torques without friction: their
- * slopes do not jump where a mass turns. Returns 0 where there are none. */
+ * slopes do not jump where a mass turns. The conditions give the tensions' moves for those of the balances' worth, the
+ * balances the latter. Returns 0 where there are none. */
 static int tff_share(tff_balance *m, tff_real *u)
 {
-    static const int stride = TFF_MOST_EQUATIONS;
-    tff_real a[TFF_MOST_EQUATIONS * TFF_MOST_EQUATIONS];
-    tff_real b[TFF_MOST_EQUATIONS];
+    tff_real plain[TFF_MOST_ROWS * TFF_MOST_TENDONS];
+    tff_real by[TFF_MOST_ROWS * TFF_MOST_TENDONS];
+    tff_real a[TFF_MOST_ROWS * TFF_MOST_ROWS];
+    tff_real b[TFF_MOST_ROWS];
     const tff_sharing *const how = m->how;
     const tff_real price = (m->still != 0) ? 0 : how->price;
-    tff_real of_u[TFF_MOST_TENDONS] = { 0 };
-    tff_real of_slope[TFF_MOST_TENDONS] = { 0 };
-    int of_row[TFF_MOST_EQUATIONS];
+    tff_real move[TFF_MOST_TENDONS] = { 0 }; /* of each tension as its own condition alone asks, */
+    tff_real gives[TFF_MOST_TENDONS] = { 0 }; /* and per unit of a slope of its price */
+    int of_row[TFF_MOST_ROWS];
+    const int rows = tff_plain(m, plain, of_row);
     tff_real went[TFF_MOST_TENDONS] = { 0 };
     tff_real damping = 1;
     tff_real least = TFF_SHARE_LOST; /* of all moves so far */
@@ -776,87 +811,87 @@ static int tff_share(tff_balance *m, tff_real *u)
     int t;
     int i;
     int j;
-    int other;
     for (k = 0; (k < TFF_SHARE_MOVES) && (m->evaluations < m->most); k++) {
-        const int width = m->count + m->balanced + m->count;
         tff_real turned = 0;
         tff_real before = 0;
-        int rows;
         tff_real most = 0;
         tff_all_back(m, u, 0);
-        for (t = 0; t < m->count; t++) {
-            for (i = 0; i < width; i++) {
-                a[(t * stride) + i] = 0;
-            }
-        }
+        (void)tff_missing(m, by, TFF_MOST_TENDONS, b, of_row);
         for (t = 0; t < m->count; t++) {
             tff_real slope = price * (u[t] - m->last[t]);
-            for (i = 0; i < m->balanced; i++) {
-                slope += m->strands[t].arm[i] / m->scale[i] * m->worth[i];
+            tff_real of_u = 0;
+            tff_real of_slope = 1;
+            tff_real off;
+            for (i = 0; i < rows; i++) {
+                slope += plain[(i * TFF_MOST_TENDONS) + t] * m->worth[of_row[i]];
             }
-            for (other = 0; other < m->count; other++) {
-                const int of = how->partner[other];
-                slope += ((t == other) && (of >= 0)) ? tff_way(how, t) * m->worth[m->balanced + other] : 0;
-                slope -= (t == of) ? tff_way(how, t) * m->worth[m->balanced + other] : 0;
-            }
-            of_u[t] = 1;
-            of_slope[t] = 1;
+            off = -slope;
             if (m->loose[t] != 0) { /* no tension: pinned */
-                of_slope[t] = 0;
-                b[t] = -u[t];
+                of_u = 1;
+                of_slope = 0;
+                off = -u[t];
             } else if (how->shares[t] != 0) { /* room and the saving of less tension: neither negative, their product `smooth` */
                 const tff_real room = u[t] - how->least;
                 const tff_real saving = 1 + slope;
                 const tff_real size = TFF_SQRT(((room * room) + (saving * saving)) + (2 * how->smooth));
-                of_u[t] = 1 - ((size > 0) ? room / size : TFF_HALF);
-                of_slope[t] = 1 - ((size > 0) ? saving / size : TFF_HALF);
-                b[t] = size - (room + saving);
+                of_u = 1 - ((size > 0) ? room / size : TFF_HALF);
+                of_slope = 1 - ((size > 0) ? saving / size : TFF_HALF);
+                off = size - (room + saving);
             } else {
-                of_u[t] = 0;
-                b[t] = -slope;
+                /* bound to the others on its drum */
             }
-            a[(t * stride) + t] = of_u[t] + (of_slope[t] * price);
+            of_u += of_slope * price;
+            of_u = (of_u > TFF_SHARE_STIFF) ? of_u : TFF_SHARE_STIFF;
+            move[t] = off / of_u;
+            gives[t] = of_slope / of_u;
         }
-        rows = tff_missing(m, a, stride, b, of_row, m->count);
-        for (i = m->count; i < rows; i++) {
-            for (j = m->count; j < width; j++) {
-                a[(i * stride) + j] = 0;
+        for (i = 0; i < rows; i++) {
+            const tff_real *const own = &by[i * TFF_MOST_TENDONS];
+            b[i] = -b[i];
+            for (t = 0; t < m->count; t++) {
+                b[i] += own[t] * move[t];
             }
-            if (of_row[i] < m->balanced) {
+            for (j = 0; j < rows; j++) {
+                const tff_real *const its = &plain[j * TFF_MOST_TENDONS];
+                tff_real sum = 0;
                 for (t = 0; t < m->count; t++) {
-                    a[(t * stride) + i] = of_slope[t] * (m->strands[t].arm[of_row[i]] / m->scale[of_row[i]]);
+                    sum += (own[t] * gives[t]) * its[t];
                 }
-            } else {
-                t = of_row[i] - m->balanced;
-                other = how->partner[t];
-                a[(t * stride) + i] = of_slope[t] * tff_way(how, t);
-                a[(other * stride) + i] = -of_slope[other] * tff_way(how, other);
+                a[(i * TFF_MOST_ROWS) + j] = sum;
             }
         }
-        if (tff_dense(a, stride, b, rows) == 0) {
+        if (tff_dense(a, TFF_MOST_ROWS, b, rows) == 0) {
             return 0;
         }
         for (t = 0; t < m->count; t++) {
-            const tff_real size = TFF_FABS(b[t]) / (1 + TFF_FABS(u[t]));
+            tff_real size;
+            for (i = 0; i < rows; i++) {
+                move[t] -= gives[t] * (plain[(i * TFF_MOST_TENDONS) + t] * b[i]);
+            }
+            size = TFF_FABS(move[t]) / (1 + TFF_FABS(u[t]));
             most = (size <= most) ? most : size; /* this way round NaN counts */
+            turned += move[t] * went[t];
+            before += went[t] * went[t];
+            went[t] = move[t];
         }
         if (!(most < TFF_SHARE_LOST)) {
             return 0;
         }
-        for (t = 0; t < m->count; t++) {
-            turned += b[t] * went[t];
-            before += went[t] * went[t];
-            went[t] = b[t];
-        }
         damping = tff_damped(damping, turned, before);
         for (t = 0; t < m->count; t++) {
-            u[t] += damping * b[t];
+            const tff_real to = u[t] + (damping * move[t]);
+            const tff_real lowest = TFF_HALF * how->least; /* near slack there are no slopes to go by, and no answer */
+            u[t] = ((how->shares[t] != 0) && (to < lowest)) ? lowest : to;
         }
-        for (i = m->count; i < rows; i++) {
+        for (i = 0; i < rows; i++) {
             m->worth[of_row[i]] += damping * b[i];
         }
         if ((most <= TFF_SHARE_TOLERANCE) || ((most <= TFF_SHARE_ROUNDING) && (most > (TFF_HALF * least)))) {
             return 1; /* or rounding leaves no less */
+        }
+        if ((most <= TFF_SHARE_NEAR) && ((most * most) <= (TFF_SHARE_TOLERANCE * least)) && !(damping < 1)) {
+            tff_all_back(m, u, 0); /* the next move would be as much less again */
+            return 1;
         }
         least = (most < least) ? most : least;
     }
@@ -889,7 +924,7 @@ static int tff_nearest(tff_balance *m, tff_real *u)
         int rows;
         tff_real off = 0;
         tff_all_back(m, u, 0);
-        rows = tff_missing(m, by, stride, b, of_row, 0);
+        rows = tff_missing(m, by, stride, b, of_row);
         for (i = 0; i < rows; i++) {
             off += b[i] * b[i];
         }

@@ -18,13 +18,17 @@ from tendonff.ocp.codegen.partial_evaluation import PartialEvaluator
 from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.codegen.printer import Law, literal
 from tendonff.ocp.errors import CodeError
+from tendonff.ocp.joint.laws import link_back, path_mass_back
 from tendonff.ocp.step.laws import ElementLaws
 
 pytestmark = pytest.mark.compiler
 
 FINGER = load_scenario(Path(__file__).parents[3] / "examples" / "finger.toml").transmission
 ELEMENTS = ElementLaws.of(Chain.of(FINGER, Level.PRESLIDING))
-LAWS = (*ELEMENTS.simulation(), *ELEMENTS.inverse(), ELEMENTS.path_mass_inverse(drop=True), *ELEMENTS.tangent())
+LAWS = (
+    *(*ELEMENTS.simulation(), *ELEMENTS.inverse(), ELEMENTS.path_mass_inverse(drop=True), *ELEMENTS.tangent()),
+    *(link_back(ELEMENTS), path_mass_back(ELEMENTS)),  # in two parts
+)
 MUS = [f"friction_mu_{kind}_{way}" for kind in ("dynamic", "static") for way in ("pull", "release")]
 RANGES = {
     **dict.fromkeys(("f_near", "f_far", "f", "f_c", "force", "start"), (1.0, 80.0)),
@@ -56,13 +60,20 @@ def test_float_literals_read_back_as_the_same_float(value: float) -> None:
 
 
 def wrapped(law: Law, precision: Precision) -> str:
-    """The law in C with a visible entry that takes arrays."""
+    """The law in C with a visible entry that takes arrays; in two parts where it has held arguments."""
     real = precision.value
-    printed = PartialEvaluator(prefix="c", precision=precision, parameters={}).fold(law)
-    place = {symbol.name(): k for k, symbol in enumerate(law.inputs)}
-    arguments = [f"in[{place[name]}]" for name in printed.inputs] + [f"&out[{k}]" for k in range(len(law.outputs))]
-    entry = f"void call_{law.name}(const {real} *in, {real} *out) {{ c_{law.name}({', '.join(arguments)}); }}\n"
-    return printed.code + entry
+    printer = PartialEvaluator(prefix="c", precision=precision, parameters={}, reorder=precision is Precision.FLOAT)
+    *early, printed = printer.parts([law])
+    texts = {symbol.name(): f"in[{k}]" for k, symbol in enumerate(law.inputs)}
+    lines = []
+    for part in early:
+        texts |= {name: name for name in part.outputs}
+        arguments = [*map(texts.get, part.inputs), *(f"&{name}" for name in part.outputs)]
+        lines += [f"{real} {', '.join(part.outputs)};", f"c_{part.name}({', '.join(arguments)});"]
+    arguments = [*map(texts.get, printed.inputs), *(f"&out[{k}]" for k in range(len(law.outputs)))]
+    lines.append(f"c_{law.name}({', '.join(arguments)});")
+    entry = f"void call_{law.name}(const {real} *in, {real} *out) {{ {' '.join(lines)} }}\n"
+    return "".join(part.code for part in (*early, printed)) + entry
 
 
 def samples(law: Law, count: int = 200) -> np.ndarray:

@@ -95,6 +95,9 @@ class TwoBristles:
     def implicit_from_far_side(self, *_known: object) -> None:
         return None
 
+    def far_side_balance(self, *_known: object) -> None:
+        return None
+
 
 def chain_with_two_bristles(rig: Transmission, n: int = 4, **changes: float) -> Chain:
     chain = Chain.of(rig, Level.VISCOELASTIC, n)
