@@ -29,7 +29,7 @@ from tendonff.ocp.step.target import require_linear
 
 _SINGLE = {"tolerance": 2e-6, "nudge_rad": 1e-5, "moves": 15, "evaluations": 30}
 _DOUBLE = {"evaluations": 60}
-"""Bounds of a step by precision: three or four evaluations are usual, a dozen where many masses turn at once."""
+"""Bounds of a step by precision: two or three evaluations are usual, up to a dozen where many masses turn at once."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -759,6 +759,13 @@ static int tff_missing(const tff_balance *m, tff_real *a, int stride, tff_real *
     return rows;
 }
 
+/* 1 - x/size for size^2 = x^2 + rest, without the difference of two that are nearly alike. */
+static tff_real tff_short_of(tff_real x, tff_real rest, tff_real size)
+{
+    const tff_real otherwise = (size > 0) ? (1 - (x / size)) : TFF_HALF;
+    return (x > 0) ? (rest / (size * (size + x))) : otherwise;
+}
+
 /* What the prices of the tensions know of the balances that count: arms in units of tension, as without friction, and
  * which each is, in the order of `tff_missing`. Returns their number. */
 static int tff_plain(const tff_balance *m, tff_real *a, int *of_row)
@@ -834,9 +841,9 @@ static int tff_share(tff_balance *m, tff_real *u)
                 const tff_real room = u[t] - how->least;
                 const tff_real saving = 1 + slope;
                 const tff_real size = TFF_SQRT(((room * room) + (saving * saving)) + (2 * how->smooth));
-                of_u = 1 - ((size > 0) ? room / size : TFF_HALF);
-                of_slope = 1 - ((size > 0) ? saving / size : TFF_HALF);
-                off = size - (room + saving);
+                of_u = tff_short_of(room, (saving * saving) + (2 * how->smooth), size);
+                of_slope = tff_short_of(saving, (room * room) + (2 * how->smooth), size);
+                off = ((room + saving) > 0) ? (2 * (how->smooth - (room * saving))) / (size + (room + saving)) : (size - (room + saving));
             } else {
                 /* bound to the others on its drum */
             }
@@ -846,16 +853,17 @@ static int tff_share(tff_balance *m, tff_real *u)
             gives[t] = of_slope / of_u;
         }
         for (i = 0; i < rows; i++) {
-            const tff_real *const own = &by[i * TFF_MOST_TENDONS];
+            tff_real *const own = &by[i * TFF_MOST_TENDONS];
             b[i] = -b[i];
             for (t = 0; t < m->count; t++) {
                 b[i] += own[t] * move[t];
+                own[t] *= gives[t];
             }
             for (j = 0; j < rows; j++) {
                 const tff_real *const its = &plain[j * TFF_MOST_TENDONS];
                 tff_real sum = 0;
                 for (t = 0; t < m->count; t++) {
-                    sum += (own[t] * gives[t]) * its[t];
+                    sum += own[t] * its[t];
                 }
                 a[(i * TFF_MOST_ROWS) + j] = sum;
             }

@@ -3,6 +3,7 @@
 import ctypes
 import json
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from tendonff.compensator.cli import run
 from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.export.finger import project
 from tendonff.compensator.export.finger.fmu import build_finger_fmu
-from tendonff.compensator.export.finger.golden import followed_course, largest_departure, run_courses
+from tendonff.compensator.export.finger.golden import FingerCourse, followed_course, largest_departure, run_courses
 from tendonff.compensator.export.finger.project import export_fingers
 from tendonff.compensator.export.finger.text import finger_module
 from tendonff.compensator.export.host import compile_on_host
@@ -136,6 +137,30 @@ def test_the_exported_inverse_is_the_runtime():
     assert np.abs(answers.command_rad[1:] - live).max() < 1e-9
     assert largest_departure([course], [answers]) < 1e-9
     assert answers.evaluations.max() <= 60
+
+
+def turning_back(task: FingerTask, precision: Precision, rows: int = 6000) -> FingerCourse:
+    """The reference to and fro, with turns within a sample at random."""
+    noise, course = np.random.default_rng(3), followed_course(task, precision)
+    place, at, way = [0], 0, 1
+    while len(place) < rows:
+        for _ in range(int(noise.integers(20, 150))):
+            at = abs(at + way)
+            place.append(min(at, len(course.angle_rad) - 1))
+        at, way = place[-1], -way
+    return replace(course, angle_rad=course.angle_rad[place], torque_N_m=course.torque_N_m[place])
+
+
+def test_tensions_are_found_in_a_dozen_evaluations_where_joints_turn_back_within_a_sample():
+    """Hardly more than three in the mean, and in float the motors of double: no row goes without an answer."""
+    task, found = FingerTask.of(finger()), []
+    for precision in Precision:
+        module = finger_module([task], [task.problem(task.finger)], precision, "tff")
+        [answers], _ = run_courses(module.files, "tff", precision, [turning_back(task, precision)], [0])
+        assert answers.evaluations.max() <= 12
+        assert answers.evaluations.mean() < 3.2
+        found.append(answers.motor_rad)
+    assert np.abs(found[0] - found[1]).max() < 1e-3
 
 
 def test_the_command_writes_the_folder_and_states_the_errors(tmp_path, capsys):
