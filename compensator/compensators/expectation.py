@@ -37,6 +37,9 @@ WITHOUT_WAVES = (
 )
 """Warning on errors without waves of the tendon."""
 
+LIKELY_SHARES = (0.1, 0.9)
+"""A tenth of all draws have a smaller error than the first, a tenth a larger one than the second."""
+
 LARGE_PERCENT = 10.0
 """An RMS error above this is large: a tenth of what is wanted [% of range]."""
 
@@ -62,6 +65,11 @@ class ErrorBand:
         RMS error that half of what is admitted stays below, in the unit of the reference.
     expected_percent : float
         The same [% of range].
+    likely_rmse, likely_percent : tuple of float
+        RMS errors between which `LIKELY_SHARES` of what is admitted lie, in the unit of the reference and in % of
+        range; the second is that of another law where the measurements do not exclude it and its error is larger.
+    other : Score or None
+        Error by that law.
     worst_peak : float
         Largest error at any time on any plant.
     amplification : float
@@ -85,6 +93,8 @@ class ErrorBand:
     worst_sample: Sample[Any]
     expected_rmse: float
     expected_percent: float
+    likely_rmse: tuple[float, float]
+    likely_percent: tuple[float, float]
     worst_peak: float
     amplification: float
     amplified_sample: Sample[Any]
@@ -92,12 +102,23 @@ class ErrorBand:
     low: FloatArray
     high: FloatArray
     errors: Superposition = field(repr=False)
+    other: Score | None = None
     is_without_waves: bool = False
 
     @property
     def nominal(self) -> Score:
         """Errors with the scenario's own numbers."""
         return self.scores[0]
+
+    @property
+    def hangs_on_the_law(self) -> bool:
+        """Whether another law that the measurements do not exclude has a larger error than noise explains."""
+        return self.other is not None and self.other.rmse >= self.likely_rmse[1]
+
+    @property
+    def likely(self) -> str:
+        """Ends of `likely_percent` in words: "0.04 to 0.09"."""
+        return " to ".join(dict.fromkeys(map(two_digits, self.likely_percent)))
 
     def rms(self) -> FloatArray:
         """RMS errors on the samples, shape (samples,)."""
@@ -213,9 +234,9 @@ class Expectation:
         elif without is not None:
             compared = f"; {two_digits(without)} % without friction compensation"
         unfit = unfit_for(self.unit, worst.rmse_percent_of_range)
-        begin, expected = f"{unfit}: tracking" if unfit else "Tracking", two_digits(self.best.expected_percent)
+        begin = f"{unfit}: tracking" if unfit else "Tracking"
         return (
-            f"{begin} error up to {self.error}, with the {label} ({expected} % expected), "
+            f"{begin} error up to {self.error}, with the {label} ({self.best.likely} % expected), "
             f"for {self.doubt} on the {self.level} level{compared}. "
             f"{self.unstated}{self._largest} Next: {next_command}"
         )
@@ -240,6 +261,12 @@ class Expectation:
     def warnings(self) -> list[str]:
         """Warnings of what the errors lack, and of over-compensation, the dangerous side."""
         found = [WITHOUT_WAVES] if self.best.is_without_waves else []
+        if self.best.other is not None and self.best.hangs_on_the_law:
+            found.append(
+                "the measurements do not exclude the friction of [robust.other_law], with which the error is "
+                f"{two_digits(self.best.other.rmse_percent_of_range)} % of {self.share_of}: identify with a log that "
+                "reaches the lowest and the highest tension of the reference (--suggest)"
+            )
         over = {
             name: band
             for name, band in self.bands.items()
@@ -390,6 +417,9 @@ def _band(
     if len(doubt.spreads) > 1:
         samples.append(doubt.at(errors.worst_corner()))
         found.append(changed(samples[-1].system))
+    if (other := doubt.other) is not None:
+        samples.append(other)
+        found.append(changed(other.system))
     outputs, slack = zip(*found, strict=True)
     scores = [score(wanted, output) for output in outputs]
     worst = max(range(len(scores)), key=lambda k: scores[k].rmse)
@@ -397,13 +427,19 @@ def _band(
     swings = [float(np.ptp(np.nan_to_num(output, nan=np.inf))) / span for output in outputs]
     widest = int(np.argmax(np.nan_to_num(swings, nan=np.inf)))
     ends = 1 + 2 * len(doubt.spreads)
-    expected = errors.median_rmse if all(math.isfinite(each.rmse) for each in scores[:ends]) else math.inf
+    are_known = all(math.isfinite(each.rmse) for each in scores[:ends])
+    least, most = LIKELY_SHARES
+    low, expected, high = errors.rmse_quantiles((least, 0.5, most)) if are_known else [math.inf] * 3
+    by_other = None if other is None else scores[-1]
+    high = high if by_other is None else max(high, by_other.rmse)
     return ErrorBand(
         scores=tuple(scores[:own]),
         worst=scores[worst],
         worst_sample=samples[worst],
         expected_rmse=expected,
         expected_percent=100 * expected / span,
+        likely_rmse=(low, high),
+        likely_percent=(100 * low / span, 100 * high / span),
         worst_peak=max(each.peak_error for each in scores),
         amplification=float(np.nan_to_num(swings[widest], nan=np.inf)) - 1,
         amplified_sample=samples[widest],
@@ -411,4 +447,5 @@ def _band(
         low=np.fmin.reduce(outputs),
         high=np.fmax.reduce(outputs),
         errors=errors,
+        other=by_other,
     )

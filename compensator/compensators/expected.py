@@ -33,6 +33,7 @@ def expectation_summary(found: Expectation, segments: int) -> dict[str, object]:
         return {
             f"nominal_rmse_{unit}": finite(errors.nominal.rmse),
             f"expected_rmse_{unit}": finite(errors.expected_rmse),
+            f"likely_rmse_{unit}": [finite(rmse) for rmse in errors.likely_rmse],
             f"worst_rmse_{unit}": finite(errors.worst.rmse),
             f"worst_peak_{unit}": finite(errors.worst_peak),
             "worst_values": dict(errors.worst_sample.numbers),
@@ -47,6 +48,7 @@ def expectation_summary(found: Expectation, segments: int) -> dict[str, object]:
         "segments": segments,
         "recommended": found.recommended,
         f"expected_rmse_{unit}": finite(found.best.expected_rmse),
+        f"likely_rmse_{unit}": [finite(rmse) for rmse in found.best.likely_rmse],
         f"rmse_{unit}": finite(found.best.worst.rmse),
         f"peak_{unit}": finite(found.best.worst_peak),
         "worst_percent_of_range": {name: finite(value) for name, value in found.worst_percent.items()},
@@ -90,13 +92,13 @@ def robustness_table(found: Expectation, labels: Mapping[str, str], segments: in
     for name, band in found.bands.items():
         worst, over = band.worst, 100 * band.amplification
         at = sample_words(band.worst_sample.numbers) or "nominal"
-        errors = (band.nominal.rmse_percent_of_range, band.expected_percent, worst.rmse_percent_of_range)
-        rows.append((labels[name], *errors, unit.factor * worst.rmse, unit.factor * band.worst_peak, over, at))
+        errors = (worst.rmse_percent_of_range, unit.factor * worst.rmse, unit.factor * band.worst_peak)
+        rows.append((labels[name], band.nominal.rmse_percent_of_range, band.likely, *errors, over, at))
     identified = found.doubt.uncertainty.correlation
     law = ", with the identified law taken for right" if identified is not None and identified.noise is not None else ""
     return Table(
         caption=f"Errors over {len(found.doubt.samples)} samples of the parameters on {segments} masses; "
-        f"expected: half of all draws are below{law}; over-compensation: largest swing of the output beyond the "
+        f"expected: eight of ten draws lie there{law}; over-compensation: largest swing of the output beyond the "
         "reference's",
         columns=(
             "profile",

@@ -26,6 +26,8 @@ def next_step(found: Expectation, file: str, then: str, *, change: str = "") -> 
     """
     if change := found.change or change:
         return change
+    if found.best.hangs_on_the_law and found.best.worst.rmse_percent_of_range >= _SMALL_PERCENT:
+        return _suggest(file)
     worth = next((each for each in found.contributions if _pays(found, each)), None)
     if worth is None:
         return then
@@ -72,9 +74,14 @@ def _half_width(spread: Spread) -> float:
     return (high - low) / max(abs(high + low), 1e-300)
 
 
+def _suggest(file: str) -> str:
+    """Command that writes an excitation."""
+    return f"tendonff identify {file} --suggest --out excite"
+
+
 def _measurement(key: str, file: str) -> str:
     """The way to measure the number of a key; several keys that vary together are of one kind."""
-    suggest = f"tendonff identify {file} --suggest --out excite"
+    suggest = _suggest(file)
     *tables, name = key.split(",", maxsplit=1)[0].split(".")
     if name in FACTORS or name == "pretension_N" or any(table in _RIG for table in tables):
         return suggest

@@ -92,9 +92,8 @@ class Superposition:
         places_of_all: list[float] = corner.tolist()
         return places_of_all
 
-    @property
-    def median_rmse(self) -> float:
-        """RMS error that half of all draws of the uncertain numbers stay below, in the unit of the error.
+    def rmse_quantiles(self, shares: Sequence[float]) -> list[float]:
+        """RMS errors that such shares of all draws of the uncertain numbers stay below, in the unit of the error.
 
         The error goes straight from the nominal one to those at both ends; of correlated numbers it is linear, and what
         they are drawn by is noise alone: the law by which they were found is taken for the right one.
@@ -102,7 +101,8 @@ class Superposition:
         points = np.random.default_rng(self.uncertainty.seed).random((_DRAWS, len(self.low)))
         weights, parts = self._weights(drawn_places(self.uncertainty, points, noise_alone=True)), self._parts
         squares = np.einsum("di,ij,dj->d", weights, parts @ parts.T / parts.shape[1], weights)
-        return math.sqrt(max(float(np.median(squares)), 0.0))
+        found: list[float] = np.sqrt(np.maximum(np.quantile(squares, shares), 0.0)).tolist()
+        return found
 
     def at(self, places: Sequence[float]) -> FloatArray:
         """Error at a place in each interval, from −1 (low) to 1 (high), shape (n,)."""

@@ -84,6 +84,12 @@ class Doubt(Generic[S]):
         """Numbers of the two samples at the ends of interval k."""
         return 1 + 2 * k, 2 + 2 * k
 
+    @property
+    def other(self) -> Sample[S] | None:
+        """The system by another law that the measurements do not exclude; None without one."""
+        law = self.uncertainty.other_law
+        return None if law is None else Sample(system=law.of(self.system), numbers=law.numbers)
+
     def at(self, places: Sequence[float]) -> Sample[S]:
         """The sample at a place in each interval, from −1 (low) to 1 (high)."""
         return _sample(self.system, self.spreads, places)

@@ -44,7 +44,7 @@ from tendonff.compensator.identification.measured.reading import DataIssue, read
 from tendonff.compensator.identification.outcome import Fitted, Outcome, carried_on, compared, outcome_of, with_drive
 from tendonff.compensator.identification.pace import Pace
 from tendonff.compensator.identification.parameters import Parameter
-from tendonff.compensator.identification.spread import with_spread
+from tendonff.compensator.identification.spread import with_other_law, with_spread
 from tendonff.compensator.identification.study import Stage, Study, attempted
 from tendonff.compensator.scenario.measurement import Explain, Measurement
 from tendonff.compensator.scenario.scenario import Scenario
@@ -272,9 +272,14 @@ def _answer(study: Study) -> Identification:
         fitted = carried_on(study, law)
         uneven = messages.about_uneven_path(chain, scenario.transmission.path.total_angle_rad)
         noise = correlation if chain is None else chain.noise
-        fitted = replace(fitted, scenario=with_spread(fitted.scenario, estimates, names, correlation, noise))
+        known = with_spread(fitted.scenario, estimates, names, correlation, noise)
+        other = None if chain is None else chain.with_other_friction(scenario.transmission)
+        fitted = replace(fitted, scenario=with_other_law(known, other))
         study = study.noted(
-            *messages.about_fitted(fitted, records, outcome.fit_percent), uneven, "" if chain is None else chain.caution
+            *messages.about_fitted(fitted, records, outcome.fit_percent),
+            uneven,
+            messages.about_other_law(chain, records),
+            "" if chain is None else chain.caution,
         )
     of_drive = drive_estimates(scenario, study.raw)
     if of_drive:

@@ -13,13 +13,27 @@ from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.parameters import MU_PULL, MU_RELEASE, PARAMETERS, Parameter
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.parameters.numbers import number_of
-from tendonff.models.parameters.uncertainty import Correlation, Spread
+from tendonff.models.parameters.transmission import Transmission
+from tendonff.models.parameters.uncertainty import Correlation, OtherLaw, Spread
 
 LEAST = 1e-4
 """Least half-width that is written: no rig is known better."""
 
 _FACTORS = {"mu": MU_PULL, "stiffness": Parameter.STIFFNESS, "bristle_stiffness": Parameter.BRISTLE}
 """Keys of [robust] that an identified value supersedes."""
+
+_OF_FRICTION = tuple(
+    f"friction.{name}"
+    for name in (
+        "mu_dynamic",
+        "mu_dynamic_release",
+        "adhesion_N",
+        "load_exponent",
+        "reference_tension_N",
+        "soft_bristle_stiffness_N_per_m",
+    )
+)
+"""Keys of a law of friction that may be another one."""
 
 
 def with_spread(
@@ -62,9 +76,20 @@ def with_spread(
         covered = taken | {key for spread in others for key in spread.keys}
         kept, known["mu"] = _of_kept_friction(scenario, taken, covered)
         spreads += kept
-    robust = replace(scenario.robust, spread=(*others, *spreads), correlation=None, **known)
+    robust = replace(scenario.robust, spread=(*others, *spreads), correlation=None, other_law=None, **known)
     errors = {key: _error(estimate) for estimate, key in found.values()}
     return replace(scenario, robust=replace(robust, correlation=_correlation(spreads, names, matrix, noise, errors)))
+
+
+def with_other_law(scenario: Scenario, other: Transmission | None) -> Scenario:
+    """The scenario with the friction of another fitted transmission that the data do not exclude, if there is one."""
+    if other is None:
+        return scenario
+    numbers = {key: number_of(other, key) for key in _OF_FRICTION}
+    numbers["friction.load_exponent"] = numbers["friction.load_exponent"] or 0.0
+    given = {key: value for key, value in numbers.items() if value is not None}
+    law = OtherLaw(keys=tuple(given), values=tuple(float(f"{value:.6g}") for value in given.values()))
+    return replace(scenario, robust=replace(scenario.robust, other_law=law))
 
 
 def _correlation(

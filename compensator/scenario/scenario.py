@@ -320,6 +320,8 @@ def with_spread(robust: Uncertainty, spread: tuple[Spread, ...], system: object,
     try:
         robust = replace(robust, spread=spread)
         robust.check_correlation()
+        if robust.other_law is not None:
+            robust.other_law.of(system)
         for one in robust.spreads:
             one.check(system)
             for place in (-1.0, 1.0):

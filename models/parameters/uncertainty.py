@@ -3,12 +3,15 @@
 import math
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import TypeVar
 
 import numpy as np
 
 from tendonff.models.errors import ParameterError, require_whole
 from tendonff.models.layout import Array
-from tendonff.models.parameters.numbers import FACTORS, is_whole, number_of
+from tendonff.models.parameters.numbers import FACTORS, is_whole, keys_of, number_of, with_numbers
+
+S = TypeVar("S")
 
 
 class Objective(StrEnum):
@@ -128,6 +131,40 @@ class Correlation:
         return self.rows if self.noise is None else self.noise
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OtherLaw:
+    """Numbers of a law that explains the measurements as well as the one whose numbers the scenario has.
+
+    Parameters
+    ----------
+    keys : tuple of str
+        Dotted keys, as `models.parameters.numbers` reads them.
+    values : tuple of float
+        One for each.
+    """
+
+    keys: tuple[str, ...]
+    values: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if not self.keys or len(set(self.keys)) != len(self.keys) or len(self.keys) != len(self.values):
+            raise ParameterError(
+                f"other_law: keys must be different ones, with one value for each; got {len(self.keys)} keys and "
+                f"{len(self.values)} values"
+            )
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """The values by key."""
+        return dict(zip(self.keys, self.values, strict=True))
+
+    def of(self, system: S) -> S:
+        """The system by this law; ParameterError where it has no such number, or one is out of its bounds."""
+        if unknown := [key for key in self.keys if key not in keys_of(system)]:
+            raise ParameterError(f'other_law: unknown key "{unknown[0]}"; copy the table from fitted.toml')
+        return with_numbers(system, self.numbers)
+
+
 _ROUNDING = 0.02  # of the rows' decimals, in their least eigenvalue
 
 
@@ -151,6 +188,8 @@ class Uncertainty:
         Intervals of further numbers of the scenario. Default none.
     correlation : Correlation, optional
         Of intervals that were measured together. Default: each number is uncertain by itself.
+    other_law : OtherLaw, optional
+        Numbers of another law that the measurements do not exclude. Default none.
     """
 
     mu: float = 0.0
@@ -161,6 +200,7 @@ class Uncertainty:
     seed: int = 0
     spread: tuple[Spread, ...] = ()
     correlation: Correlation | None = None
+    other_law: OtherLaw | None = None
 
     def __post_init__(self) -> None:
         for name in FACTORS:

@@ -13,9 +13,11 @@ from tendonff.compensator.identification.fitting.tendon import stretches_within
 from tendonff.compensator.identification.measured.cleaning import Record
 from tendonff.compensator.identification.measured.reading import DataIssue
 from tendonff.compensator.identification.outcome import Fitted, Outcome
+from tendonff.compensator.identification.parameters import Parameter
+from tendonff.compensator.scenario.measurement import Explain
 from tendonff.ocp.fits.static import StaticParameter
 
-P = StaticParameter
+P, D = StaticParameter, Parameter
 
 MOST_ALIKE = 3
 """So many files may each have a line about the same kind of data issue."""
@@ -67,6 +69,24 @@ def about_uneven_path(chain: DynamicFit | None, theta: float) -> str:
         f"the elongation fits better where the half of the path next to the actuator has {near * theta:.3g} of the "
         f"{theta:.3g} rad: the tendon's stiffness and relaxation are doubtful; give the path in [[path.sections]] with "
         "angle_rad and length_m"
+    )
+
+
+def about_other_law(chain: DynamicFit | None, records: Sequence[Record]) -> str:
+    """Message where load-independent friction and friction that falls with the load explain the files alike."""
+    if chain is None or chain.other is None:
+        return ""
+    adhesion_N, exponent = (
+        next(values[name] for values in (chain.values, chain.other) if values[name] > 0)
+        for name in (D.ADHESION, D.LOAD_EXPONENT)
+    )
+    name = "input_N" if chain.explain is Explain.POSITION else "output_N"
+    tension = np.concatenate([r.joined(name) for r in records])
+    which = "first" if chain.values[D.ADHESION] else "second"
+    return (
+        f"load-independent friction of {adhesion_N:.2g} N and friction that falls as T^-{exponent:.2g} explain these "
+        f"files alike: fitted.toml has the {which}, a design counts both ([robust.other_law]); they differ outside "
+        f"{tension.min():.3g} to {tension.max():.3g} N, the tensions of these files: log strokes beyond (--suggest)"
     )
 
 

@@ -100,7 +100,12 @@ class DynamicFit(ChainLaw):
     # by how much more of the wrap angle the nearer half of the path seems to carry than half [-]; 0: even
     concentration: float = 0.0
     caution: str = ""  # what could not be done about the input's noise, and what that means; empty where it was
+    other: Mapping[Parameter, float] | None = None  # all values of another law that the data do not exclude
     bounded: frozenset[Parameter] = frozenset()  # at the least value that the data allow, without an upper limit
+
+    def with_other_friction(self, transmission: Transmission) -> Transmission | None:
+        """The transmission by the other law that the data do not exclude; None without one."""
+        return None if self.other is None else put_into(transmission, self.model, self.other)
 
 
 def _tension_N(pieces: Sequence[FitPiece]) -> Array:
@@ -213,7 +218,8 @@ def fit_dynamic(
         quick, slopes, every = seen(task, solution)
         return with_taken_for_granted(solution, slopes, every, quick, gains=gains, kept_uncertainty=kept_uncertainty)
 
-    law, task, solution, caution = look_again(law, task, solution, span_N, offsets=offsets, with_granted=with_granted)
+    again = look_again(law, task, solution, span_N, offsets=offsets, with_granted=with_granted)
+    task, solution = again.task, again.solution
     begin("dynamic stage: uncertainty")
     quick, slopes, every = seen(task, solution)
     files = file_estimates(quick, slopes, solution)
@@ -228,12 +234,13 @@ def fit_dynamic(
         solution=whole,
         noise=whole.share(solution.covariance),
         expected=expected_errors(slopes, every),
-        law=law,
+        law=again.law,
         mean_N=mean_N,
         files=files,
         concentration=concentration,
-        caution=caution,
+        caution=again.caution,
         bounded=bounded,
+        other=None if again.other is None else again.other[0].complete(again.other[1].values),
     )
 
 

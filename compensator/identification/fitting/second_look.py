@@ -3,11 +3,12 @@
 While noise on the input is taken for friction, whether a rig has load-independent friction is hardly identifiable,
 friction that falls with the load looks the same, and an offset of the output cell hides in the two directions'
 coefficients. With the input estimated their errors are five to ten times smaller: the law with all of them free is
-fitted, and those that are not identifiable are removed again. Where two laws are left, their misfit decides.
+fitted, and those that are not identifiable are removed again. Where two laws are left, their misfit decides, or both
+are answered.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,6 +29,20 @@ from tendonff.ocp.fits.least_squares import Residuals, Solution
 
 D = Parameter
 
+_Fitted = tuple[ChainResiduals, Solution]
+"""A law's task and its values."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SecondLook:
+    """Answer of the second look."""
+
+    law: ChosenLaw
+    task: ChainResiduals  # on many masses, with the constants that the data tell
+    solution: Solution  # with the input estimated
+    other: _Fitted | None = None  # by another dependence on the load, not excluded
+    caution: str = ""  # why all stayed as it was; empty where the noise of the input was taken out
+
 
 def look_again(
     law: ChosenLaw,
@@ -37,22 +52,22 @@ def look_again(
     *,
     offsets: bool,
     with_granted: Callable[[ChainResiduals, Solution], Solution] = lambda _, solution: solution,
-) -> tuple[ChosenLaw, ChainResiduals, Solution, str]:
-    """The law, its task on many masses, with the constants that the data tell, and its values with the input
-    estimated; where that fails all stay as they are, and the last says why.
+) -> SecondLook:
+    """The law with the constants that the data tell, and its values with the input estimated; where that fails all
+    stay as they are.
 
     `with_granted` adds to a solution's errors what is taken for granted; `span_N` is the output tension's range.
     """
     try:
         again = _looked_again(law, task, solution, span_N, offsets, with_granted)
-        _check_no_worse((task, solution), again[1:])
-        return *again, ""
+        _check_no_worse((task, solution), (again.task, again.solution))
+        return again
     except SolveError as error:
         caution = (
             f"the noise of the input could not be taken out of the values ({error}): load-independent friction may be "
             "too high, and the intervals too narrow; log the input with less noise, or more samples"
         )
-        return law, task, solution, caution
+        return SecondLook(law=law, task=task, solution=solution, caution=caution)
 
 
 def _looked_again(
@@ -62,10 +77,10 @@ def _looked_again(
     span_N: float,
     offsets: bool,
     with_granted: Callable[[ChainResiduals, Solution], Solution],
-) -> tuple[ChosenLaw, ChainResiduals, Solution]:
+) -> SecondLook:
     proximal = task.pieces[0].explain is Explain.POSITION
     if D.INPUT_BIAS in task.free or all(run.record.input_noise_N <= 0 for run in task.pieces):
-        return law, task, with_input_estimated(task, solution)
+        return SecondLook(law=law, task=task, solution=with_input_estimated(task, solution))
     task = replace(task, fixed=task.complete(solution.values))
     constants = [] if D.LOAD_EXPONENT in task.free else [D.ADHESION]  # nearly the same in most data
     offered = [*((D.OUTPUT_BIAS,) if offsets and not proximal else ()), *constants]
@@ -90,17 +105,13 @@ def _looked_again(
         less, more = _misfits([fewer, (chosen, found)])
         if not less - more > TUNED.very_sure**2:
             chosen, found = fewer
-    other = _with_other_dependence(chosen, found)
-    if other is not None:  # to the noise of the input, which was in the values, both are nearly the same
-        mine, its = _misfits([(chosen, found), other])
-        if mine - its > TUNED.decisive:
-            chosen, found = other
-    return _renamed(law, chosen, found), chosen, found
+    (chosen, found), other = _by_load(chosen, found)
+    return SecondLook(law=_renamed(law, chosen, found), task=chosen, solution=found, other=other)
 
 
 def _narrowed(
     law: ChosenLaw, task: ChainResiduals, wide_fit: Solution, dropped: set[Parameter], span_N: float
-) -> tuple[ChainResiduals, Solution]:
+) -> _Fitted:
     """The task without what was dropped, and its values with the input estimated."""
     own = task.model.values()
     symmetric = task.model.symmetric and _is_symmetric(wide_fit)
@@ -120,7 +131,23 @@ def _narrowed(
     return chosen, with_input_estimated(chosen, replace(wide_fit, values=at, residuals=residuals_of(chosen, at)))
 
 
-def _with_other_dependence(chosen: ChainResiduals, found: Solution) -> tuple[ChainResiduals, Solution] | None:
+def _by_load(chosen: ChainResiduals, found: Solution) -> tuple[_Fitted, _Fitted | None]:
+    """The law whose dependence on the load has less misfit, and the other one where the difference is not decisive.
+
+    To the noise of the input, which was in the values, both are nearly the same.
+    """
+    other = _with_other_dependence(chosen, found)
+    if other is None:
+        return (chosen, found), None
+    mine, its = _misfits([(chosen, found), other])
+    if mine - its > TUNED.decisive:
+        return other, None
+    constant = next(name for name in (D.ADHESION, D.LOAD_EXPONENT) if name in other[0].free)
+    is_close = its - mine <= TUNED.decisive and other[1].values[constant] > 0
+    return (chosen, found), other if is_close else None
+
+
+def _with_other_dependence(chosen: ChainResiduals, found: Solution) -> _Fitted | None:
     """Friction that falls with the load in the place of load-independent friction, or the reverse.
 
     It starts where friction at the mean tension, and its slope there, are the same. None without either, where the
@@ -150,7 +177,7 @@ def _with_other_dependence(chosen: ChainResiduals, found: Solution) -> tuple[Cha
         return None
 
 
-def _moved(task: ChainResiduals, solution: Solution, *, signed: bool = False) -> tuple[ChainResiduals, Solution]:
+def _moved(task: ChainResiduals, solution: Solution, *, signed: bool = False) -> _Fitted:
     """A task with a coefficient for each direction, and one step from its values with the input estimated."""
     free = task.free if D.MU_RELEASE in task.free else (*task.free, D.MU_RELEASE)
     task = replace(task, model=replace(task.model, symmetric=False), free=free)
@@ -159,13 +186,13 @@ def _moved(task: ChainResiduals, solution: Solution, *, signed: bool = False) ->
     return task, with_input_estimated(task, start, rounds=1, signed=signed)
 
 
-def _misfits(laws: Sequence[tuple[ChainResiduals, Solution]]) -> list[float]:
+def _misfits(laws: Sequence[_Fitted]) -> list[float]:
     """Misfit of each law with the input that it implies, in one unit."""
     usual = laws[0][0].channel_rms(laws[0][1].residuals)
     return [misfit(task, found, usual) for task, found in laws]
 
 
-def _check_no_worse(before: tuple[ChainResiduals, Solution], after: tuple[ChainResiduals, Solution]) -> None:
+def _check_no_worse(before: _Fitted, after: _Fitted) -> None:
     """Raise SolveError where a law explains much less than it did.
 
     Values that are right leave what the noise of the input is rectified to, and others take it for friction: where the

@@ -10,6 +10,7 @@ import pytest
 from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.expectation import (
     WITHOUT_WAVES,
+    ErrorBand,
     bands_of,
     behind_drives,
     expectation_of,
@@ -24,7 +25,7 @@ from tendonff.compensator.scenario.unit import NEWTON
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
-from tendonff.models.parameters.uncertainty import Correlation, Spread, Uncertainty
+from tendonff.models.parameters.uncertainty import Correlation, OtherLaw, Spread, Uncertainty
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.tendon.inverse import invert
 
@@ -192,18 +193,19 @@ def test_the_worst_case_of_numbers_measured_together_is_that_of_95_percent_of_al
     assert 0.87 < np.mean(np.linalg.norm(draws @ slopes, axis=1) < said) < 0.97
 
 
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.8])
 @pytest.mark.parametrize(
-    ("together", "noise", "radius"),
-    [
-        (False, None, np.sqrt(2 / np.pi)),
-        (True, None, np.sqrt(2 * np.log(2)) / 1.96),
-        (True, ((0.09, 0.0), (0.0, 0.09)), 0.3 * np.sqrt(2 * np.log(2)) / 1.96),
-    ],
+    ("together", "noise", "deviation"),
+    [(False, None, None), (True, None, 1.0), (True, ((0.09, 0.0), (0.0, 0.09)), 0.3)],
 )
-def test_the_expected_error_is_the_median_over_all_draws(
-    generic: Transmission, together: bool, noise: tuple[tuple[float, ...], ...] | None, radius: float
+def test_expected_errors_are_quantiles_over_all_draws(
+    generic: Transmission,
+    together: bool,
+    noise: tuple[tuple[float, ...], ...] | None,
+    deviation: float | None,
+    share: float,
 ) -> None:
-    """Of two errors at different times: half of the square lies in that circle, half of a normal distribution.
+    """Of two errors at different times: a share of the square lies in a circle, or of a normal distribution.
 
     Doubt about the law, which the intervals hold beside the noise, is no part of it.
     """
@@ -214,8 +216,50 @@ def test_the_expected_error_is_the_median_over_all_draws(
         correlation=Correlation(keys=keys, rows=((1.0, 0.0), (0.0, 1.0)), noise=noise) if together else None,
     )
     ends = np.array([[0.0, 0.0], [-2.0, 0.0], [2.0, 0.0], [0.0, -2.0], [0.0, 2.0]])
-    found = Superposition.of(Doubt.of(generic, known), ends).median_rmse
-    assert found == pytest.approx(2 * radius / np.sqrt(2), rel=0.04)
+    (found,) = Superposition.of(Doubt.of(generic, known), ends).rmse_quantiles([share])
+    radius = found * np.sqrt(2) / 2
+    if deviation is None:  # beyond 1 the square ends before the circle
+        corners = 4 * (np.sqrt(max(radius**2 - 1, 0.0)) - radius**2 * np.arccos(min(1 / radius, 1.0)))
+        inside = (np.pi * radius**2 + corners) / 4
+    else:
+        inside = 1 - np.exp(-((1.96 * radius / deviation) ** 2) / 2)
+    assert inside == pytest.approx(share, abs=0.02)
+
+
+def test_a_law_that_the_measurements_do_not_exclude_is_counted(generic: Transmission) -> None:
+    """An output that is off by the load-independent friction: 0.1 N by the noise, 3 N by the other law."""
+    system = replace(generic, friction=replace(generic.friction, adhesion_N=0.0))
+    spread = Spread(keys=("friction.adhesion_N",), low=0.0, high=0.1)
+    law = OtherLaw(keys=("friction.adhesion_N", "friction.mu_dynamic"), values=(3.0, 0.1))
+    wanted = np.linspace(20.0, 70.0, 11)
+
+    def bands(other: OtherLaw | None) -> ErrorBand:
+        doubt = Doubt.of(system, Uncertainty(spread=(spread,), samples=3, other_law=other))
+        found = bands_of(
+            doubt, wanted, {"x": 0}, lambda each, _: (wanted + each.friction.adhesion_N, False), lambda _: b"", {}
+        )
+        return found["x"]
+
+    alone, both = bands(None), bands(law)
+    assert both.expected_rmse == alone.expected_rmse < 0.1
+    assert both.likely_rmse == (alone.likely_rmse[0], pytest.approx(3.0))
+    assert both.likely_percent[1] == both.worst.rmse_percent_of_range == pytest.approx(6.0)
+    assert both.worst_sample.numbers == law.numbers
+    assert (alone.hangs_on_the_law, both.hangs_on_the_law) == (False, True)
+
+
+@pytest.mark.parametrize(
+    ("keys", "values", "said"),
+    [
+        (("mu",), (1.0, 2.0), "1 keys and 2 values"),
+        (("friction.mu_dynamc",), (1.0,), 'unknown key "friction.mu_dynamc'),
+    ],
+)
+def test_another_law_without_meaning_is_refused(
+    generic: Transmission, keys: tuple[str, ...], values: tuple[float, ...], said: str
+) -> None:
+    with pytest.raises(ParameterError, match=f"other_law: .*{said}"):
+        OtherLaw(keys=keys, values=values).of(generic)
 
 
 @pytest.mark.parametrize("goals", [1, 2])

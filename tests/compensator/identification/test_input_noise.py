@@ -1,6 +1,7 @@
 """Noise on the input, which the play of friction rectifies: the input is estimated together with the values."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -101,10 +102,10 @@ def test_noise_that_could_not_be_taken_out_is_said_with_its_cause(nominal, tmp_p
     monkeypatch.setattr(noisy_input, "_step", failing(error))
     with pytest.raises(SolveError, match=str(error)):
         with_input_estimated(task, plain)
-    law, kept, solution, caution = look_again("the law", task, plain, 1.0, offsets=False)
-    assert (law, kept, solution) == ("the law", task, plain)
-    assert "the noise of the input could not be taken out" in caution
-    assert str(error) in caution
+    found = look_again("the law", task, plain, 1.0, offsets=False)
+    assert (found.law, found.task, found.solution) == ("the law", task, plain)
+    assert "the noise of the input could not be taken out" in found.caution
+    assert str(error) in found.caution
 
 
 def test_values_that_explain_less_once_the_noise_is_taken_out_are_not_taken(nominal, tmp_path, monkeypatch):
@@ -113,10 +114,33 @@ def test_values_that_explain_less_once_the_noise_is_taken_out_are_not_taken(nomi
     off = plain.values | {D.MU_PULL: 1.13 * plain.values[D.MU_PULL]}
     worse = replace(plain, values=off, residuals=residuals_of(task, off))
     for other, taken in ((joint, True), (worse, False)):
-        monkeypatch.setattr(second_look, "_looked_again", lambda *_, other=other: ("another law", task, other))
-        law, _, solution, caution = look_again("the law", task, plain, 1.0, offsets=False)
-        assert (law, solution is other, not caution) == ("another law" if taken else "the law", taken, taken)
-    assert "the error of the law grew by a factor of" in caution
+        again = second_look.SecondLook(law="another law", task=task, solution=other)
+        monkeypatch.setattr(second_look, "_looked_again", lambda *_, again=again: again)
+        found = look_again("the law", task, plain, 1.0, offsets=False)
+        assert found.law == ("another law" if taken else "the law")
+        assert (found.solution is other, not found.caution) == (taken, taken)
+    assert "the error of the law grew by a factor of" in found.caution
+
+
+@pytest.mark.parametrize(
+    ("mine", "its", "value", "answer"),
+    [
+        (250.0, 40.0, 0.1, ("its", None)),
+        (100.0, 40.0, 0.1, ("mine", "its")),
+        (40.0, 100.0, 0.1, ("mine", "its")),
+        (40.0, 250.0, 0.1, ("mine", None)),
+        (40.0, 100.0, 0.0, ("mine", None)),  # the same law without its constant
+    ],
+)
+def test_of_two_dependences_on_the_load_both_are_answered_unless_the_misfit_decides(
+    monkeypatch, mine, its, value, answer
+):
+    own = (SimpleNamespace(name="mine", free=(D.ADHESION,)), SimpleNamespace(values={D.ADHESION: 1.0}))
+    other = (SimpleNamespace(name="its", free=(D.LOAD_EXPONENT,)), SimpleNamespace(values={D.LOAD_EXPONENT: value}))
+    monkeypatch.setattr(second_look, "_with_other_dependence", lambda *_: other)
+    monkeypatch.setattr(second_look, "_misfits", lambda _: [mine, its])
+    chosen, left = second_look._by_load(*own)
+    assert (chosen[0].name, left and left[0].name) == answer
 
 
 def test_laws_are_compared_behind_the_input_that_they_imply(nominal, tmp_path):

@@ -7,7 +7,7 @@ import pytest
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.answer.result import Estimate
-from tendonff.compensator.identification.spread import with_spread
+from tendonff.compensator.identification.spread import with_other_law, with_spread
 from tendonff.compensator.scenario.scenario import parse_scenario, scenario_to_toml
 from tendonff.compensator.scenarios import load_scenario
 
@@ -91,6 +91,20 @@ def test_what_noise_alone_makes_stands_beside_the_correlation(fitted):
     found = with_spread(fitted, known, NAMES, matrix, share).robust.correlation
     assert found.rows == ((1.0, -0.7), (-0.7, 1.0))
     assert np.array(found.noise) == pytest.approx(share[:2, :2] * (1.96 / 2.5) ** 2, abs=1e-3)
+
+
+def test_a_law_that_the_data_do_not_exclude_goes_into_the_file(fitted):
+    """Each dependence on the load has the numbers of the other taken out."""
+    known, t = with_spread(fitted, VALUES, NAMES, np.eye(3), np.eye(3)), fitted.transmission
+    falling = replace(t.friction, adhesion_N=0.0, load_exponent=0.1, reference_tension_N=40.0)
+    found = with_other_law(known, replace(t, friction=falling))
+    assert parse_scenario(scenario_to_toml(found)).robust == found.robust
+    assert found.robust.other_law.of(t).friction == falling
+    back = with_other_law(replace(found, transmission=replace(t, friction=falling)), t).robust.other_law
+    again = back.of(replace(t, friction=falling)).friction
+    assert (again.adhesion_N, again.load_exponent) == (1.0, 0.0)
+    assert with_other_law(known, None) == known
+    assert with_spread(found, VALUES, NAMES, np.eye(3), np.eye(3)).robust.other_law is None  # of another log
 
 
 def test_where_nothing_is_stated_or_identified_nothing_is_written(fitted):

@@ -171,6 +171,8 @@ def band(percent):
         worst_sample=nothing,
         expected_rmse=percent,
         expected_percent=percent,
+        likely_rmse=(percent, percent),
+        likely_percent=(percent, percent),
         worst_peak=percent,
         amplification=0.0,
         amplified_sample=nothing,
