@@ -116,7 +116,7 @@ def _eliminated(rows: _Rows) -> tuple[Array, Array, Array]:
 def with_implied_input(task: ChainResiduals, solution: Solution) -> ChainResiduals:
     """The task with the input that the values of a solution imply; SolveError if the chain fails."""
     inputs = [run.drive.input_N.copy() for run in task.pieces]
-    for rows in _windows(task, solution):
+    for rows in _windows(replace(task, free=()), solution):
         if not len(rows.knots_s):
             continue
         knots, run = _eliminated(rows)[2][:, -1], task.pieces[rows.number]
@@ -137,7 +137,7 @@ def misfit(task: ChainResiduals, solution: Solution, usual: tuple[float, float])
     share; SolveError if the chain fails.
     """
     total = 0.0
-    for rows in _windows(task, solution, usual):
+    for rows in _windows(replace(task, free=()), solution, usual):  # slopes over the values cost most
         weight, _, solved = _eliminated(rows)
         knots = solved[:, -1]
         left = rows.residuals + rows.by_knots @ knots
@@ -202,7 +202,11 @@ def _windows_of(
     drive = replace(run.drive, input_N=run.drive.input_N[::every], step_s=run.record.step_s * every)
     response = model.predict(full, drive, task.free)
     proximal = run.explain is Explain.POSITION
-    by_values = (run.predicted(response)[1], response.elongation_slopes)
+    cutoff_Hz = run.record.cutoff_Hz
+    by_values = [
+        low_pass_piece(slopes, drive.step_s, cutoff_Hz)
+        for slopes in (run.predicted(response)[1], response.elongation_slopes)
+    ]
     noise = run.record.travel_noise_m if proximal else run.record.output_noise_N
     units, noises = (task.output_unit, task.elongation_unit_m), (noise, run.record.elongation_noise_m)
     sizes: Array = np.hypot(np.array(noises) / np.sqrt(run.thin), TUNED.misfit_share * np.array(usual))
@@ -222,8 +226,9 @@ def _windows_of(
         by_knots = [window.near_slopes if proximal else window.output_slopes, window.elongation_slopes]
         channels = []
         for k, residuals in enumerate(left if run.with_elongation else left[:1]):
-            values = _sampled(by_values[k], grid_s, fitted[at], run.record.cutoff_Hz)
-            knots = _sampled(by_knots[k], window.time_s, fitted[at], run.record.cutoff_Hz)
+            values = _sampled(by_values[k], grid_s, fitted[at])
+            step_s = float(window.time_s[1] - window.time_s[0])
+            knots = _sampled(low_pass_piece(by_knots[k], step_s, cutoff_Hz), window.time_s, fitted[at])
             # The zero of positions is arbitrary, in every window anew.
             zero = np.full((int(at.sum()), 1), float(k > 0 or proximal))
             channels.append([x / sizes[k] for x in (residuals[at] * units[k], values, np.hstack([knots, zero]))])
@@ -279,10 +284,9 @@ def _price(knots_s: Array, time_s: Array, off: Array, noise_N: float) -> tuple[A
     return price, asked
 
 
-def _sampled(slopes: Array, time_s: Array, at_s: Array, cutoff_Hz: float) -> Array:
-    """Slopes as the channel's low-pass leaves them, at other times, shape (n, k)."""
-    smooth = low_pass_piece(slopes, float(time_s[1] - time_s[0]), cutoff_Hz)
+def _sampled(slopes: Array, time_s: Array, at_s: Array) -> Array:
+    """Slopes at other times, shape (n, k)."""
     place = (at_s - time_s[0]) / (time_s[1] - time_s[0])
     before = np.clip(place.astype(np.int64), 0, len(time_s) - 2)
     share = (place - before)[:, None]
-    return np.asarray((1 - share) * smooth[before] + share * smooth[before + 1])
+    return np.asarray((1 - share) * slopes[before] + share * slopes[before + 1])
