@@ -6,7 +6,7 @@ cell 2 % off (stated in [measurement]), a kept stiffness of the tendon 50 % off,
 relaxation, an uneven path, a pulley. With --unlisted the error is one that no option, law or constant of identification
 was chosen for: friction that falls with tension, that grows along the path, a far cell that shows 1 % of the near one,
 cells whose gain or zero drifts over the log. With --promise the inverse designed from each fitted scenario is simulated
-on the rig, beside the error that the design expects and its worst case. With --static the quasi-static laws alone are
+on the rig, beside the errors that the design expects and its worst case. With --static the quasi-static laws alone are
 judged, on the rig without a model error and on one whose contact is 30 times as stiff. Logs are kept in the folder of
 temporary files.
 
@@ -171,7 +171,9 @@ def promise(case: Case, fitted: Scenario) -> dict[str, float]:
     got = case.plant.respond(profile.force_N, reference.step_s, float(profile.force_N[0]))[:, 1]
     band = problem.expect({"inverse": profile}).best
     left = 100 * float(np.sqrt(np.mean((got - reference.tension_N) ** 2))) / reference.range_N
-    return {"left": left, "expected": band.expected_percent, "worst": band.worst.rmse_percent_of_range}
+    low, high = band.likely_percent
+    worst = band.worst.rmse_percent_of_range
+    return {"left": left, "expected": band.expected_percent, "low": low, "high": high, "worst": worst}
 
 
 def result(nominal: Scenario, seed: int, group: str, *, static: bool, promised: bool = False) -> dict[str, Any]:
@@ -245,10 +247,11 @@ def summary(rows: Sequence[dict[str, Any]]) -> Iterable[str]:
     )
     said = [row["promise"] for row in rows if "promise" in row]
     if said:
-        left, expected, worst = (np.array([each[key] for each in said]) for key in ("left", "expected", "worst"))
-        below = [int((left <= most).sum()) for most in (expected, worst)]
+        keys = ("left", "expected", "low", "high", "worst")
+        left, expected, low, high, worst = (np.array([each[key] for each in said]) for key in keys)
+        below = [int((left <= most).sum()) for most in (low, high, worst)]
         yield f"  design leaves {left.mean():.3f} % of range (mean), {expected.mean():.3f} expected"
-        yield f"  of {len(left)} at most the expected error {below[0]}, at most the worst case {below[1]}"
+        yield f"  of {len(left)} below the range {below[0]}, in it or below {below[1]}, up to the worst {below[2]}"
     for place in (0, 1):
         for kind in dict.fromkeys(entry[place] for entry in every):
             some = np.array([entry[2] for entry in every if entry[place] == kind])
