@@ -81,6 +81,18 @@ def test_the_controller_comes_next_only_where_no_single_measurement_pays(transmi
     assert next_step(expected(transmission, (measured, DRIVE), (3.0, 1.5)), "rig.toml", EXPORT).startswith(SUGGEST)
 
 
+def test_a_law_that_the_measurements_do_not_exclude_asks_for_a_log_that_decides(transmission):
+    """Each number is known well; the other law has an error of 3 %, or one that noise explains as well."""
+    measured = Spread(keys=("friction.mu_dynamic",), half_width=0.03)
+    found = expected(transmission, (measured,), (1.0,))
+    for percent, step in ((3.0, SUGGEST), (0.05, EXPORT)):
+        other = Score(rmse=percent, rmse_percent_of_range=percent, peak_error=percent)
+        band = replace(found.best, other=other, worst=max(other, found.best.worst, key=lambda each: each.rmse))
+        both = replace(found, bands={found.recommended: band})
+        assert next_step(both, "rig.toml", EXPORT) == step
+        assert any("[robust.other_law]" in each for each in both.warnings) == (step == SUGGEST)
+
+
 def test_what_is_only_assumed_is_measured_first_even_where_the_error_is_small(examples):
     mechanism = load_scenario(examples / "hand_joint.toml").mechanism
     found = expected(mechanism, (Spread(keys=("stiffness",), half_width=0.2),), (0.5,), unit=RADIAN)
