@@ -32,10 +32,6 @@ class Tuned:
         Starts of the first fit, as factors of the scenario's values (rigs).
     exponent_starts, release_starts : tuple of float
         Starts of the static laws' mu theta, and releasing as shares of pulling (rigs).
-    most_exponent : float
-        Largest mu theta that is searched (rule: a tension ratio of 3000).
-    least_spread : float
-        Least spread of the bounds of plays (method: below it the slopes vanish).
     poor_percent : float
         A law with a larger RMS error, in % of range, does not describe the device (recordings: a band brake leaves 15,
         the worst tendon 6).
@@ -133,8 +129,6 @@ class Tuned:
     mu_starts: tuple[float, ...] = (0.4, 1.0, 2.0)
     exponent_starts: tuple[float, ...] = (0.02, 0.1, 0.3, 0.6, 0.9, 1.2, 1.8, 2.5, 4.0)
     release_starts: tuple[float, ...] = (1.0, 0.85, 0.7, 0.5)
-    most_exponent: float = 8.0
-    least_spread: float = 1e-3
     poor_percent: float = 10.0
     small_share: float = 0.03
     simpler_within: float = 1.02

@@ -19,7 +19,7 @@ from tendonff.compensator.identification.parameters import BIASES, CELL_GAINS, P
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import ExponentLine, exponent_lines
-from tendonff.ocp.fits.static import SPREADS, StaticParameter, in_gross_sliding
+from tendonff.ocp.fits.static import StaticParameter, in_gross_sliding
 
 P, D = StaticParameter, Parameter
 
@@ -182,7 +182,7 @@ def _static(rig: _Rig, fit: StaticFit) -> list[Estimate]:
     angles = {k: line.angle_rad for k, line in lines.items()}
     per_own = {k: v / fit.values[k] / angles[k] if fit.values[k] > 0 else 1 / angles[k] for k, v in sliding.items()}
     estimates: list[Estimate] = []
-    for parameter in (P.PULL, P.RELEASE, *CONSTANTS, P.GUIDE, P.BRISTLE, *SPREADS):
+    for parameter in P:
         of = BY_STATIC.get(parameter)
         name, factor = str(of or parameter.value), per_own.get(parameter, 1.0)
         source = P.PULL if parameter is P.RELEASE and not fit.model.asymmetric else parameter
@@ -203,7 +203,7 @@ def _static(rig: _Rig, fit: StaticFit) -> list[Estimate]:
         if parameter in (P.INPUT_BIAS, P.OUTPUT_BIAS):
             sure = fit.stands_out(parameter)
         else:
-            sure = is_known(error, abs(value)) or parameter is P.GUIDE
+            sure = is_known(error, abs(value)) or parameter.term.signed
         identifiable = not alike and sure
         if alike:
             why = f"it goes with {partner}, these files tell only their combination; repeat at several loads"

@@ -6,6 +6,7 @@ The scenario takes every value of the law that was fitted; the error of its re-s
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from tendonff.compensator.identification.answer.result import (
     CandidateLaw,
@@ -212,25 +213,21 @@ def scenario_of_static(scenario: Scenario, fit: StaticFit, records: Sequence[Rec
     pull, release = (line.mu(a) for line, a in zip(lines, in_gross_sliding(values), strict=True))
     ratio = f.mu_static / f.mu_dynamic if f.mu_dynamic > 0 else 1.0
     friction = replace(
-        f,
+        replace(f, load_exponent=None, reference_tension_N=None),
         mu_dynamic=pull,
         mu_static=ratio * pull,
         mu_dynamic_release=release,
         mu_static_release=ratio * release,
         adhesion_N=max(values[P.ADHESION], 0.0),
-        load_exponent=None,
-        reference_tension_N=None,
-        pull_spread=values[P.PULL_SPREAD] or None,
-        release_spread=values[P.RELEASE_SPREAD] or None,
+        **_stated("friction", fit),
     )
     if fit.model.presliding:
         friction = replace(friction, soft_bristle_stiffness_N_per_m=values[P.BRISTLE])
     how = replace(
         scenario.measurement,
         explain=fit.explain if fit.explain is Explain.INPUT else scenario.measurement.explain,
-        guide_stiffness_N_per_m=values[P.GUIDE] or None,
         guide_zero_m=fit.middle_m if values[P.GUIDE] else None,
-        bristle_spread=values[P.BRISTLE_SPREAD] or None,
+        **_stated("measurement", fit),
     )
     changed = replace(scenario, transmission=replace(t, friction=friction), measurement=how)
     biases = (P.INPUT_BIAS, P.OUTPUT_BIAS)
@@ -247,12 +244,21 @@ def scenario_of_static(scenario: Scenario, fit: StaticFit, records: Sequence[Rec
     return replace(tried[best], chain_percent=left[best])
 
 
+def _stated(table: str, fit: StaticFit) -> dict[str, Any]:
+    """Keys of a table of the scenario that a fitted capstan law states; None where it has no such effect."""
+    keys: dict[str, Any] = {}
+    for parameter in P:
+        value, term = fit.values[parameter], parameter.term
+        own = {term.key: None if value == term.neutral else value} if term.key else {}
+        keys |= own | (dict(term.beside_keys) if value != term.neutral else {})
+    return {key.partition(".")[2]: value for key, value in keys.items() if key.startswith(f"{table}.")}
+
+
 def static_law_of(fitted: Fitted, fit: StaticFit, joint_rad: Mapping[str, float] = NO_JOINTS) -> StaticFit:
     """The capstan law that a fitted scenario holds, of the kind of `fit`, from its own keys; the joints' angles."""
     t, how = fitted.scenario.transmission, fitted.scenario.measurement
     law, friction = CapstanLaw.of(t, joint_rad), t.friction
     values = {
-        **NEUTRAL,
         P.PULL: -middle_exponent(-law.pull_exponent, law.pull_spread),
         P.RELEASE: middle_exponent(law.release_exponent, law.release_spread),
         P.PULL_SPREAD: law.pull_spread,
@@ -260,12 +266,17 @@ def static_law_of(fitted: Fitted, fit: StaticFit, joint_rad: Mapping[str, float]
         P.ADHESION: law.adhesion_N,
         P.INPUT_BIAS: fitted.offsets_N[0],
         P.OUTPUT_BIAS: fitted.offsets_N[1],
-        P.GUIDE: how.guide_stiffness_N_per_m or 0.0,
-        P.BRISTLE_SPREAD: how.bristle_spread or 0.0,
     }
+    tables = {"friction": friction, "measurement": how}
+    for parameter in P:
+        table, _, key = parameter.term.key.partition(".")
+        if key and parameter not in values:
+            values[parameter] = getattr(tables[table], key) or parameter.term.neutral
     if fit.model.presliding:
         values[P.BRISTLE] = friction.soft_bristle_stiffness_N_per_m
-    return replace(fit, values=values, middle_m=fit.middle_m if how.guide_zero_m is None else how.guide_zero_m)
+    return replace(
+        fit, values={**NEUTRAL, **values}, middle_m=fit.middle_m if how.guide_zero_m is None else how.guide_zero_m
+    )
 
 
 def with_drive(scenario: Scenario, estimates: Sequence[Estimate]) -> Scenario:

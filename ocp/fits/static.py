@@ -13,9 +13,11 @@ Both are recursions over the samples. State and output of one sample are CasADi 
 """
 
 import functools
-from collections.abc import Mapping
+import operator
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Self
 
 import casadi as ca
 import numpy as np
@@ -34,24 +36,179 @@ LIFTED_FLOOR_N = 1e-9
 STIFF_N_PER_M = 1e12
 """Bristle without presliding."""
 
+MOST_EXPONENT, LEAST_SPREAD = 8.0, 1e-3
+"""Largest mu theta that is searched (a tension ratio of 3000); least spread (below it the slopes over it vanish)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sizes:
+    """Sizes of a fit's data, from which its bounds follow.
+
+    Parameters
+    ----------
+    span_N, far_span_N : float
+        Range of the explained channel, and of the output's tension where that is larger.
+    least_N : float
+        Least adhesion by which all output tensions are lifted above zero.
+    travel_m : float
+        Largest travel of the near end; 1 where it was not measured.
+    """
+
+    span_N: float
+    far_span_N: float
+    least_N: float
+    travel_m: float
+
+
+Pair = tuple[ca.SX, ca.SX]
+Bounds = tuple[float, float, float, float]
+"""Start, least and largest value, usual step."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StaticTerm:
+    """Everything that is particular to one value of the static laws.
+
+    Parameters
+    ----------
+    bounds : callable
+        Start, bounds and step of its search, by the sizes of the data and the value of a simpler law.
+    logarithmic : bool
+        It is searched by its logarithm.
+    neutral : float
+        Its value in a law without it.
+    effect : str
+        What a law gains with it, for names of laws; empty where it goes with another.
+    goes_with : str
+        Name of the value that it is free with; empty for none.
+    beyond : tuple of str
+        Names of values that a law must have to be tried with it.
+    explains : str
+        The one channel, "output" or "input", whose laws are tried with it; empty for both.
+    signed : bool
+        It may have either sign, hence its error is not judged by its size.
+    key : str
+        Its place in the scenario, "friction.key" or "measurement.key"; empty where it has none, or more than one.
+    beside_keys : tuple of (str, float)
+        Further such places that must be given with it, and what they state.
+    near_N : callable, optional
+        What the near end's cell reads beside the tendon, by the value and the motion of that end [m].
+    exponents : callable, optional
+        Mu theta pulling and releasing, by the value, the tension at the known end plus p, and those without it.
+    """
+
+    bounds: Callable[[Sizes, float | None], Bounds]
+    logarithmic: bool = False
+    neutral: float = 0.0
+    effect: str = ""
+    goes_with: str = ""
+    beyond: tuple[str, ...] = ()
+    explains: str = ""
+    signed: bool = False
+    key: str = ""
+    beside_keys: tuple[tuple[str, float], ...] = ()
+    near_N: Callable[[ca.SX, ca.SX], ca.SX] | None = None
+    exponents: Callable[[ca.SX, ca.SX, Pair], Pair] | None = None
+
+
+def _of_exponent(_: Sizes, known: float | None) -> Bounds:
+    return 0.5 if known is None else known, 0.0, MOST_EXPONENT, 0.2
+
+
+def _of_bias(sizes: Sizes, known: float | None) -> Bounds:
+    return known or 0.0, -sizes.span_N, sizes.span_N, 0.05 * sizes.span_N
+
+
+def _of_adhesion(sizes: Sizes, known: float | None) -> Bounds:
+    start = max(known or 0.0, sizes.least_N + 0.05 * sizes.far_span_N)
+    return start, sizes.least_N, 20 * sizes.far_span_N, 0.1 * sizes.far_span_N
+
+
+def _of_guide(sizes: Sizes, known: float | None) -> Bounds:
+    unit = sizes.span_N / sizes.travel_m
+    return known or 0.0, -10 * unit, 10 * unit, 0.1 * unit
+
+
+def _of_bristle(sizes: Sizes, known: float | None) -> Bounds:
+    unit = sizes.span_N / sizes.travel_m
+    return 20 * unit if known is None or known >= STIFF_N_PER_M else known, unit, 1e5 * unit, 1.0
+
+
+def _of_spread(_: Sizes, __: float | None) -> Bounds:
+    return LEAST_SPREAD + 0.3, LEAST_SPREAD, 1.0, 0.2
+
 
 class StaticParameter(StrEnum):
-    """Parameters of the static laws."""
+    """The values of the static laws: a law with one more effect is one more entry here, and nothing else.
+
+    The laws that are tried, their names, bounds, expressions and places in the fitted scenario follow from it.
+    """
+
+    term: StaticTerm
+
+    def __new__(cls, name: str, term: StaticTerm | None = None) -> Self:
+        """Name of a value, with what is particular to it."""
+        member = str.__new__(cls, name)
+        member._value_ = name
+        if term is not None:
+            member.term = term
+        return member
 
     # PULL, RELEASE: mu theta in either direction [-]
-    PULL = "pull_exponent"
-    RELEASE = "release_exponent"
-    ADHESION = "adhesion_N"  # p, added to the tension in the friction law [N]; also the pre-tension of a closed loop
+    PULL = "pull_exponent", StaticTerm(bounds=_of_exponent)
+    RELEASE = "release_exponent", StaticTerm(bounds=_of_exponent)
+    # p, added to the tension in the friction law [N]; also the pre-tension of a closed loop
+    ADHESION = "adhesion_N", StaticTerm(bounds=_of_adhesion, effect="load-independent friction")
     # INPUT_BIAS, OUTPUT_BIAS: what the cells read at zero tension [N]
-    INPUT_BIAS = "input_offset_N"
-    OUTPUT_BIAS = "output_offset_N"
-    GUIDE = "guide_stiffness_N_per_m"  # stiffness of whatever pulls on the near end beside the tendon [N/m]
-    BRISTLE = "bristle_stiffness_N_per_m"  # sigma0 of the whole path [N/m]; only in the law that uses the motion
+    INPUT_BIAS = (
+        "input_offset_N",
+        StaticTerm(bounds=_of_bias, signed=True, goes_with="adhesion_N", near_N=lambda value, _: value),
+    )
+    OUTPUT_BIAS = "output_offset_N", StaticTerm(bounds=lambda sizes, _: _of_bias(sizes, None), signed=True)
+    # sigma0 of the whole path [N/m]; only in the law that uses the motion
+    BRISTLE = (
+        "bristle_stiffness_N_per_m",
+        StaticTerm(bounds=_of_bristle, logarithmic=True, neutral=STIFF_N_PER_M, effect="presliding", explains="input"),
+    )
+    # stiffness of whatever pulls on the near end beside the tendon [N/m]
+    GUIDE = (
+        "guide_stiffness_N_per_m",
+        StaticTerm(
+            bounds=_of_guide,
+            effect="guide spring",
+            beyond=("bristle_stiffness_N_per_m", "adhesion_N"),
+            explains="input",
+            signed=True,
+            key="measurement.guide_stiffness_N_per_m",
+            near_N=lambda value, motion: value * motion,
+        ),
+    )
     # s: one half of the friction has a bristle e^s times as stiff, the other one e^s times as soft [-], >= 0
-    BRISTLE_SPREAD = "bristle_spread"
+    BRISTLE_SPREAD = (
+        "bristle_spread",
+        StaticTerm(
+            bounds=lambda _, __: (1.0, 0.0, 6.0, 0.5),
+            effect="two bristles",
+            beyond=("bristle_stiffness_N_per_m", "adhesion_N"),
+            explains="input",
+            key="measurement.bristle_spread",
+        ),
+    )
     # PULL_SPREAD, RELEASE_SPREAD: bounds of the plays reach over (1 -+ spread) mu theta, evenly [-], 0 to 1
-    PULL_SPREAD = "pull_spread"
-    RELEASE_SPREAD = "release_spread"
+    PULL_SPREAD = (
+        "pull_spread",
+        StaticTerm(
+            bounds=_of_spread,
+            effect="spread bounds",
+            beyond=("release_exponent",),
+            explains="output",
+            key="friction.pull_spread",
+        ),
+    )
+    RELEASE_SPREAD = (
+        "release_spread",
+        StaticTerm(bounds=_of_spread, goes_with="pull_spread", key="friction.release_spread"),
+    )
 
 
 P = StaticParameter
@@ -61,10 +218,7 @@ SPREADS = (P.BRISTLE_SPREAD, P.PULL_SPREAD, P.RELEASE_SPREAD)
 CHUNK = 2048
 """Rows that one call of a law steps through."""
 
-NEUTRAL: Mapping[StaticParameter, float] = {
-    **dict.fromkeys(StaticParameter, 0.0),
-    StaticParameter.BRISTLE: STIFF_N_PER_M,
-}
+NEUTRAL: Mapping[StaticParameter, float] = {parameter: parameter.term.neutral for parameter in ORDER}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,15 +289,31 @@ def in_gross_sliding(values: Mapping[StaticParameter, float]) -> tuple[float, fl
     )
 
 
+def _beside_N(at: Mapping[StaticParameter, ca.SX], motion: ca.SX) -> ca.SX:
+    """Reading of the near end's cell beside the tendon's tension."""
+    forces = (each.term.near_N(at[each], motion) for each in ORDER if each.term.near_N is not None)
+    return functools.reduce(operator.add, forces)
+
+
+def _exponents(at: Mapping[StaticParameter, ca.SX], lifted_N: ca.SX) -> Pair:
+    """Mu theta pulling and releasing at a tension of the known end."""
+    pair = at[P.PULL], at[P.RELEASE]
+    for each in ORDER:
+        if each.term.exponents is not None:
+            pair = each.term.exponents(at[each], lifted_N, pair)
+    return pair
+
+
 @functools.cache
 def _play_step(count: int) -> _Step:
     w, signals, places = ca.SX.sym("w", count), ca.SX.sym("signals", 2), ca.DM(PLACES if count == PLAYS else 0.0)
     parameters = ca.SX.sym("parameters", len(ORDER))
     at = dict(zip(ORDER, ca.vertsplit(parameters), strict=True))
-    p, bias_in, bias_out = (at[k] for k in (P.ADHESION, P.INPUT_BIAS, P.OUTPUT_BIAS))
-    lifted = ca.fmax(signals[0] - bias_in + p, LIFTED_FLOOR_N)
-    low = lifted * ca.exp(-at[P.PULL] * (1 + at[P.PULL_SPREAD] * places))
-    high = lifted * ca.exp(at[P.RELEASE] * (1 + at[P.RELEASE_SPREAD] * places))
+    p, bias_out = at[P.ADHESION], at[P.OUTPUT_BIAS]
+    lifted = ca.fmax(signals[0] - _beside_N(at, ca.SX(0)) + p, LIFTED_FLOOR_N)
+    pull, release = _exponents(at, lifted)
+    low = lifted * ca.exp(-pull * (1 + at[P.PULL_SPREAD] * places))
+    high = lifted * ca.exp(release * (1 + at[P.RELEASE_SPREAD] * places))
     after = play(w, low, high)
     # The memory is T_out + p; the samples of the output enter only through the first of them.
     start = ca.repmat(signals[1] - bias_out + p, count, 1)
@@ -160,7 +330,7 @@ def _bristle_step() -> _Step:
     # Two strands side by side, each with half of the tension. Without speed dependence the law knows no time: with a
     # unit step the velocity is the travel of the sample.
     half_sum = ca.fmax(far + at[P.ADHESION], LIFTED_FLOOR_N)
-    pull, release = (equivalent_coefficient(at[k], 1.0) for k in (P.PULL, P.RELEASE))
+    pull, release = (equivalent_coefficient(exponent, 1.0) for exponent in _exponents(at, half_sum))
     strands: list[ca.SX] = []
     for force, sign in zip(ca.vertsplit(f_s), (1, -1), strict=True):
         bristle = LuGreBristle(
@@ -174,7 +344,7 @@ def _bristle_step() -> _Step:
         )
         strands += bristle.implicit_from_far_side(q - q_before, (force,), ca.SX(1), half_sum)
     after = ca.vertcat(*strands)
-    beside = at[P.INPUT_BIAS] + at[P.GUIDE] * q
+    beside = _beside_N(at, q)
     start = ca.repmat((first - beside - far) / 2, 2, 1)
     return _with_slopes(f_s, signals, parameters, start, after, far + ca.sum1(after) + beside)
 

@@ -150,11 +150,12 @@ def about_fitted(fitted: Fitted, records: Sequence[Record], with_offsets_percent
             "the law is static, and [friction] of fitted.toml has all of it; the chain of the same values leaves "
             f"{fitted.chain_percent:.2f} % of range on these files"
         )
-    spread = fitted.scenario.measurement.bristle_spread
-    guide = fitted.scenario.measurement.guide_stiffness_N_per_m
-    if spread or guide:
-        keys = ", ".join(k for k, v in (("guide_stiffness_N_per_m", guide), ("bristle_spread", spread)) if v)
-        found.append(f"{keys} of this law are kept in [measurement] of fitted.toml; they are no part of a design")
+    places = [each.term.key.partition(".") for each in P]
+    kept = [key for table, _, key in places if table == "measurement" and getattr(fitted.scenario.measurement, key)]
+    if kept:
+        found.append(
+            f"{', '.join(kept)} of this law are kept in [measurement] of fitted.toml; they are no part of a design"
+        )
     if any(fitted.offsets_N):
         shown = ", ".join(f"{end} {v:.4g} N" for end, v in zip(("input", "output"), fitted.offsets_N, strict=True) if v)
         if fitted.doubtful:

@@ -12,8 +12,11 @@ from tendonff.compensator.identification.fitting.static import StaticModel, fit_
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Piece, Record
 from tendonff.compensator.scenario.measurement import Explain, Measurement
+from tendonff.ocp.fits.static import StaticParameter
 
-PLAY = StaticModel(name="play", asymmetric=True)
+P = StaticParameter
+
+PLAY = StaticModel(name="play", free=(P.PULL, P.RELEASE))
 SHIFTS_S = (-0.08, -0.04, -0.02, -0.01, 0.01, 0.02)
 """Delays of the output that could look like exchanged columns."""
 

@@ -101,7 +101,8 @@ def choose_explain(
     signed = any(r.signed for r in records)
     chain = None
     if signed or static_only:
-        play = StaticModel(name="play", asymmetric=not signed, constants=True)
+        directions = (P.PULL,) if signed else (P.PULL, P.RELEASE)
+        play = StaticModel(name="play", free=directions).with_effect(P.ADHESION)
         left = percent_of(fit_static(records, play, Explain.OUTPUT, most=15, hold_out=False), records)
     else:
         try:
@@ -111,7 +112,7 @@ def choose_explain(
             left = float("inf")
     if wanted is Explain.OUTPUT or not positions or (left < TUNED.poor_percent and not signed):
         return Explain.OUTPUT, chain
-    motion = StaticModel(name="motion", constants=True, presliding=True)
+    motion = StaticModel(name="motion", free=(P.PULL,)).with_effect(P.ADHESION).with_effect(P.BRISTLE)
     moved = percent_of(fit_static(records, motion, Explain.INPUT, most=15, hold_out=False), records)
     return (Explain.INPUT, None) if moved < TUNED.other_channel_below * left else (Explain.OUTPUT, chain)
 
@@ -121,18 +122,14 @@ def select_static(records: Sequence[Record], validation: Sequence[Record], expla
     signed = any(r.signed for r in records)
     scale = 100 / max(span_of(records, explain), 1e-300)
     tried: list[tuple[StaticFit, CandidateLaw]] = []
-    by_model: dict[StaticModel, StaticFit] = {}
-    best_of: dict[tuple[bool, bool, bool], StaticFit] = {}
+    fits: dict[frozenset[StaticParameter], StaticFit] = {}
     for model in candidates(explain):
         if signed and model.presliding and not model.constants:
             continue  # forces that change sign need the pre-tension
-        simpler = best_of.get((model.constants, model.presliding, False)) or best_of.get(
-            (model.constants, False, False)
-        )
-        if model.spread:
-            simpler = by_model[replace(model, name=model.name.rpartition(",")[0], spread=False)]
-        fit = by_model[model] = fit_static(records, model, explain, start=simpler, hold_out=not validation)
-        best_of[model.constants, model.presliding, model.guide] = fit
+        # The law without the last effect, of either symmetry where there is none of its own.
+        simpler = max((own for own in fits if own < set(model.free)), key=len, default=None)
+        start = None if simpler is None else fits[simpler]
+        fit = fits[frozenset(model.free)] = fit_static(records, model, explain, start=start, hold_out=not validation)
         law = CandidateLaw(
             name=model.name,
             stage="static",

@@ -26,7 +26,15 @@ from tendonff.ocp.fits.least_squares import (
     gauss_newton_step,
     minimise,
 )
-from tendonff.ocp.fits.static import NEUTRAL, ORDER, Response, StaticParameter, input_from_output, output_from_input
+from tendonff.ocp.fits.static import (
+    NEUTRAL,
+    ORDER,
+    Response,
+    Sizes,
+    StaticParameter,
+    input_from_output,
+    output_from_input,
+)
 
 P = StaticParameter
 CONSTANTS = (P.ADHESION, P.INPUT_BIAS, P.OUTPUT_BIAS)
@@ -36,28 +44,34 @@ ON_BOUND, MOST_RATIO = 1e-3, 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StaticModel:
-    """Candidate law: its free values."""
+    """Candidate law: its name and its free values, the last effect's at the end."""
 
     name: str  # for the report
-    asymmetric: bool = False  # pulling and releasing have coefficients of their own
-    constants: bool = False  # adhesion p and a bias
-    presliding: bool = False  # a soft bristle before gross sliding; needs the motion
-    guide: bool = False  # a spring beside the tendon; needs the motion
-    spread: bool = False  # with presliding two bristles, else plays with spread bounds
+    free: tuple[StaticParameter, ...]
 
     @property
-    def free(self) -> tuple[StaticParameter, ...]:
-        """Free values."""
-        spreads = (P.BRISTLE_SPREAD,) if self.presliding else (P.PULL_SPREAD, P.RELEASE_SPREAD)
-        parts = (
-            (True, (P.PULL,)),
-            (self.asymmetric, (P.RELEASE,)),
-            (self.constants, (P.ADHESION, P.INPUT_BIAS)),
-            (self.presliding, (P.BRISTLE,)),
-            (self.spread, spreads),
-            (self.guide, (P.GUIDE,)),
-        )
-        return tuple(name for has, names in parts for name in names if has)
+    def asymmetric(self) -> bool:
+        """Pulling and releasing have coefficients of their own."""
+        return P.RELEASE in self.free
+
+    @property
+    def constants(self) -> bool:
+        """Adhesion p and a bias are free."""
+        return P.ADHESION in self.free
+
+    @property
+    def presliding(self) -> bool:
+        """A soft bristle before gross sliding; needs the motion."""
+        return P.BRISTLE in self.free
+
+    def with_effect(self, effect: StaticParameter) -> Self:
+        """The law with one more effect."""
+        more = (effect, *(each for each in ORDER if each.term.goes_with == effect.value))
+        joint = "," if len(self.free) > len(_SLIDING) - (not self.asymmetric) else " with"
+        return replace(self, name=f"{self.name}{joint} {effect.term.effect}", free=(*self.free, *more))
+
+
+_SLIDING = (P.PULL, P.RELEASE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,19 +140,13 @@ def respond(
 
 
 def candidates(explain: Explain) -> tuple[StaticModel, ...]:
-    """The laws that are tried, simplest first."""
-    plain = (
-        StaticModel(name="symmetric"),
-        StaticModel(name="asymmetric", asymmetric=True),
-        StaticModel(name="symmetric with load-independent friction", constants=True),
-        StaticModel(name="asymmetric with load-independent friction", asymmetric=True, constants=True),
-    )
-    if explain is Explain.OUTPUT:
-        return (*plain, *(replace(m, name=f"{m.name}, spread bounds", spread=True) for m in plain if m.asymmetric))
-    soft = [replace(m, name=f"{m.name}{',' if m.constants else ' with'} presliding", presliding=True) for m in plain]
-    guided = [replace(m, name=f"{m.name}, guide spring", guide=True) for m in soft if m.constants]
-    spread = [replace(m, name=f"{m.name}, two bristles", spread=True) for m in (*soft, *guided) if m.constants]
-    return (*plain, *soft, *guided, *spread)
+    """The laws that are tried, simpler ones before those with one more effect."""
+    laws = [StaticModel(name="symmetric", free=_SLIDING[:1]), StaticModel(name="asymmetric", free=_SLIDING)]
+    for effect in ORDER:
+        term = effect.term
+        if term.effect and term.explains in ("", explain):
+            laws += [law.with_effect(effect) for law in laws if set(term.beyond) <= set(law.free)]
+    return tuple(laws)
 
 
 def _runs(records: Sequence[Record], explain: Explain) -> Iterator[_Run]:
@@ -218,7 +226,7 @@ class _Task:
         """The law fitted to all rows, in at most so many evaluations from one start."""
         unknowns = _unknowns(records, self.free, self.span_N, start)
         starts = [] if start is None else [unknowns]
-        if start is None or not (self.model.spread or self.model.presliding):
+        if start is None or not {P.BRISTLE, P.PULL_SPREAD} & set(self.free):
             starts.append(self._best_of_grid(unknowns, start))
         found = min((minimise(self.evaluate, first, most=most) for first in starts), key=lambda m: m.cost)
         solution = found.with_covariance()
@@ -343,27 +351,17 @@ def _unknowns(
     """Start, bounds and scale of the free values."""
     known = {} if start is None else start.values
     output = np.concatenate([r.joined("output_N") for r in records])
-    far_span, least = max(float(np.ptp(output)), span), max(0.0, -float(output.min()))
     travels = (float(np.ptp(p.input_m)) for r in records for p in r.pieces if p.input_m is not None)
-    travel = max(travels, default=1.0) or 1.0
-    bristle = known.get(P.BRISTLE, NEUTRAL[P.BRISTLE])
-    if bristle >= NEUTRAL[P.BRISTLE]:
-        bristle = 20 * span / travel
-    adhesion = max(known.get(P.ADHESION, 0.0), least + 0.05 * far_span)
-    usual = {
-        P.PULL: (known.get(P.PULL, 0.5), 0, TUNED.most_exponent, 0.2),
-        P.RELEASE: (known.get(P.RELEASE, 0.5), 0, TUNED.most_exponent, 0.2),
-        P.ADHESION: (adhesion, least, 20 * far_span, 0.1 * far_span),
-        P.INPUT_BIAS: (known.get(P.INPUT_BIAS, 0.0), -span, span, 0.05 * span),
-        P.OUTPUT_BIAS: (0.0, -span, span, 0.05 * span),
-        P.BRISTLE: (bristle, span / travel, 1e5 * span / travel, 1),
-        P.BRISTLE_SPREAD: (1.0, 0, 6, 0.5),
-        **dict.fromkeys((P.PULL_SPREAD, P.RELEASE_SPREAD), (TUNED.least_spread + 0.3, TUNED.least_spread, 1, 0.2)),
-        P.GUIDE: (known.get(P.GUIDE, 0.0), -10 * span / travel, 10 * span / travel, 0.1 * span / travel),
-    }
+    sizes = Sizes(
+        span_N=span,
+        far_span_N=max(float(np.ptp(output)), span),
+        least_N=max(0.0, -float(output.min())),
+        travel_m=max(travels, default=1.0) or 1.0,
+    )
     unknowns = []
     for name in free:
-        first, low, high, scale = usual[name]
-        logarithmic = name is P.BRISTLE
-        unknowns.append(Unknown(name=name.value, start=first, low=low, high=high, scale=scale, logarithmic=logarithmic))
+        first, low, high, scale = name.term.bounds(sizes, known.get(name))
+        unknowns.append(
+            Unknown(name=name.value, start=first, low=low, high=high, scale=scale, logarithmic=name.term.logarithmic)
+        )
     return unknowns
