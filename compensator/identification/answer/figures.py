@@ -3,14 +3,13 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 from matplotlib.figure import Figure
 
+from tendonff.compensator.identification.answer.panels import Panel, loops, mark_parts, over_time, residuals
 from tendonff.compensator.identification.answer.result import Identification, PieceComparison
-from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.suggest import Excitation
-from tendonff.compensator.reporting.colours import BLUE, GREY, INK, ORANGE, VERMILION
-from tendonff.compensator.reporting.plots import figure_style, new_figure, save_figure, thinned
+from tendonff.compensator.reporting.colours import BLUE, INK, VERMILION
+from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure, save_figure, thinned
 from tendonff.compensator.scenario.measurement import Explain
 
 MOST_PANELS = 4
@@ -19,10 +18,27 @@ MOST_PANELS = 4
 def identification_figures(found: Identification) -> dict[str, Figure]:
     """Every figure that the data has material for, by file name."""
     shown = _chosen(found.comparisons)
+    name, other, scale, unit = CHANNELS[found.explain]
+    panels = [
+        Panel(
+            file=piece,
+            label=f"{name} [{unit}]",
+            measured=scale * piece.measured,
+            model=scale * piece.model,
+            over=piece.given,
+            over_label=f"{other} [N]",
+            turned=found.explain is Explain.INPUT,
+        )
+        for piece in shown
+    ]
     with figure_style():
-        figures = {"time": _over_time(found, shown), "loop": _loops(found, shown), "residuals": _residuals(shown)}
+        figures = {
+            "time": over_time(panels, given=found.explain is not Explain.POSITION),
+            "loop": loops(panels),
+            "residuals": residuals(panels),
+        }
         if any(c.elongation_m is not None for c in shown):
-            figures["relaxation"] = _relaxation(shown)
+            figures["relaxation"] = _relaxation(panels, shown)
     return figures
 
 
@@ -42,11 +58,6 @@ def _chosen(comparisons: Sequence[PieceComparison]) -> list[PieceComparison]:
     return ordered[:MOST_PANELS]
 
 
-def _thin(*columns: Array) -> list[Array]:
-    rows = thinned(len(columns[0]))
-    return [c[rows] for c in columns]
-
-
 CHANNELS = {
     Explain.OUTPUT: ("output tension", "input tension", 1.0, "N"),
     Explain.INPUT: ("input tension", "output tension", 1.0, "N"),
@@ -55,78 +66,22 @@ CHANNELS = {
 """Predicted channel, its input, and the factor and unit of its axis."""
 
 
-def _title(piece: PieceComparison) -> str:
-    return f"{piece.name} ({'validation' if piece.role == 'validate' else 'fitted'})"
-
-
-def _over_time(found: Identification, comparisons: Sequence[PieceComparison]) -> Figure:
-    figure, axes = new_figure(len(comparisons), 1)
-    name, other, scale, unit = CHANNELS[found.explain]
-    for ax, piece in zip(axes[:, 0], comparisons, strict=True):
-        t, x, y, m = _thin(piece.time_s, piece.given, scale * piece.measured, scale * piece.model)
-        if found.explain is not Explain.POSITION:
-            ax.plot(t, x, color=GREY, lw=0.8, label=f"{other}, measured")
-        ax.plot(t, y, color=INK, lw=1.4, label=f"{name}, measured")
-        ax.plot(t, m, color=VERMILION, lw=1.0, ls="--", label=f"{name}, model")
-        ax.set_title(_title(piece))
-        ax.set_ylabel(f"{'position' if found.explain is Explain.POSITION else 'tension'} [{unit}]")
-        ax.margins(x=0.01)
-    axes[-1, 0].set_xlabel("time [s]")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
-    return figure
-
-
-def _loops(found: Identification, comparisons: Sequence[PieceComparison]) -> Figure:
-    columns = min(2, len(comparisons))
-    rows = -(-len(comparisons) // columns)
-    figure, axes = new_figure(rows, columns, height_in=2.8 * rows + 0.5)
-    name, other, scale, unit = CHANNELS[found.explain]
-    for ax, piece in zip(axes.ravel(), comparisons, strict=False):
-        x, y, m = _thin(piece.given, scale * piece.measured, scale * piece.model)
-        ends = [f"{other} [N]", f"{name} [{unit}]"]
-        for label, values, look in (("measured", y, {"color": INK}), ("model", m, {"color": VERMILION, "ls": "--"})):
-            ax.plot(*((values, x) if found.explain is Explain.INPUT else (x, values)), lw=0.9, label=label, **look)
-        ax.set_title(_title(piece))
-        ax.set_xlabel(ends[found.explain is Explain.INPUT])
-        ax.set_ylabel(ends[found.explain is not Explain.INPUT])
-    for ax in axes.ravel()[len(comparisons) :]:
-        ax.set_axis_off()
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
-    return figure
-
-
-def _residuals(comparisons: Sequence[PieceComparison]) -> Figure:
-    figure, axes = new_figure(len(comparisons), 1, height_in=1.7 * len(comparisons) + 0.5)
-    for ax, piece in zip(axes[:, 0], comparisons, strict=True):
-        span = max(float(np.ptp(piece.measured)), 1e-300)
-        t, left = _thin(piece.time_s, 100 * (piece.model - piece.measured) / span)
-        ax.axhline(0, color=INK, lw=0.6)
-        ax.plot(t, left, color=BLUE, lw=0.8)
-        rms = float(np.sqrt(np.mean(left**2)))
-        ax.set_title(f"{_title(piece)}: RMS error {rms:.2g} % of range")
-        ax.set_ylabel("model less\nmeasured [%]")
-        ax.margins(x=0.01)
-    axes[-1, 0].set_xlabel("time [s]")
-    return figure
-
-
-def _relaxation(comparisons: Sequence[PieceComparison]) -> Figure:
-    shown = [c for c in comparisons if c.elongation_m is not None][:2]
+def _relaxation(panels: Sequence[Panel], comparisons: Sequence[PieceComparison]) -> Figure:
+    shown = [both for both in zip(panels, comparisons, strict=True) if both[1].elongation_m is not None][:2]
     figure, axes = new_figure(len(shown), 2, height_in=2.6 * len(shown) + 0.5)
-    for (over, loop), piece in zip(axes, shown, strict=True):
+    for (over, loop), (panel, piece) in zip(axes, shown, strict=True):
         if piece.elongation_m is None or piece.model_elongation_m is None:
             continue
-        t, x, m, f = _thin(piece.time_s, 1e3 * piece.elongation_m, 1e3 * piece.model_elongation_m, piece.input_N)
-        over.plot(t, x, color=INK, lw=1.2, label="measured")
-        over.plot(t, m, color=VERMILION, lw=0.9, ls="--", label="model")
-        over.set_title(_title(piece))
-        over.set_xlabel("time [s]")
-        over.set_ylabel("elongation [mm]")
-        loop.plot(x, f, color=INK, lw=0.8)
-        loop.plot(m, f, color=VERMILION, lw=0.8, ls="--")
-        loop.set_xlabel("elongation [mm]")
-        loop.set_ylabel("input tension [N]")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
+        rows = thinned(len(piece.time_s))
+        for label, elongation_m, look in (
+            ("measured", piece.elongation_m, {"color": INK}),
+            ("model", piece.model_elongation_m, {"color": VERMILION, "ls": "--"}),
+        ):
+            over.plot(piece.time_s[rows], 1e3 * elongation_m[rows], lw=1.0, label=label, **look)
+            loop.plot(1e3 * elongation_m[rows], piece.input_N[rows], lw=0.8, **look)
+        over.set(title=panel.title, xlabel="time [s]", ylabel="elongation [mm]")
+        loop.set(xlabel="elongation [mm]", ylabel="input tension [N]")
+    legend_below(figure, axes[0, 0])
     return figure
 
 
@@ -134,20 +89,8 @@ def draw_suggestion(excitation: Excitation, folder: Path, *, pdf: bool = False) 
     """Figure of a suggested excitation, its parts marked; the file that a report shows."""
     with figure_style():
         figure, axes = new_figure(1, 1, height_in=2.8)
-        ax = axes[0, 0]
-        ax.plot(*_thin(excitation.time_s, excitation.force_N), color=BLUE)
-        for number, part in enumerate(excitation.parts):
-            start = float(part.split(" s:", maxsplit=1)[0])
-            ax.axvline(start, color=ORANGE, lw=0.8, ls=":")
-            ax.annotate(
-                str(number + 1),
-                (start, 1.0),
-                xycoords=("data", "axes fraction"),
-                xytext=(3, -9),
-                textcoords="offset points",
-            )
-        names = [part.split(": ", maxsplit=1)[1].split(":", maxsplit=1)[0] for part in excitation.parts]
-        ax.set_title("; ".join(f"{k + 1} {name}" for k, name in enumerate(names)), fontsize=7)
-        ax.set_xlabel("time [s]")
-        ax.set_ylabel("actuator force [N]")
+        rows = thinned(len(excitation.time_s))
+        axes[0, 0].plot(excitation.time_s[rows], excitation.force_N[rows], color=BLUE)
+        axes[0, 0].set(xlabel="time [s]", ylabel="actuator force [N]")
+        mark_parts(axes[:, 0].tolist(), excitation.parts)
     return save_figure(figure, folder / "suggested_force", pdf=pdf)[0]
