@@ -21,9 +21,9 @@ class Tuned:
     robust_share, static_robust_share : float
         Residuals of the chain, and of the static laws, beyond this share of the range count linearly (recordings:
         outliers; the static laws leave presliding out).
-    blocks, least_block_s, longest_block_s : float
-        Rows are taken as independent by so many blocks, of such lengths (rigs: coverage; friction carries an error on
-        until the next sweep).
+    blocks, longest_block_s : float
+        Rows are taken as independent by so many blocks, none longer than that (rigs: coverage; friction carries an
+        error on until the next sweep).
     static_blocks : int
         The same for the static laws, whose errors end at the next reversal (rigs).
     folds : int
@@ -41,22 +41,21 @@ class Tuned:
         The simplest law whose validation error is within this factor of the least is chosen (rule).
     nearly_as_good : float
         What laws within this factor of the least validation error state is doubt of the chosen one's answer; an answer
-        whose error grows by more while the noise of the input is taken out is not taken (rigs).
+        whose error grows by more while the noise of the input is taken out is not taken; a speed term lowers the
+        validation error by more, or `slightly` where the fit error falls by more (rigs without a Stribeck effect).
     decisive : float
         One of two laws with as many values is the better one where its misfit, with the input estimated, is less by so
         much (rigs: where both are nearly alike the misfits differ by up to 60, where they are not by 250 at least).
     other_channel_below : float
         The other channel is explained instead where the error falls below this share (recordings).
+    slightly : float
+        A law whose validation error is lower by this factor is a little better (rigs).
     worth_a_constant : float
-        Gain of Bayes' criterion from which on a constant is taken up (rigs without adhesion stay below).
-    worth_a_speed_term, slightly : float
-        A speed term lowers the validation error by the first factor, or by the second where the fit error falls by the
-        first (rigs without a Stribeck effect).
+        Gain of Bayes' criterion, or logarithm of the evidence, from which on a constant is taken up or an uneven path
+        is reported (rigs without adhesion stay below).
     sure, very_sure : float
-        Standard errors from nothing: of a speed term, adhesion or a difference of directions, and of an offset or a
-        delay of tensions, which systematic errors imitate (rigs).
-    sure_of_positions : float
-        The same of a delay of tension and position; the errors that are stated of it are five times the scatter (rigs).
+        Standard errors from nothing: of a speed term, adhesion, a difference of directions or a delay of tension and
+        position; of an offset or a delay of tensions, which systematic errors imitate (rigs).
     symmetric_share : float
         One coefficient holds for both directions where their difference is known to this share (rigs).
     identifiable_share : float
@@ -65,13 +64,11 @@ class Tuned:
         A standard error of so many times the value is none: the data are insensitive to the value (rule).
     twins : float
         Correlation from which on two values are not separately identifiable (rule).
-    moving_share : float
-        Speeds above this share of the largest are visited (rule).
     large_errors_percentile : float
         This percentile of its errors is what a law without presliding leaves in a constant (rigs).
-    forget_share, forget_most, forget_bridge : float
-        Samples before the input has swept this share of its range are not fitted, at most the second share of a piece;
-        the third is the share after a bridge (method: friction remembers extremes).
+    forget_share, forget_most : float
+        Samples before the input has swept this share of its range, from the start or a bridge on, are not fitted, at
+        most the second share of a piece (method: friction remembers extremes).
     small_piece : float
         Least range that counts, as a share of the widest file's (method: small moves may stay in presliding).
     other_laws : float
@@ -81,9 +78,8 @@ class Tuned:
         (rigs that are off by just that half-width).
     adhesion_floor : float
         Standard error of the method for adhesion and offsets, as a share of the mean output tension (rigs).
-    tried_concentration, uneven_from : float
-        Excess of wrap angle on the near half of the path that is tried, and logarithm of the evidence from which on an
-        uneven path is reported (rigs).
+    tried_concentration : float
+        Excess of wrap angle on the near half of the path that is tried (method: a difference quotient).
     least_files : int
         Files that show a scatter between them (rule).
     kept_uncertainty : float
@@ -121,7 +117,6 @@ class Tuned:
     robust_share: float = 0.02
     static_robust_share: float = 0.03
     blocks: int = 20
-    least_block_s: float = 0.1
     longest_block_s: float = 10.0
     static_blocks: int = 60
     folds: int = 5
@@ -135,27 +130,22 @@ class Tuned:
     nearly_as_good: float = 1.5
     decisive: float = 100.0
     other_channel_below: float = 0.6
-    worth_a_constant: float = 4.0
-    worth_a_speed_term: float = 1.4
     slightly: float = 1.1
+    worth_a_constant: float = 4.0
     sure: float = 2.0
     very_sure: float = 4.0
-    sure_of_positions: float = 1.0
     symmetric_share: float = 0.01
     identifiable_share: float = 0.35
     insensitive_share: float = 1e3
     twins: float = 0.985
-    moving_share: float = 0.01
     large_errors_percentile: float = 95.0
     forget_share: float = 0.6
     forget_most: float = 0.3
-    forget_bridge: float = 0.85
     small_piece: float = 0.5
     adhesion_floor: float = 0.0003
     other_laws: float = 0.25
     granted: float = 1.2
     tried_concentration: float = 0.3
-    uneven_from: float = 3.0
     least_files: int = 3
     kept_uncertainty: float = 0.5
     scatter_share: float = 0.02

@@ -46,8 +46,6 @@ from tendonff.ocp.fits.static import NEUTRAL, StaticParameter, in_gross_sliding
 
 P, D = StaticParameter, Parameter
 
-REPLAY_STEP_S = 1e-3
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
@@ -310,7 +308,7 @@ def _chain_of(fitted: Fitted, explain: Explain) -> ChainLaw:
     """The chain that a fitted scenario holds, with its own number of masses."""
     t = fitted.scenario.transmission
     model = ParametricChain(
-        transmission=t, level=fitted.scenario.run.level, count=t.path.segments, longest_step_s=REPLAY_STEP_S
+        transmission=t, level=fitted.scenario.run.level, count=t.path.segments, longest_step_s=TUNED.fine_step_s
     )
     offsets = dict(zip((D.INPUT_BIAS, D.OUTPUT_BIAS), fitted.offsets_N, strict=True))
     return ChainLaw(model=model, values=model.values() | offsets, explain=explain)

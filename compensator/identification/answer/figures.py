@@ -5,14 +5,19 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from tendonff.compensator.identification.answer.panels import Panel, loops, mark_parts, over_time, residuals
+from tendonff.compensator.identification.answer.panels import (
+    MOST_PANELS,
+    Panel,
+    loops,
+    mark_parts,
+    over_time,
+    residuals,
+)
 from tendonff.compensator.identification.answer.result import Identification, PieceComparison
 from tendonff.compensator.identification.suggest import Excitation
 from tendonff.compensator.reporting.colours import BLUE, INK, VERMILION
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure, save_figure, thinned
 from tendonff.compensator.scenario.measurement import Explain
-
-MOST_PANELS = 4
 
 
 def identification_figures(found: Identification) -> dict[str, Figure]:

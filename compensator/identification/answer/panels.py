@@ -12,6 +12,9 @@ from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.reporting.colours import BLUE, GREY, INK, ORANGE, VERMILION
 from tendonff.compensator.reporting.plots import legend_below, new_figure, thinned
 
+MOST_PANELS = 4
+"""Files that are shown."""
+
 
 class File(Protocol):
     """A measured file, as far as it is shown."""

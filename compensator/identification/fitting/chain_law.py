@@ -15,7 +15,7 @@ from tendonff.ocp.fits.least_squares import Solution, solve
 D = Parameter
 
 SPEED_PERCENTILES = (2, 98)
-"""Visited speeds, of those above `TUNED.moving_share` of the largest."""
+"""Visited speeds, of those while it moves."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -220,8 +220,8 @@ def _try_load_exponent(search: _Search, scenario: Mapping[Parameter, float]) -> 
 def _try_speed_term(search: _Search, extra: Parameter) -> None:
     best, found = search.best, search.attempt_with(extra)
     before, after = best.validation.robust_rms, found.validation.robust_rms
-    fits_better = TUNED.worth_a_speed_term * found.fit.robust_rms < best.fit.robust_rms
-    better = TUNED.worth_a_speed_term * after < before or (fits_better and TUNED.slightly * after < before)
+    fits_better = TUNED.nearly_as_good * found.fit.robust_rms < best.fit.robust_rms
+    better = TUNED.nearly_as_good * after < before or (fits_better and TUNED.slightly * after < before)
     if better and _is_plausible(found, extra):
         search.best = found
 
@@ -245,5 +245,5 @@ def visited_speeds_m_per_s(task: ChainResiduals, values: Mapping[Parameter, floa
     """Slow and fast end of the speeds at which the tendon's near end moves [m/s]."""
     positions = ((task.model.predict(values, run.drive).near_m, run.record.step_s) for run in task.pieces)
     every = np.concatenate([np.abs(np.gradient(position, step_s)) for position, step_s in positions])
-    slowest, fastest = np.percentile(every[every > TUNED.moving_share * every.max()], SPEED_PERCENTILES)
+    slowest, fastest = np.percentile(every[every > 0], SPEED_PERCENTILES)
     return float(slowest), float(fastest)

@@ -157,7 +157,7 @@ def fit_coarse(
         free=CORE + (TENDON if proximal or all(r.with_elongation for r in pieces) else ()),
         output_unit=TUNED.robust_share * span,
         elongation_unit_m=TUNED.robust_share * span_m,
-        block_s=float(np.clip(seconds / TUNED.blocks, TUNED.least_block_s, TUNED.longest_block_s)),
+        block_s=min(seconds / TUNED.blocks, TUNED.longest_block_s),
     )
     starts = [
         {

@@ -328,7 +328,7 @@ def _folds(runs: Sequence[_Run]) -> list[Folds]:
 
 def block_numbers(clocks_s: Sequence[Array], seconds: float) -> Blocks:
     """Block of every row, the runs with these clocks one after the other; together they take `seconds`."""
-    block_s = float(np.clip(seconds / TUNED.static_blocks, TUNED.least_block_s, TUNED.longest_block_s / 2))
+    block_s = min(seconds / TUNED.static_blocks, TUNED.longest_block_s / 2)
     return np.concatenate([np.floor(t / block_s).astype(np.int64) + 10_000_000 * k for k, t in enumerate(clocks_s)])
 
 

@@ -82,7 +82,7 @@ def doubt_of_other_laws(
         spreads.append(covariance[:-1, :-1])
         # The choice of the law has turned the others down already; nobody has asked for this one yet.
         evidence.append(support if extra is None else min(support, 0.0))
-        if extra is None and support > TUNED.uneven_from:
+        if extra is None and support > TUNED.worth_a_constant:
             concentration = float(step[-1])
     share = np.exp(np.array(evidence) - max(evidence))
     share /= share.sum()

@@ -6,7 +6,14 @@ from typing import TypeVar
 import numpy as np
 from matplotlib.figure import Figure
 
-from tendonff.compensator.identification.answer.panels import Panel, loops, mark_parts, over_time, residuals
+from tendonff.compensator.identification.answer.panels import (
+    MOST_PANELS,
+    Panel,
+    loops,
+    mark_parts,
+    over_time,
+    residuals,
+)
 from tendonff.compensator.identification.motors.loop_routine import MotorRoutine
 from tendonff.compensator.identification.motors.result import MotorsComparison, MotorsIdentification
 from tendonff.compensator.identification.motors.routine import MotorsRoutine
@@ -14,8 +21,6 @@ from tendonff.compensator.identification.motors.sensor import SensorFile, Sensor
 from tendonff.compensator.identification.motors.torque import TorqueFile, TorqueFit
 from tendonff.compensator.reporting.colours import BLUE, GREY, INK
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure, thinned
-
-MOST_PANELS = 3
 
 _File = TypeVar("_File", MotorsComparison, SensorFile, TorqueFile)
 

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from tendonff.compensator.identification.answer.result import Estimate, FitStatus
+from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.reading import Finding
 from tendonff.compensator.identification.motors.first_look import FirstLook
@@ -20,7 +21,7 @@ from tendonff.compensator.scenario.driven.finger import FingerScenario
 from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenarios import parse_any
 
-DESCRIBED_PERCENT = 10.0
+DESCRIBED_PERCENT = TUNED.poor_percent
 """A law with a larger RMS error of a torque, in % of its range, does not describe the device."""
 
 NOT_NEEDED = "not needed"
