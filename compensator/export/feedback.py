@@ -16,9 +16,9 @@ from tendonff.ocp.feedback.law import LEARNED, NUMBERS, STATES, FeedbackControll
 from tendonff.ocp.step.render import law_calls
 
 _TEMPLATES = environment("tendonff.compensator.export", "templates/feedback")
-_ROWS, _MISSING = 300, 1e30
+_MISSING = 1e30
 _TOLERANCE = {Precision.DOUBLE: 1e-12, Precision.FLOAT: 2e-3}
-"""Largest departure of the corrections, as a share of the clamp: rounding, which the least squares pass on."""
+"""Largest departure of the corrections, as a share of the largest: rounding, which the least squares pass on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,16 +40,17 @@ class FeedbackModule(ABC):
     law : FeedbackLaw
     reference : tuple of float
         Of the golden vectors, one a sample; the first is that at rest.
-    unit, command_unit : str
-        Of the measurement, and of the correction.
+    unit, seen_unit, command_unit : str
+        Of the measurement, of what the law compares, and of the command that is corrected.
     """
 
     law: FeedbackLaw
     reference: tuple[float, ...]
     unit: str
+    seen_unit: str
     command_unit: str
     stem: ClassVar[str]  # of the templates
-    streamed: ClassVar[tuple[str, ...]] = ()  # inputs of the law that come with each sample beside both values
+    streamed: ClassVar[tuple[str, ...]] = ()  # inputs of the law beside both values, computed at each sample
     fixed: ClassVar[Mapping[str, float]] = {}  # inputs of the law that are always the same
 
     @abstractmethod
@@ -62,17 +63,17 @@ class FeedbackModule(ABC):
 
     def golden(self) -> dict[str, list[float]]:
         """Columns of samples in the order of the arguments, some measurements missing; the last are the corrections."""
-        rng = np.random.default_rng(7)
-        reference = np.resize(np.array(self.reference), _ROWS)
-        off = np.cumsum(rng.standard_normal(_ROWS)) * 0.02 * np.ptp(reference)
-        seen = np.maximum(reference[np.maximum(np.arange(_ROWS) - 3, 0)] - off, self.least)
+        rng, rows = np.random.default_rng(7), len(self.reference)
+        reference = np.array(self.reference)
+        off = np.cumsum(rng.standard_normal(rows)) * 0.02 * np.ptp(reference)
+        seen = np.maximum(reference[np.maximum(np.arange(rows) - 3, 0)] - off, self.least)
         seen[49::50] = _MISSING
-        more = {name: np.resize(np.array(values), _ROWS).tolist() for name, values in self.more.items()}
         controller, found = FeedbackController(self.law, self.seen(float(reference[0]))), []
         for row, (wanted, measured) in enumerate(zip(reference.tolist(), seen.tolist(), strict=True)):
             taken = math.nan if measured == _MISSING else self.seen(measured)
-            found.append(controller.step(self.seen(wanted), taken, *self.shape_at(row, more)))
-        return {"reference": reference.tolist(), "measured": seen.tolist(), **more, "expected": found}
+            answer = controller.step(self.seen(wanted), taken, self.shape_at(row))
+            found.append(self.commanded(answer, row))
+        return {"reference": reference.tolist(), "measured": seen.tolist(), "expected": found}
 
     @property
     def least(self) -> float:
@@ -80,13 +81,17 @@ class FeedbackModule(ABC):
         return -math.inf
 
     @property
-    def more(self) -> dict[str, tuple[float, ...]]:
-        """Further arguments of a sample, one value each."""
-        return {}
+    def largest(self) -> float:
+        """Largest correction of the command along the golden vectors."""
+        return self.law.clamp
 
-    def shape_at(self, row: int, more: Mapping[str, Sequence[float]]) -> tuple[float, ...]:  # noqa: ARG002
-        """Further inputs of the law at a row, of further arguments."""
-        return ()
+    def shape_at(self, row: int) -> float:  # noqa: ARG002
+        """Shape of friction at a row of the golden vectors, where the law takes it."""
+        return 0.0
+
+    def commanded(self, correction: float, row: int) -> float:  # noqa: ARG002
+        """Correction of the command, of one of the law, at a row of the golden vectors."""
+        return correction
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,28 +119,28 @@ class JointModule(FeedbackModule):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TensionModule(FeedbackModule):
-    """Feedback of a tension.
+    """Feedback of a tension, with two inverses of its own.
 
     Attributes
     ----------
     force_N, more_N : tuple of float
         What inverse, and inverse with more friction, say for the references.
+    joint_rad : tuple of tuple of float
+        Angles of the joints that move the path, for the references.
     offset_N : float
         Added to forces before their logarithm.
     more_friction : float
         Share by which friction is changed in the second inverse [-].
     command_per_N : float
         Command per force on the actuator.
-    added_unit : str
-        Of the command.
     """
 
     force_N: tuple[float, ...]
     more_N: tuple[float, ...]
+    joint_rad: tuple[tuple[float, ...], ...]
     offset_N: float
     more_friction: float
     command_per_N: float
-    added_unit: str
     stem = "tension"
     streamed = ("shape",)
 
@@ -149,8 +154,9 @@ class TensionModule(FeedbackModule):
             "offset_N": self.offset_N,
             "more_friction": self.more_friction,
             "command_per_N": self.command_per_N,
-            "added_unit": self.added_unit,
             "suffix": "f" if precision is Precision.FLOAT else "",
+            "joints": len(self.joint_rad[0]),
+            "joint_rad": [angle for row in self.joint_rad for angle in row],
         }
 
     @property
@@ -159,13 +165,17 @@ class TensionModule(FeedbackModule):
         return 0.0
 
     @property
-    def more(self) -> dict[str, tuple[float, ...]]:
-        """See `FeedbackModule.more`."""
-        return {"force_N": self.force_N, "more_N": self.more_N}
+    def largest(self) -> float:
+        """See `FeedbackModule.largest`."""
+        return max(self.force_N) * self.command_per_N * self.law.clamp
 
-    def shape_at(self, row: int, more: Mapping[str, Sequence[float]]) -> tuple[float, ...]:
+    def shape_at(self, row: int) -> float:
         """See `FeedbackModule.shape_at`."""
-        return ((self.seen(more["more_N"][row]) - self.seen(more["force_N"][row])) / self.more_friction,)
+        return (self.seen(self.more_N[row]) - self.seen(self.force_N[row])) / self.more_friction
+
+    def commanded(self, correction: float, row: int) -> float:
+        """See `FeedbackModule.commanded`."""
+        return self.command_per_N * (self.force_N[row] + self.offset_N) * math.expm1(correction)
 
 
 def feedback_files(
@@ -190,15 +200,23 @@ def feedback_files(
         "include": include,
         "provenance": provenance,
         "unit": module.unit,
+        "seen_unit": module.seen_unit,
         "command_unit": module.command_unit,
+        "first": start,
         "start": module.seen(start),
         "columns": [(name, numbers(values)) for name, values in golden.items()],
-        "rows": _ROWS,
-        "more": list(module.more),
-        "tolerance": _TOLERANCE[precision] * law.clamp,
+        "numbers": numbers,
+        "rows": len(module.reference),
+        "joints": 0,
+        "tolerance": _TOLERANCE[precision] * module.largest,
         "far": start + 1e3 * max(law.clamp, 1.0),
         **_law_context(module, prefix, precision),
         **module.context(precision),
+    }
+    moving = context["joints"] != 0
+    context |= {
+        "joint_parameter": f", const {prefix}_real joint_rad[]" if moving else "",
+        "arguments": ", joint_rad" if moving else "",
     }
     templates = {
         "feedback.h": f"{module.stem}.h",

@@ -49,15 +49,13 @@ unsigned tff_runtime_step(void *memory, double dt, double reference, double meas
 """
 _FED_TENDON = """#include "tff_inverse.h"
 #include "tff_feedback.h"
-typedef struct {{ tff_inverse inverse, more; tff_feedback feedback; double last; int steps; }} fed;
+typedef struct {{ tff_inverse inverse; tff_feedback feedback; double last; int steps; }} fed;
 long tff_runtime_size(void) {{ return (long)sizeof(fed); }}
 int tff_runtime_init(void *memory, double start, const double *joints)
 {{
     fed *const self = memory;
     (void)joints;
     tff_inverse_init(&self->inverse, start);
-    tff_inverse_init(&self->more, start);
-    tff_inverse_set_mu(&self->more, TFF_FEEDBACK_MORE_FRICTION * tff_inverse_mu(&self->more));
     tff_feedback_init_at(&self->feedback, start);
     self->last = start;
     self->steps = 0;
@@ -66,16 +64,13 @@ int tff_runtime_init(void *memory, double start, const double *joints)
 unsigned tff_runtime_step(void *memory, double dt, double reference, double measured, const double *joints, double *out)
 {{
     fed *const self = memory;
-    const double force = self->inverse.output.force, more = self->more.output.force;
     (void)joints;
     if (self->steps == 0) {{
-        (void)tff_feedback_step(&self->feedback, self->last, measured, force, more);
+        (void)tff_feedback_step(&self->feedback, self->last, measured{arguments});
     }}
     self->steps = (self->steps + 1) % {every};
     self->last = reference;
-    out[0] = tff_inverse_step_dt(&self->inverse, dt, reference{arguments});
-    (void)tff_inverse_step_dt(&self->more, dt, reference{arguments});
-    out[0] += tff_feedback_added(&self->feedback, self->inverse.output.force);
+    out[0] = tff_inverse_step_dt(&self->inverse, dt, reference{arguments}) + self->feedback.command;
     return self->inverse.output.status;
 }}
 """
@@ -270,7 +265,7 @@ def tendon_runtime(scenario: Scenario, kind: RuntimeKind | None) -> RuntimeCode:
     if scenario.feedback is not None and kind is RuntimeKind.INVERSE:
         task, fed = tension_task(problem, scenario.feedback, file), True
         sources |= feedback_files(
-            tension_module(task), prefix="tff", precision=Precision.DOUBLE, include="tff_types.h", provenance=" *"
+            tension_module(task), prefix="tff", precision=Precision.DOUBLE, include="tff_inverse.h", provenance=" *"
         )
         del sources["tff_feedback_test.c"]
         driver = _FED_TENDON.format(every=samples_of(task.sample_s, problem.reference.step_s), arguments=arguments)
