@@ -20,7 +20,7 @@ from tendonff.compensator.compensators.table import BuiltTable, table_of
 from tendonff.compensator.compensators.tuning import certified, check_tuning, learnt, tuning_of
 from tendonff.compensator.export.adaptive import NUDGES, AdaptiveGolden, adaptive_golden, adaptive_test
 from tendonff.compensator.export.drive import drive_on_host, host_text, test_text
-from tendonff.compensator.export.feedback import feedback_files
+from tendonff.compensator.export.feedback import FEEDBACK_SOURCES, feedback_files
 from tendonff.compensator.export.feedback_module import tension_module
 from tendonff.compensator.export.golden import Golden, golden_vectors
 from tendonff.compensator.export.host import compile_on_host, run_on_host
@@ -204,7 +204,7 @@ def _texts(
 ) -> dict[str, str]:
     """Every file but design.json, by name; without a C compiler the self test does not call modules at random."""
     fed = _feedback(scenario, problem, modules, precision, prefix)
-    further = {**further, "tested": ["feedback"] if fed else []}
+    further = {**further, "tested": ["feedback"], "beside": FEEDBACK_SOURCES} if fed else further
     sources = c_sources(scenario, problem, modules, precision, prefix, further)
     drive = drive_text(scenario, problem, modules, precision, prefix, further)
     code = compile_on_host(sources, host_text(drive, prefix, [module.name for module in modules]), precision)

@@ -15,6 +15,9 @@ from tendonff.ocp.codegen.templates import environment
 from tendonff.ocp.feedback.law import LEARNED, NUMBERS, STATES, FeedbackController, FeedbackLaw, feedback_step
 from tendonff.ocp.step.render import law_calls
 
+FEEDBACK_SOURCES = ("feedback", "control")
+"""Modules in C: the feedback, and feedforward and feedback in one call."""
+
 _TEMPLATES = environment("tendonff.compensator.export", "templates/feedback")
 _MISSING = 1e30
 _TOLERANCE = {Precision.DOUBLE: 1e-12, Precision.FLOAT: 2e-3}
@@ -38,6 +41,8 @@ class FeedbackModule(ABC):
     Attributes
     ----------
     law : FeedbackLaw
+    every : int
+        Steps of the feedforward in a sample.
     reference : tuple of float
         Of the golden vectors, one a sample; the first is that at rest.
     unit, seen_unit, command_unit : str
@@ -45,11 +50,13 @@ class FeedbackModule(ABC):
     """
 
     law: FeedbackLaw
+    every: int
     reference: tuple[float, ...]
     unit: str
     seen_unit: str
     command_unit: str
     stem: ClassVar[str]  # of the templates
+    feedforward: ClassVar[str]  # module whose command is corrected
     streamed: ClassVar[tuple[str, ...]] = ()  # inputs of the law beside both values, computed at each sample
     fixed: ClassVar[Mapping[str, float]] = {}  # inputs of the law that are always the same
 
@@ -102,10 +109,13 @@ class JointModule(FeedbackModule):
     ----------
     direction : tuple of float
         Correction of each command per unit of the correction.
+    other_rad : tuple of float
+        Angles at the start of the joints that move paths.
     """
 
     direction: tuple[float, ...]
-    stem = "feedback"
+    other_rad: tuple[float, ...]
+    stem, feedforward = "joint", "joint"
     fixed = {"shape": 0.0, "aged_shape": 0.0}  # noqa: RUF012 - nobody writes it
 
     def seen(self, value: float) -> float:
@@ -114,7 +124,10 @@ class JointModule(FeedbackModule):
 
     def context(self, precision: Precision) -> dict[str, object]:
         """See `FeedbackModule.context`."""
-        return {"direction": [literal(value, precision) for value in self.direction]}
+        return {
+            "direction": [literal(value, precision) for value in self.direction],
+            "other_rad": [literal(value, precision) for value in self.other_rad],
+        }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,7 +154,7 @@ class TensionModule(FeedbackModule):
     offset_N: float
     more_friction: float
     command_per_N: float
-    stem = "tension"
+    stem, feedforward = "tension", "inverse"
     streamed = ("shape",)
 
     def seen(self, value: float) -> float:
@@ -157,6 +170,7 @@ class TensionModule(FeedbackModule):
             "suffix": "f" if precision is Precision.FLOAT else "",
             "joints": len(self.joint_rad[0]),
             "joint_rad": [angle for row in self.joint_rad for angle in row],
+            "start_rad": [literal(angle, precision) for angle in self.joint_rad[0]],
         }
 
     @property
@@ -208,20 +222,32 @@ def feedback_files(
         "numbers": numbers,
         "rows": len(module.reference),
         "joints": 0,
+        "other_rad": (),
+        "every": module.every,
+        "sample": law.sample_s,
+        "feedforward": module.feedforward,
         "tolerance": _TOLERANCE[precision] * module.largest,
         "far": start + 1e3 * max(law.clamp, 1.0),
         **_law_context(module, prefix, precision),
         **module.context(precision),
     }
-    moving = context["joints"] != 0
+
+    def array(name: str, present: object) -> str:
+        return f", const {prefix}_real {name}[]" if present else ""
+
+    moved, others = context["joints"], context["other_rad"]
     context |= {
-        "joint_parameter": f", const {prefix}_real joint_rad[]" if moving else "",
-        "arguments": ", joint_rad" if moving else "",
+        "joint_parameter": array("joint_rad", moved),
+        "arguments": ", joint_rad" if moved else "",
+        "other_parameter": array("other_rad", others),
+        "other_arguments": ", other_rad" if others else "",
     }
     templates = {
         "feedback.h": f"{module.stem}.h",
         "feedback.c": f"{module.stem}.c",
-        "feedback_test.c": "feedback_test.c",
+        "feedback_test.c": f"{module.stem}_test.c",
+        "control.h": f"{module.stem}_control.h",
+        "control.c": f"{module.stem}_control.c",
     }
     return {
         f"{prefix}_{name}": _TEMPLATES.get_template(f"{template}.j2").render(context)

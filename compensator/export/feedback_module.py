@@ -16,21 +16,27 @@ from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.models.parameters.numbers import with_numbers
 from tendonff.ocp.feedback.closed_loop import samples_of
 from tendonff.ocp.feedback.law import FeedbackLaw
+from tendonff.ocp.joint.target import other_joints
 
 _GOLDEN = 300  # samples of the reference that golden vectors follow
 
 
 def joint_module(task: JointFeedbackTask) -> FeedbackModule:
     """Tune the feedback of a joint."""
-    law, reference = _tuned(task)
+    law, every, reference = _tuned(task)
+    sampled = task.joint.sampled
+    others = sampled.others(task.joint.mechanism.joint.name)
+    followed = other_joints((task.joint.problem,))
     direction = task.system(task.doubt.system).direction[:, 0]
     return JointModule(
         law=law,
+        every=every,
         reference=tuple(reference.tolist()),
         unit=task.unit.key,
         seen_unit=task.seen_unit,
         command_unit=task.command_unit,
         direction=tuple(direction.tolist()),
+        other_rad=tuple(float(others[name][0]) for name in followed),
     )
 
 
@@ -42,7 +48,7 @@ def tension_module(task: TensionFeedbackTask) -> FeedbackModule:
             f"{task.file} [feedback]: sample_s = {task.sample_s:g} s is longer than a step of the exported inverse, "
             f"{most_s:g} s; sample more often"
         )
-    law, reference = _tuned(task)
+    law, every, reference = _tuned(task)
     stiffness = task.problem.transmission.actuator.servo_stiffness_N_per_m
     followed = _followed(task.problem, reference, law.sample_s)
     changed = with_numbers(followed.transmission, {"mu": 1 + MORE_FRICTION})
@@ -50,6 +56,7 @@ def tension_module(task: TensionFeedbackTask) -> FeedbackModule:
     angles = np.zeros((len(reference), 0)) if motion is None else motion.at(followed.reference.time_s)
     return TensionModule(
         law=law,
+        every=every,
         reference=tuple(reference.tolist()),
         unit=task.unit.key,
         seen_unit=task.seen_unit,
@@ -63,11 +70,11 @@ def tension_module(task: TensionFeedbackTask) -> FeedbackModule:
     )
 
 
-def _tuned(task: FeedbackTask) -> tuple[FeedbackLaw, FloatArray]:
-    """The law, and the reference at the samples that golden vectors follow."""
+def _tuned(task: FeedbackTask) -> tuple[FeedbackLaw, int, FloatArray]:
+    """The law, steps in a sample, and the reference at the samples that golden vectors follow."""
     (law,) = tune_feedback(task).design.laws
     every = samples_of(law.sample_s, task.feedforward.step_s)
-    return law, np.resize(task.feedforward.reference[: every * _GOLDEN : every, 0], _GOLDEN)
+    return law, every, np.resize(task.feedforward.reference[: every * _GOLDEN : every, 0], _GOLDEN)
 
 
 def _followed(problem: Problem, reference_N: FloatArray, step_s: float) -> Problem:

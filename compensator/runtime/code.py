@@ -22,7 +22,6 @@ from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.compensator.scenario.settings import Stream
 from tendonff.models.parameters.drive import Drive
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.feedback.closed_loop import samples_of
 from tendonff.ocp.joint.target import other_joints
 from tendonff.ocp.step.joints import Joints
 
@@ -47,33 +46,6 @@ unsigned tff_runtime_step(void *memory, double dt, double reference, double meas
     return self->output.status;
 }}
 """
-_FED_TENDON = """#include "tff_inverse.h"
-#include "tff_feedback.h"
-typedef struct {{ tff_inverse inverse; tff_feedback feedback; double last; int steps; }} fed;
-long tff_runtime_size(void) {{ return (long)sizeof(fed); }}
-int tff_runtime_init(void *memory, double start, const double *joints)
-{{
-    fed *const self = memory;
-    (void)joints;
-    tff_inverse_init(&self->inverse, start);
-    tff_feedback_init_at(&self->feedback, start);
-    self->last = start;
-    self->steps = 0;
-    return self->inverse.output.status == TFF_OK;
-}}
-unsigned tff_runtime_step(void *memory, double dt, double reference, double measured, const double *joints, double *out)
-{{
-    fed *const self = memory;
-    (void)joints;
-    if (self->steps == 0) {{
-        (void)tff_feedback_step(&self->feedback, self->last, measured{arguments});
-    }}
-    self->steps = (self->steps + 1) % {every};
-    self->last = reference;
-    out[0] = tff_inverse_step_dt(&self->inverse, dt, reference{arguments}) + self->feedback.command;
-    return self->inverse.output.status;
-}}
-"""
 _JOINT = """#include "tff_joint.h"
 long tff_runtime_size(void) {{ return (long)sizeof(tff_joint); }}
 int tff_runtime_init(void *memory, double start, const double *joints)
@@ -91,32 +63,21 @@ unsigned tff_runtime_step(void *memory, double dt, double reference, double meas
     return status;
 }}
 """
-_FED_JOINT = """#include "tff_joint.h"
-#include "tff_feedback.h"
-typedef struct {{ tff_joint joint; tff_feedback feedback; double last, measured; int steps; }} fed;
-long tff_runtime_size(void) {{ return (long)sizeof(fed); }}
+_FED_JOINT = """#include "tff_control.h"
+long tff_runtime_size(void) {{ return (long)sizeof(tff_control); }}
 int tff_runtime_init(void *memory, double start, const double *joints)
 {{
-    fed *const self = memory;
     (void)joints;
-    tff_feedback_init_at(&self->feedback, start);
-    self->last = start;
-    self->steps = 0;
-    return tff_joint_init(&self->joint, 0, start, 0.0{others});
+    return tff_control_init(memory, 0, start, 0.0{others});
 }}
 unsigned tff_runtime_step(void *memory, double dt, double reference, double measured, const double *joints, double *out)
 {{
-    fed *const self = memory;
-    const unsigned status = tff_joint_step_dt(&self->joint, dt, reference, 0.0{others});
+    tff_control *const self = memory;
+    const unsigned status = tff_control_step_dt(self, dt, reference, 0.0, measured{others});
     int k;
     (void)joints;
-    if (self->steps == 0) {{
-        (void)tff_feedback_step(&self->feedback, self->last, measured);
-    }}
-    self->steps = (self->steps + 1) % {every};
-    self->last = reference;
     for (k = 0; k < TFF_FEEDBACK_COMMANDS; k++) {{
-        out[k] = self->joint.command_rad[k] + self->feedback.command[k];
+        out[k] = self->command_rad[k];
     }}
     return status;
 }}
@@ -219,7 +180,6 @@ def joint_runtime(scenario: JointScenario, kind: RuntimeKind | None) -> RuntimeC
         sources=sources,
         driver=(_ADAPTIVE_JOINT if adaptive else _JOINT if fed is None else _FED_JOINT).format(
             others=others,
-            every=1 if fed is None else samples_of(fed.sample_s, scenario.run.step_s),
             angle=angle,
             contact="reference" if torque else "0.0",
             angle_at_start=angle.replace("reference", "start"),
@@ -268,7 +228,7 @@ def tendon_runtime(scenario: Scenario, kind: RuntimeKind | None) -> RuntimeCode:
             tension_module(task), prefix="tff", precision=Precision.DOUBLE, include="tff_inverse.h", provenance=" *"
         )
         del sources["tff_feedback_test.c"]
-        driver = _FED_TENDON.format(every=samples_of(task.sample_s, problem.reference.step_s), arguments=arguments)
+        driver = _TENDON.format(module="control", arguments=f", measured{arguments}")
     return RuntimeCode(
         kind=kind,
         driven=False,

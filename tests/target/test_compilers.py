@@ -149,6 +149,16 @@ def test_cppcheck_and_its_misra_rules_are_quiet_about_profile_and_table_of_a_joi
     assert [hit for hit in hits if "8.9]" not in hit] == []
 
 
+@pytest.mark.nightly
+@pytest.mark.parametrize(("example", "sensor"), [("finger_moving", "output_tension"), ("hand_joint", "joint_angle")])
+def test_cppcheck_and_its_misra_rules_are_quiet_about_the_feedback(toolbox, examples, tmp_path, example, sensor):
+    text = (examples / f"{example}.toml").read_text("utf-8").partition("[robust]")[0]
+    more = f'\n[feedback]\nsensor = "{sensor}"\ndelay_s = 0.004\n[robust]\nsamples = 1\n'
+    (tmp_path / "fed.toml").write_text(text.replace("duration_s = 4.0", "duration_s = 0.5") + more, "utf-8")
+    tf.export_c(tf.load_scenario(tmp_path / "fed.toml")).write(tmp_path / "c")
+    assert checked(toolbox, [tmp_path / "c" / f"tff_{name}.c" for name in ("feedback", "control")]) == []
+
+
 def shorten_the_profile(folder):
     """Leave eight rows of the profile: the rules look at each number, and thousands are alike."""
     header, code = folder / "tff_profile.h", folder / "tff_profile.c"

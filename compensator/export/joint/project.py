@@ -13,7 +13,7 @@ from tendonff.compensator.compensators.motors.task import verifying_masses
 from tendonff.compensator.export.drive import test_text
 from tendonff.compensator.export.driven.module import Designed
 from tendonff.compensator.export.driven.modules import modules_beside
-from tendonff.compensator.export.feedback import feedback_files
+from tendonff.compensator.export.feedback import FEEDBACK_SOURCES, feedback_files
 from tendonff.compensator.export.feedback_module import joint_module
 from tendonff.compensator.export.joint.golden import (
     JointCourse,
@@ -104,8 +104,8 @@ def export_joints(
     fed, unfed = _feedback(scenarios, precision, prefix, context["provenance"])
     context["feedback"] = bool(fed)
     if fed:
-        context["modules"] = [*context["modules"], "feedback"]
-        context["headers"] = [*context["headers"], f"{prefix}_feedback.h"]
+        context["modules"] = [*context["modules"], *FEEDBACK_SOURCES]
+        context["headers"] = [*context["headers"], *(f"{prefix}_{name}.h" for name in FEEDBACK_SOURCES)]
     context["tested"] = ["feedback"] if fed else []
     beside = modules_beside(
         [Designed(task=task, motor_rad=run.motor_rad) for task, run in zip(tasks, runs, strict=True)],

@@ -324,6 +324,8 @@ def _context(
         state["stream"] = _padded(output + state["inverse"] + line * size + entry + places, size)
     return _naming(scenario, problem.level, precision, prefix) | {
         "tested": [],  # modules with a self test of their own
+        "beside": [],  # modules that no compensator has
+        "sensor": False,  # the controller for ROS 2 reads a measurement
         "joints": joints,
         "shared": shared_sources(problem, names),
         "joint_parameter": f", const {prefix}_real joint_rad[]" if moving else "",
