@@ -220,8 +220,7 @@ def _feedback(
         return {}
     module = tension_module(tension_task(problem, scenario.feedback, scenario.source.name))
     provenance = provenance_of(scenario, problem.level, precision, prefix)
-    include = f"{prefix}_inverse.h"
-    return feedback_files(module, prefix=prefix, precision=precision, include=include, provenance=provenance)
+    return feedback_files(module, prefix=prefix, precision=precision, provenance=provenance)
 
 
 def _late(problem: Problem) -> tuple[str, ...]:

@@ -192,10 +192,14 @@ class TensionModule(FeedbackModule):
         return self.command_per_N * (self.force_N[row] + self.offset_N) * math.expm1(correction)
 
 
-def feedback_files(
-    module: FeedbackModule, *, prefix: str, precision: Precision, include: str, provenance: str
-) -> dict[str, str]:
-    """Texts by file name; `include` is the header with the real type, `provenance` the lines of the comment on top."""
+def feedback_sources(module: FeedbackModule, prefix: str, provenance: str = " *") -> dict[str, str]:
+    """Headers and sources in double precision, without the self test; arguments as of `feedback_files`."""
+    found = feedback_files(module, prefix=prefix, precision=Precision.DOUBLE, provenance=provenance)
+    return {name: text for name, text in found.items() if not name.endswith("_test.c")}
+
+
+def feedback_files(module: FeedbackModule, *, prefix: str, precision: Precision, provenance: str) -> dict[str, str]:
+    """Texts by file name; `provenance` holds the lines of the comment on top."""
     law, golden = module.law, module.golden()
 
     def num(value: float) -> str:
@@ -211,7 +215,6 @@ def feedback_files(
         "guard": prefix.upper(),
         "real": precision.value,
         "num": num,
-        "include": include,
         "provenance": provenance,
         "unit": module.unit,
         "seen_unit": module.seen_unit,

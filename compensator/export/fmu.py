@@ -4,6 +4,8 @@ from tendonff._version import __version__
 from tendonff.compensator.compensators.base import CModule, Problem
 from tendonff.compensator.compensators.table import BuiltTable, accepted_range, table_of
 from tendonff.compensator.compensators.tuning import check_tuning
+from tendonff.compensator.export.feedback import FEEDBACK_SOURCES, feedback_sources
+from tendonff.compensator.export.feedback_module import tension_module
 from tendonff.compensator.export.judgement import Judged, chosen, judge, profiles_of, score_lines
 from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.export.modules import ADAPTIVE, OBSERVER, PLANT, c_modules, check_prefix
@@ -11,6 +13,7 @@ from tendonff.compensator.export.observer import ObserverDesign
 from tendonff.compensator.export.text.c_text import c_sources, harmless, shared_sources, table_context
 from tendonff.compensator.export.text.parameters import parameters_of
 from tendonff.compensator.export.unit import Fmu, Variable, pack
+from tendonff.compensator.feedback.tension import tension_task
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
 from tendonff.models.fidelity import Level
@@ -37,17 +40,24 @@ def build_fmu(
     check_prefix(prefix)
     if kind is Kind.ADAPTIVE and scenario.adaptation is None:
         raise InputError(f"{scenario.source.name}: table [adaptation] is missing; --kind adaptive needs its sensor")
+    if kind is Kind.FEEDBACK and scenario.feedback is None:
+        raise InputError(f"{scenario.source.name}: table [feedback] is missing; --kind feedback needs its sensor")
     check_tuning(scenario)
     problem = Problem.of(scenario, level=level)
-    module = next((module for module in c_modules(scenario) if module.name == kind.value), None)
+    fed = scenario.feedback if kind is Kind.FEEDBACK else None
+    wanted = Kind.INVERSE if fed else kind
+    module = next((module for module in c_modules(scenario) if module.name == wanted.value), None)
     if module is None:
         raise InputError(f"{scenario.source.name}: no {kind} serves this drive and path; use --kind inverse")
     identifier = f"{prefix}_{kind}"
-    compiled = [f"{prefix}_{name}.c" for name in (*shared_sources(problem, (kind,)), kind)]
+    names = (module.name, *(FEEDBACK_SOURCES if fed else ()))
+    compiled = [f"{prefix}_{name}.c" for name in (*shared_sources(problem, names), *names)]
     built = table_of(problem) if kind is Kind.TABLE else None
     judged, warnings = _judged(problem, built, module, force_export=force_export)
     further = {} if built is None else table_context(built, Precision.DOUBLE)
     sources = c_sources(scenario, problem, (module,), Precision.DOUBLE, prefix, further)
+    if fed:
+        sources |= feedback_sources(tension_module(tension_task(problem, fed, scenario.source.name)), prefix)
     context = _context(scenario, problem, kind, prefix, identifier, compiled)
     return pack(sources, context, fmi, everywhere=everywhere, lines=score_lines(judged), warnings=warnings)
 
@@ -84,6 +94,9 @@ def _context(
         first = initial if sensor is Sensor.OUTPUT_TENSION else "0.0"
         words = f"last measurement: {sensor.words}"
         extras.append(Variable(name="measured", text=words, unit=sensor.unit, start=first))
+    elif kind is Kind.FEEDBACK:
+        text = "last measurement of the output tension"
+        extras.append(Variable(name="measured", text=text, unit="N", start=initial))
     elif kind is Kind.INVERSE:
         extras.append(
             Variable(
@@ -122,7 +135,7 @@ def _context(
     return {
         "prefix": prefix,
         "guard": prefix.upper(),
-        "kind": kind,
+        "kind": "control" if kind is Kind.FEEDBACK else kind,
         "identifier": identifier,
         "compiled": compiled,
         "description": f"{kind} of the tendon chain, level {level}: {name}",

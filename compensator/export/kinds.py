@@ -14,6 +14,7 @@ class Kind(Choice):
         "observer"  # input tension and position of the near end in, output tension with bounds out; a joint's PLANT
     )
     ADAPTIVE = "adaptive"  # reference and measurement in, force and present mu out, or motor's angle and factor
+    FEEDBACK = "feedback"  # reference and measurement in, the command of INVERSE with its feedback out
 
 
 class FmiVersion(Choice):

@@ -7,7 +7,7 @@ from tendonff.compensator.compensators.motors.joint import JointTask
 from tendonff.compensator.compensators.stream import choose_stream, followed_range
 from tendonff.compensator.compensators.table import accepted_range
 from tendonff.compensator.compensators.tuning import check_tuning
-from tendonff.compensator.export.feedback import feedback_files
+from tendonff.compensator.export.feedback import feedback_sources
 from tendonff.compensator.export.feedback_module import joint_module, tension_module
 from tendonff.compensator.export.joint.text import accepted_rad, joint_sources, problem_of
 from tendonff.compensator.export.modules import ADAPTIVE, STREAM, c_modules
@@ -170,10 +170,7 @@ def joint_runtime(scenario: JointScenario, kind: RuntimeKind | None) -> RuntimeC
     reference, angle = (sampled.contact_N_m, f"joints[{len(names)}]") if torque else (sampled.angle_rad, "reference")
     sources = joint_sources((scenario,))
     if fed is not None:
-        sources |= feedback_files(
-            joint_module(fed), prefix="tff", precision=Precision.DOUBLE, include="tff_joint.h", provenance=" *"
-        )
-        del sources["tff_feedback_test.c"]
+        sources |= feedback_sources(joint_module(fed), "tff")
     return RuntimeCode(
         kind=kind,
         driven=True,
@@ -223,11 +220,8 @@ def tendon_runtime(scenario: Scenario, kind: RuntimeKind | None) -> RuntimeCode:
     sources = c_sources(scenario, problem, modules, Precision.DOUBLE, "tff", further)
     driver, fed = _TENDON.format(module=kind.value, arguments=arguments), False
     if scenario.feedback is not None and kind is RuntimeKind.INVERSE:
-        task, fed = tension_task(problem, scenario.feedback, file), True
-        sources |= feedback_files(
-            tension_module(task), prefix="tff", precision=Precision.DOUBLE, include="tff_inverse.h", provenance=" *"
-        )
-        del sources["tff_feedback_test.c"]
+        fed = True
+        sources |= feedback_sources(tension_module(tension_task(problem, scenario.feedback, file)), "tff")
         driver = _TENDON.format(module="control", arguments=f", measured{arguments}")
     return RuntimeCode(
         kind=kind,

@@ -75,6 +75,8 @@ class FingerTask(MotorTask):
         return {
             **super().without,
             "table": "the angle of each motor hangs on all joints and the way of each",
+            "feedback": "its law corrects the motors of one joint, and here joints share motors; let an integral "
+            "action at the encoders correct the reference angles",
             "adaptive": "joints share tendons, so that the torque of one motor tells of many",
         }
 

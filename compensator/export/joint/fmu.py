@@ -7,6 +7,8 @@ from tendonff._version import __version__
 from tendonff.compensator.compensators.motors.joint import JointTask
 from tendonff.compensator.export.driven.modules import module_files
 from tendonff.compensator.export.driven.table import TABLE, table_content
+from tendonff.compensator.export.feedback import FEEDBACK_SOURCES, feedback_sources
+from tendonff.compensator.export.feedback_module import joint_module
 from tendonff.compensator.export.joint.golden import followed_course
 from tendonff.compensator.export.joint.text import accepted_rad, joint_sources, problem_of
 from tendonff.compensator.export.kinds import FmiVersion, Kind
@@ -14,6 +16,7 @@ from tendonff.compensator.export.modules import check_prefix
 from tendonff.compensator.export.motors import JudgedJoint, judge
 from tendonff.compensator.export.text.c_text import harmless
 from tendonff.compensator.export.unit import Fmu, Variable, pack
+from tendonff.compensator.feedback.joint import JointFeedbackTask
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.driven.joint import JointScenario, on_level, sample_joint
 from tendonff.models.fidelity import Level
@@ -22,6 +25,14 @@ from tendonff.ocp.codegen.precision import Precision
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.joint.start import start_tensions
 from tendonff.ocp.joint.target import ConstantData, other_joints
+
+_MODULES = {
+    **dict.fromkeys((Kind.INVERSE, Kind.PLANT, Kind.OBSERVER), ("joint",)),
+    Kind.TABLE: ("table",),
+    Kind.ADAPTIVE: ("joint", "joint_adaptive"),
+    Kind.FEEDBACK: ("joint", *FEEDBACK_SOURCES),
+}
+"""Modules of exported C in each kind of unit; the last is the one that it calls."""
 
 
 @in_turn
@@ -38,8 +49,7 @@ def build_joint_fmu(
     """Wrap the exported C of a joint; arguments and errors as of `tendonff.export_fmu`."""
     check_prefix(prefix)
     adaptive, observes = kind is Kind.ADAPTIVE, kind in (Kind.PLANT, Kind.OBSERVER)
-    if adaptive and scenario.adaptation is None:
-        raise InputError(f"{scenario.source.name}: table [adaptation] is missing; --kind adaptive needs it")
+    _check_tables(scenario, kind)
     scenario = on_level(scenario, level)
     if not adaptive:
         scenario = replace(scenario, adaptation=None)
@@ -49,8 +59,9 @@ def build_joint_fmu(
     task = JointTask(scenario=scenario, sampled=sampled, mechanism=mechanism, level=scenario.run.level)
     if reason := task.without.get(kind.value):
         raise InputError(f"{scenario.source.name}: no unit of the kind {kind}: {reason}; use --kind inverse")
-    looks_up, sources = kind is Kind.TABLE, joint_sources((scenario,), prefix=prefix)
+    looks_up = kind is Kind.TABLE
     provenance = f' * Scenario "{name}", hash {scenario.digest()}, level {scenario.run.level}; tendonff {__version__}.'
+    sources = _sources(task, kind, prefix, provenance)
     others = other_joints((problem,))
     lines, warnings = tuple[str, ...](), tuple[str, ...]()
     if not observes:
@@ -97,6 +108,7 @@ def build_joint_fmu(
     ]
     if adaptive:
         outputs.append(Variable(name="factor", text="present estimate over the scenario's value", unit="", start="1.0"))
+    if adaptive or kind is Kind.FEEDBACK:
         extras.append(angle("measured", "last measurement of the joint's angle"))
     elif observes:
         given, *more = [motor(f"motor{end}", "present") for end in winders]
@@ -104,20 +116,19 @@ def build_joint_fmu(
     elif looks_up:
         low, high = float(sampled.angle_rad.min()), float(sampled.angle_rad.max())
         given, extras, others = replace(given, low=low, high=high), [], ()
-    module = "joint_adaptive" if adaptive else "table" if looks_up else "joint"
     identifier = f"{prefix}_{'joint' if kind is Kind.INVERSE else f'joint_{kind}'}"
     context = {
         "prefix": prefix,
         "guard": prefix.upper(),
         "identifier": identifier,
-        "compiled": [f"{prefix}_{each}.c" for each in (("joint", module) if adaptive else (module,))],
+        "compiled": [f"{prefix}_{each}.c" for each in _MODULES[kind]],
         "description": f"{kind} of the joint {mechanism.joint.name}, level {scenario.run.level}: {name}",
         "version": __version__,
         "input": given,
         "first": angle("initial_angle", "angle of the joint at rest before the start"),
         "outputs": outputs if adaptive or looks_up else [*outputs, *strained],
         "extras": extras,
-        "module": module,
+        "module": _MODULES[kind][-1],
         "observes": observes,
         "radians": True,
         "joint_at": -1,
@@ -144,6 +155,22 @@ def build_joint_fmu(
 def _asked(winders: Sequence[str]) -> list[Variable]:
     tells = "torque that the tendons ask of the motor"
     return [Variable(name=f"torque{end}", text=tells, unit="N.m", start="0.0") for end in winders]
+
+
+def _sources(task: JointTask, kind: Kind, prefix: str, provenance: str) -> dict[str, str]:
+    """Texts of the joint by file name, and of its feedback where the kind has one."""
+    sources, settings = joint_sources((task.scenario,), prefix=prefix), task.scenario.feedback
+    if kind is Kind.FEEDBACK and settings is not None:
+        sources |= feedback_sources(joint_module(JointFeedbackTask.of(task, settings)), prefix, provenance)
+    return sources
+
+
+def _check_tables(scenario: JointScenario, kind: Kind) -> None:
+    """Refuse a kind whose table the scenario has not."""
+    tables = {Kind.ADAPTIVE: ("adaptation", scenario.adaptation), Kind.FEEDBACK: ("feedback", scenario.feedback)}
+    name, table = tables.get(kind, ("", scenario))
+    if table is None:
+        raise InputError(f"{scenario.source.name}: table [{name}] is missing; --kind {kind} needs it")
 
 
 def _stated(judged: JudgedJoint, *, force_export: bool) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -141,8 +141,7 @@ def _feedback(
         text = "the feedback module is left out of a project of several joints; export each joint with [feedback] alone"
         return {}, [text] if several else []
     module = joint_module(JointFeedbackTask.of(JointTask.of(scenarios[0]), settings[0]))
-    include = f"{prefix}_joint.h"
-    return feedback_files(module, prefix=prefix, precision=precision, include=include, provenance=provenance), []
+    return feedback_files(module, prefix=prefix, precision=precision, provenance=provenance), []
 
 
 def _check_together(scenarios: Sequence[JointScenario]) -> None:

@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -143,3 +144,35 @@ def test_the_adaptive_unit_of_a_joint_equals_its_runtime(examples, tmp_path):
         command = runtime.step(float(row["angle"]), dt=1e-3, measured=float(row["measured"]))
         assert (row["motor"], row["factor"]) == pytest.approx((command, runtime.factor), abs=1e-12)
     assert np.ptp(out["factor"]) > 0
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(("example", "motors"), [("hand_joint", ["motor"]), ("instrument_pair", None)])
+def test_the_unit_with_feedback_equals_its_runtime(examples, tmp_path, example, motors):
+    """With a measurement that is late and small, at another step than the scenario's."""
+    table = '\n[feedback]\nsensor = "joint_angle"\ndelay_s = 0.01\nsample_s = 0.004\n[robust]\nsamples = 1\n'
+    scenario = changed(examples / f"{example}.toml", tmp_path / "short.toml", head=table)
+    unit = build_joint_fmu(scenario, Kind.FEEDBACK, FmiVersion.V2)
+    unit.write(tmp_path)
+    names, motors = ["angle", "measured"], motors or ["motor_open", "motor_close"]
+    time = np.arange(201) * 1e-3
+    columns = (time, 0.3 * np.sin(9 * time), 0.28 * np.sin(9 * time - 0.02))
+    signal = np.array(list(zip(*columns, strict=True)), dtype=[(name, float) for name in ("time", *names)])
+    out = fmpy.simulate_fmu(
+        str(tmp_path / unit.name),
+        stop_time=time[-1],
+        step_size=2e-3,
+        output_interval=2e-3,
+        input=signal,
+        output=[*names, *motors],
+        fmi_type="CoSimulation",
+    )
+    runtime, plain = tf.Runtime(scenario), tf.Runtime(replace(scenario, feedback=None))
+    apart = 0.0
+    for row in out[1:]:
+        angle, measured = float(row["angle"]), float(row["measured"])
+        for _ in range(2):
+            command, alone = runtime.step(angle, dt=1e-3, measured=measured), plain.step(angle, dt=1e-3)
+        assert [row[name] for name in motors] == pytest.approx(np.atleast_1d(command), abs=1e-12)
+        apart = max(apart, float(np.abs(command - alone).max()))
+    assert apart > 1e-3
