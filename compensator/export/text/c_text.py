@@ -176,6 +176,7 @@ def _packages(modules: Sequence[CModule], context: Mapping[str, Any]) -> dict[st
     # Structured Text has the law with one dead band.
     there = {"", *(m.name for m in modules if m.name != "capstan" or context["plays"] is None)}
     there |= {"follower"} if context["follower"] else set()
+    context = {**context, "follower": "control"} if context["beside"] else context  # what a controller for ROS 2 calls
     prefix = context["prefix"]
     return _written(
         {path.format(p=prefix): text for path, (text, needs) in _PACKAGES.items() if needs in there}, context
@@ -325,7 +326,6 @@ def _context(
     return _naming(scenario, problem.level, precision, prefix) | {
         "tested": [],  # modules with a self test of their own
         "beside": [],  # modules that no compensator has
-        "sensor": False,  # the controller for ROS 2 reads a measurement
         "joints": joints,
         "shared": shared_sources(problem, names),
         "joint_parameter": f", const {prefix}_real joint_rad[]" if moving else "",

@@ -202,6 +202,38 @@ def test_the_ros_2_controller_goes_on_from_the_effort_that_acts(folder, course, 
     assert np.abs(np.diff(commands[:-1])).max() < 1
 
 
+@pytest.fixture(scope="module")
+def fed(examples, tmp_path_factory):
+    """A folder with feedback, and its scenario."""
+    folder = tmp_path_factory.mktemp("fed")
+    text = (examples / "finger_moving.toml").read_text("utf-8").replace("duration_s = 4.0", "duration_s = 0.5")
+    table = '\n[feedback]\nsensor = "output_tension"\ndelay_s = 0.004\nsample_s = 0.004\n[robust]\nsamples = 1\n'
+    (folder / "fed.toml").write_text(text + table, "utf-8")
+    scenario = load_scenario(folder / "fed.toml")
+    export_project(scenario, profile_N=np.full(3, 30.0), force_export=True).write(folder / "c")
+    return folder / "c", scenario
+
+
+@pytest.mark.nightly
+def test_the_ros_2_controller_with_feedback_takes_the_tension_from_its_sensor(fed, tmp_path):
+    if shutil.which("g++") is None or shutil.which("gcc") is None:
+        pytest.skip("g++ is not installed")
+    folder, scenario = fed
+    modules = ("parameters", "limits", "path", "state", "inverse", "feedback", "control")
+    program = controller(folder, tmp_path, modules)
+    reference, runtime = sample_reference(scenario), Runtime(scenario)
+    tensions, angles = reference.tension_N[:300], np.array([0.6, 0.35])[: len(runtime.joints)]
+    measured = 0.97 * tensions
+    rows = [[tension, *angles, seen] for tension, seen in zip(tensions, measured, strict=True)]
+    given = "\n".join(" ".join(map(repr, map(float, row))) for row in rows)
+    expected = [runtime.step(float(row[0]), measured=float(row[-1]), joints=angles.tolist()) for row in rows]
+    start = repr(float(tensions[0]))
+    joints = (*runtime.joints, "tendon/force")
+    commands, _, _ = lived(program, repr(reference.step_s), "effort", start, *joints, given=given)
+    assert commands[:-1] == pytest.approx(expected, rel=1e-12)
+    assert np.ptp(commands[:-1] - tensions) > 1
+
+
 def test_the_zephyr_module_builds_every_source(folder, tmp_path):
     """With CMake, and the functions of Zephyr's build system reduced to what they do to a library."""
     for tool in ("cmake", "cc", "make"):

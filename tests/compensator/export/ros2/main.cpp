@@ -1,6 +1,6 @@
 // Takes the controller through its life, and prints its command and status for each reference on standard input; the
 // arguments are the period of its updates [s], the interface of the actuator, what its state tells at activation, and the
-// names of the joints that move the path, whose angles follow each reference.
+// names of the joints that move the path, then of the interface of a sensor, whose values follow each reference.
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -16,6 +16,9 @@ int main(int count, char ** arguments)
   const rclcpp_lifecycle::State state;
   const std::string own = std::string("finger/") + arguments[2];
   if (controller->on_init() != CallbackReturn::SUCCESS) return 1;
+  for (int k = 4; k < count; k++) {
+    if (std::string(arguments[k]).find('/') != std::string::npos) controller->get_node()->values["sensor"] = std::string(arguments[k]);
+  }
   if (controller->on_configure(state) != CallbackReturn::ERROR) return 2;  // no joint
   controller->get_node()->values["joint"] = std::string("finger");
   controller->update_rate = 20;
@@ -35,7 +38,8 @@ int main(int count, char ** arguments)
   std::vector<double> angles(static_cast<std::size_t>(count - 4));
   std::vector<std::string> names;
   for (std::size_t k = 0; k < angles.size(); k++) {
-    names.push_back(std::string(arguments[k + 4]) + "/position");
+    const std::string name = arguments[k + 4];
+    names.push_back(name.find('/') == std::string::npos ? name + "/position" : name);
     controller->state_interfaces_.emplace_back(&angles[k]);
   }
   names.push_back(own);
