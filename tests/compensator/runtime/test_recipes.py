@@ -2,6 +2,7 @@
 
 import importlib.util
 import math
+from types import SimpleNamespace
 
 import pytest
 
@@ -42,6 +43,41 @@ def test_a_motor_of_an_orca_hand_goes_where_the_inverse_says(recipe, knuckle, jo
     assert hand_at == pytest.approx(home + sign * commanded[-1], abs=1e-9)
     assert abs(commanded[-1]) > 1e-3  # how far it comes depends on the time that each call took
     hand.disconnect()
+
+
+def test_the_loop_of_an_orca_hand_with_encoders_gets_what_the_runtime_commands_as_its_target(recipe):
+    """The mock hand of orca-core has no encoders: a hand of four functions that it has, whose joint lags by a tenth."""
+    core = pytest.importorskip("orca_core", reason="orca-core is not installed")
+
+    class Hand:
+        config = SimpleNamespace(joint_to_motor_map={"index_mcp": 3})
+        calibration = SimpleNamespace(joint_to_motor_ratios_dict={3: 0.05})
+        targets, gains = [20.0], None
+
+        def set_pid_gains(self, **gains):
+            self.gains = gains
+
+        def get_measured_joints(self):
+            return {"index_mcp": 20.0 + 0.9 * (self.targets[-1] - 20.0)}
+
+        def set_joint_positions(self, positions):
+            self.targets.append(positions["index_mcp"])
+
+    class Runtime:
+        start, measured = 0.3, []
+
+        def step(self, reference, dt, measured):
+            self.measured.append(measured)
+            return 2 * reference
+
+    hand, runtime = Hand(), Runtime()
+    recipe("orca_hand").follow_with_feedback(hand, "index_mcp", runtime, WANTED, period_s=0.001)
+    assert hand.gains == {"Kp": {"index_mcp": 0.0}, "Ki": {"index_mcp": 0.0}}
+    assert hand.targets[1:] == pytest.approx([20 + 2 * angle / 0.05 for angle in WANTED])
+    seen = [0.3 + math.radians(0.9 * (target - 20)) for target in hand.targets[:-1]]
+    assert runtime.measured == pytest.approx(seen)
+    for name in ("set_pid_gains", "get_measured_joints", "set_joint_positions"):
+        assert callable(getattr(core.OrcaHandJointFeedback, name))
 
 
 def test_a_packet_to_dynamixel_servos_holds_every_command(recipe, knuckle):
