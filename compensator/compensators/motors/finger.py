@@ -10,7 +10,7 @@ from tendonff.compensator.compensators.motors.response import MotorResponse, Tur
 from tendonff.compensator.compensators.motors.task import ASSUMED_SPREAD, MotorTask
 from tendonff.compensator.compensators.uncertain import Doubt
 from tendonff.compensator.files.reading import FloatArray, InputError
-from tendonff.compensator.scenario.driven.finger import FingerScenario, SampledFinger, sample_finger
+from tendonff.compensator.scenario.driven.finger import NO_FEEDBACK, FingerScenario, SampledFinger, sample_finger
 from tendonff.models.cached import cached_property
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
@@ -75,8 +75,7 @@ class FingerTask(MotorTask):
         return {
             **super().without,
             "table": "the angle of each motor hangs on all joints and the way of each",
-            "feedback": "its law corrects the motors of one joint, and here joints share motors; let an integral "
-            "action at the encoders correct the reference angles",
+            "feedback": NO_FEEDBACK,
             "adaptive": "joints share tendons, so that the torque of one motor tells of many",
         }
 

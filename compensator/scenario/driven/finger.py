@@ -44,6 +44,11 @@ _TABLES = (
     *("joints", "tendons", "motors", "drive", "sharing", "reference", "run", "robust"),
     *PARTS,
 )
+NO_FEEDBACK = (
+    "its law corrects the motors of one joint, and here joints share motors; let an integral action at the encoders "
+    "correct the reference angles"
+)
+"""Why several joints have no feedback, and the way out."""
 _OF_TENDON = ("name", "moment_arms_m", "moment_arm_m", "joint", "lengths", "paths", *PARTS)
 _REFERENCE = ("kind", "file", "duration_s", "fade_in_s", "times_s", "shape", "periodic", "quantity")
 
@@ -245,6 +250,8 @@ def sample_finger(scenario: FingerScenario) -> SampledFinger:
 
 def _check_tables(raw: Mapping[str, object], file: str) -> None:
     check_schema(raw, file)
+    if "feedback" in raw:
+        raise InputError(f"{file} [feedback]: several joints have none: {NO_FEEDBACK}")
     for key in raw:
         if key not in ("schema", "name", *_TABLES):
             near = suggestion(key, list(_TABLES)).replace('"', "")

@@ -136,6 +136,7 @@ def test_a_torque_that_no_tensions_give_is_refused_with_joint_and_pose():
         ('joint = "mcp"', 'joint = "mpc"', 'moves no driven joint, but "?mpc"?; driven: mcp, pip, dip'),
         ("[reference.joints.dip]", "[reference.joints.dop]", 'no driven joint "dop"'),
         ("[sharing]", "[sharin]", "unknown table"),
+        ("[sharing]", "[feedback]", "here joints share motors; let an integral action at the encoders correct"),
         ("smooth_N = 2.0", "smooth_N = 0.0", "smooth_N must be a finite number > 0"),
         ("length_per_rad_m = 0.014", "length_per_rad = 0.014", 'unknown key "length_per_rad"'),
     ],
