@@ -47,7 +47,13 @@ class Tuned:
         One of two laws with as many values is the better one where its misfit, with the input estimated, is less by so
         much (rigs: where both are nearly alike the misfits differ by up to 60, where they are not by 250 at least).
     other_channel_below : float
-        The other channel is explained instead where the error falls below this share (recordings).
+        The other channel is explained instead, or columns count as exchanged or proportional, where the error falls
+        below this share (recordings).
+    alike : float
+        Correlation of the two ends of a tendon (recordings: 0.8 and more).
+    gain_off, proportional_percent : float
+        An output that is the input times a gain so far from 1, to this error in % of its range, has no friction before
+        it (rule).
     slightly : float
         A law whose validation error is lower by this factor is a little better (rigs).
     worth_a_constant : float
@@ -81,7 +87,7 @@ class Tuned:
     tried_concentration : float
         Excess of wrap angle on the near half of the path that is tried (method: a difference quotient).
     least_files : int
-        Files that show a scatter between them (rule).
+        Files, or strokes, that show a scatter between them (rule).
     kept_uncertainty : float
         Half-width of the 95 % interval of the tendon's stiffness and relaxation where they are kept and nothing is said
         of them (rule: rated values of fibres).
@@ -105,6 +111,21 @@ class Tuned:
         A step leaves at least this share of a value that must stay positive (method).
     rounds : int
         Most Gauss-Newton steps of one kind: for a delay, and with the input estimated (rigs: the first is nearly all).
+    visited_percentiles : tuple of float
+        Slow and fast end of the speeds that were visited, of those while the near end moves (rule).
+    on_bound, most_ratio : float
+        A value this near to its bound, in usual steps, is on it; Gauss-Newton steps that shrink by less are given up
+        (method).
+    slipped_share, nearly_all : float
+        By section: the path slips once the far tension has moved by the first share of its range since its last
+        reversal, until it has moved by the second share of the stroke (rigs).
+    least_good : float
+        Share of a stroke that a cell must have measured: the ratio is the same all along it (rule).
+    section_floor : float
+        Standard error of the method as a share of a section's coefficient: bristles fill up without end (rigs).
+    least_drive_rows, drive_gap, gear_below : float
+        Rows that a motor needs; usual steps without a sample that part them; share of the cost below which a gear
+        explains the friction better (rule).
     fast_share, travel_share, least_sliding_rows, most_refused : float
         Gross sliding: faster than a share of the usual top speed, further from the reversal than a share of the stroke,
         in so many samples, of which so many may be at or below zero (recordings).
@@ -129,7 +150,10 @@ class Tuned:
     simpler_within: float = 1.02
     nearly_as_good: float = 1.5
     decisive: float = 100.0
-    other_channel_below: float = 0.6
+    other_channel_below: float = 0.5
+    alike: float = 0.5
+    gain_off: float = 0.02
+    proportional_percent: float = 3.0
     slightly: float = 1.1
     worth_a_constant: float = 4.0
     sure: float = 2.0
@@ -161,6 +185,16 @@ class Tuned:
     large_residual: float = 3.0
     least_step_share: float = 0.5
     rounds: int = 3
+    visited_percentiles: tuple[float, float] = (2.0, 98.0)
+    on_bound: float = 1e-3
+    most_ratio: float = 0.5
+    slipped_share: float = 0.3
+    nearly_all: float = 0.95
+    least_good: float = 0.5
+    section_floor: float = 0.01
+    least_drive_rows: int = 100
+    drive_gap: float = 5.0
+    gear_below: float = 0.8
     fast_share: float = 0.5
     travel_share: float = 0.4
     least_sliding_rows: int = 50

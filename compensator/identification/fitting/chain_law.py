@@ -14,9 +14,6 @@ from tendonff.ocp.fits.least_squares import Solution, solve
 
 D = Parameter
 
-SPEED_PERCENTILES = (2, 98)
-"""Visited speeds, of those while it moves."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChainCandidate:
@@ -245,5 +242,5 @@ def visited_speeds_m_per_s(task: ChainResiduals, values: Mapping[Parameter, floa
     """Slow and fast end of the speeds at which the tendon's near end moves [m/s]."""
     positions = ((task.model.predict(values, run.drive).near_m, run.record.step_s) for run in task.pieces)
     every = np.concatenate([np.abs(np.gradient(position, step_s)) for position, step_s in positions])
-    slowest, fastest = np.percentile(every[every > 0], SPEED_PERCENTILES)
+    slowest, fastest = np.percentile(every[every > 0], TUNED.visited_percentiles)
     return float(slowest), float(fastest)

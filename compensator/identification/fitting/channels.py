@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.delay import earlier
 from tendonff.compensator.identification.fitting.errors import percent_of
 from tendonff.compensator.identification.fitting.static import StaticModel, fit_static
@@ -20,24 +21,18 @@ PLAY = StaticModel(name="play", free=(P.PULL, P.RELEASE))
 SHIFTS_S = (-0.08, -0.04, -0.02, -0.01, 0.01, 0.02)
 """Delays of the output that could look like exchanged columns."""
 
-ALIKE, HALF = 0.5, 0.5
-"""Correlation of the two ends of a tendon; share of the error from which on another reading is the better one."""
-
-GAIN_OFF, PROPORTIONAL_PERCENT = 0.02, 3.0
-"""A gain that differs by so much from 1, and error of a proportional channel in % of its range."""
-
 
 def check_channels(records: Sequence[Record], how: Measurement) -> None:
     """Refuse by InputError tensions that no transmission driven at its near end can have."""
     near, far = (np.concatenate([r.joined(name) for r in records]) for name in ("input_N", "output_N"))
     correlation = float(np.corrcoef(near, far)[0, 1])
     files = ", ".join(r.name for r in records)
-    if correlation < -ALIKE and float(near.mean() * far.mean()) < 0:
+    if correlation < -TUNED.alike and float(near.mean() * far.mean()) < 0:
         raise InputError(
             f"{files}: {how.output_column} falls where {how.input_column} rises (correlation {correlation:.2f}): the "
             "sign of one is reversed; --scale output=-1 or --scale input=-1"
         )
-    if correlation < ALIKE or how.explain is Explain.INPUT or any(r.signed for r in records):
+    if correlation < TUNED.alike or how.explain is Explain.INPUT or any(r.signed for r in records):
         return
     own = percent_of(fit_static(records, PLAY, Explain.OUTPUT, most=15), records)
     _check_proportional(files, near, far, how, own)
@@ -49,7 +44,9 @@ def _check_proportional(files: str, near: Array, far: Array, how: Measurement, p
     """An output that is a multiple of the input at every moment has no friction before it."""
     gain = float(near @ far / (near @ near))
     percent = 100 * float(np.sqrt(np.mean((far - gain * near) ** 2)) / np.ptp(far))
-    if abs(gain - 1) > GAIN_OFF and percent < min(PROPORTIONAL_PERCENT, HALF * play_percent):
+    if abs(gain - 1) > TUNED.gain_off and percent < min(
+        TUNED.proportional_percent, TUNED.other_channel_below * play_percent
+    ):
         raise InputError(
             f"{files}: {how.output_column} is {gain:.3g} times {how.input_column} at every moment (to {percent:.2g} % "
             "of range): friction would open a loop between them; check whether both columns are of one cell, and their "
@@ -61,11 +58,11 @@ def _check_order(files: str, records: Sequence[Record], how: Measurement, own_pe
     """The tension that moves more, and earlier, is the input's."""
     exchanged = [_exchanged(r) for r in records]
     other = percent_of(fit_static(exchanged, PLAY, Explain.OUTPUT, most=15), exchanged)
-    if other > HALF * own_percent:
+    if other > TUNED.other_channel_below * own_percent:
         return
     for shift_s in SHIFTS_S:
         shifted = [earlier(r, shift_s) for r in records]
-        if other > HALF * percent_of(fit_static(shifted, PLAY, Explain.OUTPUT, most=10), shifted):
+        if other > TUNED.other_channel_below * percent_of(fit_static(shifted, PLAY, Explain.OUTPUT, most=10), shifted):
             return  # a delay explains it as well
     raise InputError(
         f"{files}: {how.output_column} explains {how.input_column} ({other:.2g} % of range), not conversely "

@@ -19,10 +19,6 @@ from tendonff.ocp.fits.least_squares import Solution
 
 EFFICIENCY = "gear_efficiency"
 
-_LEAST_ROWS = 100
-_GAIN = 0.8  # of the cost, below which a gear explains the friction better
-_GAP = 5.0  # usual steps without a sample
-
 
 def drive_estimates(scenario: Scenario, raw: Sequence[RawMeasurement]) -> tuple[Estimate, ...]:
     """The drive's coulomb_N, and gear_efficiency where the scenario states one or the data want another.
@@ -38,7 +34,7 @@ def drive_estimates(scenario: Scenario, raw: Sequence[RawMeasurement]) -> tuple[
         return _kept(actuator, "the position of the near end was not read; name it with --input-position-column")
     runs, noise_N = _smoothed(given)
     if not runs:
-        return _kept(actuator, f"fewer than {_LEAST_ROWS} samples without a gap; log longer")
+        return _kept(actuator, f"fewer than {TUNED.least_drive_rows} samples without a gap; log longer")
     bristle = scenario.transmission.friction.bristle_stiffness_N_per_m
     if scenario.run.level is Level.PRESLIDING:
         bristle = scenario.transmission.friction.soft_bristle_stiffness_N_per_m
@@ -53,7 +49,7 @@ def drive_estimates(scenario: Scenario, raw: Sequence[RawMeasurement]) -> tuple[
     except SolveError as error:
         return _kept(actuator, f"no fit: {error}")
     least, most = geared.interval(LOST)
-    another = bool(np.isfinite(least) and not least <= share <= most and geared.cost < _GAIN * found.cost)
+    another = bool(np.isfinite(least) and not least <= share <= most and geared.cost < TUNED.gear_below * found.cost)
     found = geared if another else found
     law = DriveLaw(coulomb_N=found.values[COULOMB], lost_share=found.values.get(LOST, share))
     value, error_N = law.coulomb_N, found.standard_error(COULOMB)
@@ -123,10 +119,15 @@ def _smoothed(raw: Sequence[RawMeasurement]) -> tuple[list[DriveRun], float]:
     runs, noise = [], [1e-3]
     for one in raw:
         step = float(np.median(np.diff(one.time_s)))
-        cuts = {0, len(one.time_s), *one.breaks, *(np.flatnonzero(np.diff(one.time_s) > _GAP * step) + 1).tolist()}
+        cuts = {
+            0,
+            len(one.time_s),
+            *one.breaks,
+            *(np.flatnonzero(np.diff(one.time_s) > TUNED.drive_gap * step) + 1).tolist(),
+        }
         borders = sorted(cuts)
         for first, last in itertools.pairwise(borders):
-            if last - first < _LEAST_ROWS or one.actuator_N is None or one.input_m is None:
+            if last - first < TUNED.least_drive_rows or one.actuator_N is None or one.input_m is None:
                 continue
             time = one.time_s[first:last]
             even = np.arange(time[0], time[-1], step)

@@ -21,17 +21,6 @@ from tendonff.compensator.identification.measured.reading import read_measuremen
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.models.capstan import Branch
 
-SLIPPED_SHARE = 0.3
-"""The path slips once the far tension has moved by so much of its range since its last reversal."""
-
-NEARLY, LEAST_STROKES = 0.95, 3
-
-LEAST_GOOD = 0.5
-"""Share of a stroke that a cell must have measured: the ratio is the same all along it."""
-
-FLOOR = 0.01
-"""Standard error of the method as a share of the coefficient: bristles fill up without end."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlidingRatio:
@@ -189,7 +178,7 @@ def friction_by_section(
 def _error(strokes: Array) -> float:
     """Standard error of a coefficient by stroke, with what presliding leaves of gross sliding."""
     scatter = float(strokes.std(ddof=1) / np.sqrt(len(strokes)))
-    return float(np.hypot(scatter, FLOOR * np.median(strokes)))
+    return float(np.hypot(scatter, TUNED.section_floor * np.median(strokes)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -210,11 +199,11 @@ def _slipping_strokes(files: Sequence[Path], how: Measurement) -> list[_Stroke]:
             far = piece.output_N
             turns = last_reversal(far)
             moved = np.abs(far - far[turns])
-            enough = SLIPPED_SHARE * float(np.ptp(far))
+            enough = TUNED.slipped_share * float(np.ptp(far))
             for turn in np.unique(turns[turns > 0]):
                 stroke = np.flatnonzero(turns == turn)
                 # At the end of a stroke the far end stands still while the tension before it has turned round.
-                last = int(np.argmax(moved[stroke] >= NEARLY * moved[stroke].max()))
+                last = int(np.argmax(moved[stroke] >= TUNED.nearly_all * moved[stroke].max()))
                 rows = stroke[:last][moved[stroke[:last]] > enough]
                 if len(rows):
                     branch = Branch.PULL if far[rows[0]] > far[turn] else Branch.RELEASE
@@ -241,7 +230,7 @@ def _to_the_end(
         ratio = np.nan
         for piece in pieces[stroke.file]:
             rows = (piece.time_s >= stroke.start_s) & (piece.time_s <= stroke.stop_s)
-            if rows.any() and piece.good[rows].mean() > LEAST_GOOD:
+            if rows.any() and piece.good[rows].mean() > TUNED.least_good:
                 ratio = float(np.median((piece.input_N[rows] + adhesion_N) / (piece.output_N[rows] + adhesion_N)))
         found[stroke.branch].append(np.log(ratio) if ratio > 0 else np.nan)
     return {branch: np.array(ratios) for branch, ratios in found.items()}
@@ -250,9 +239,9 @@ def _to_the_end(
 def _known(strokes: Array, branch: Branch, cells: tuple[str, str]) -> Array:
     """Strokes that both cells measured; InputError where they are too few."""
     known = strokes[np.isfinite(strokes)]
-    if len(known) < LEAST_STROKES:
+    if len(known) < TUNED.least_files:
         raise InputError(
             f"friction by section: the far end slips in {len(known)} strokes ({branch}) that {cells[0]} and {cells[1]} "
-            f"measured without a gap, {LEAST_STROKES} are needed; pull and release further"
+            f"measured without a gap, {TUNED.least_files} are needed; pull and release further"
         )
     return known

@@ -38,8 +38,6 @@ from tendonff.ocp.fits.static import (
 
 P = StaticParameter
 CONSTANTS = (P.ADHESION, P.INPUT_BIAS, P.OUTPUT_BIAS)
-ON_BOUND, MOST_RATIO = 1e-3, 0.5
-"""A value this near to its bound, in its usual steps, is on it; Gauss-Newton steps that shrink by less are given up."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -302,12 +300,17 @@ def _near_minimum(evaluate: Evaluate, unknowns: Sequence[Unknown]) -> dict[str, 
         found = evaluate(dict(zip(names, values.tolist(), strict=True)))
         step = _step_within(found, free)
         if not size:
-            free = ~((values <= low + ON_BOUND * scale) & (step < 0) | (values >= high - ON_BOUND * scale) & (step > 0))
+            free = ~(
+                (values <= low + TUNED.on_bound * scale) & (step < 0)
+                | (values >= high - TUNED.on_bound * scale) & (step > 0)
+            )
             step = _step_within(found, free)
         after = float(np.abs(step / scale).max())
         ratio, size = after / max(size, 1e-300) if size else 0.0, after
-        values = values + step / (1 - min(ratio, MOST_RATIO))
-        if ratio > MOST_RATIO or not (np.isfinite(values).all() and (values >= low).all() and (values <= high).all()):
+        values = values + step / (1 - min(ratio, TUNED.most_ratio))
+        if ratio > TUNED.most_ratio or not (
+            np.isfinite(values).all() and (values >= low).all() and (values <= high).all()
+        ):
             return minimise(evaluate, unknowns, most=10, tolerance=1e-4).values
         if not size:
             break
