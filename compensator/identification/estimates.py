@@ -184,10 +184,10 @@ def _static(rig: _Rig, fit: StaticFit) -> list[Estimate]:
     estimates: list[Estimate] = []
     for parameter in P:
         of = BY_STATIC.get(parameter)
-        name, factor = str(of or parameter.value), per_own.get(parameter, 1.0)
+        name, factor = str(of or parameter), per_own.get(parameter, 1.0)
         source = P.PULL if parameter is P.RELEASE and not fit.model.asymmetric else parameter
         own = rig.own(name)
-        if source.value not in solution.values:
+        if source not in solution.values:
             if parameter in CONSTANTS:
                 why = _why_no_constant(fit.model.constants, parameter)
                 estimates.append(rig.kept(name, fit.values[parameter], why))
@@ -195,15 +195,15 @@ def _static(rig: _Rig, fit: StaticFit) -> list[Estimate]:
                 not_tried = rig.static_only and fit.explain is Explain.OUTPUT
                 estimates.append(rig.kept(name, own, NOT_FITTED if not_tried else rig.reason(D.BRISTLE)))
             continue
-        value, error = solution.values[source.value], solution.standard_error(source.value)
-        low, high = solution.interval(source.value)
-        partner = _partner(solution.correlation(), list(solution.values), source.value)
+        value, error = solution.values[source], solution.standard_error(source)
+        low, high = solution.interval(source)
+        partner = _partner(solution.correlation(), list(solution.values), source)
         # Friction that grows with load and friction that does not look the same here.
         alike = parameter in LOAD_TERMS and partner in LOAD_TERMS
         if parameter in (P.INPUT_BIAS, P.OUTPUT_BIAS):
             sure = fit.stands_out(parameter)
         else:
-            sure = is_known(error, abs(value)) or parameter.term.signed
+            sure = is_known(error, abs(value)) or parameter.spec.signed
         identifiable = not alike and sure
         if alike:
             why = f"it goes with {partner}, these files tell only their combination; repeat at several loads"
@@ -220,7 +220,7 @@ def _static(rig: _Rig, fit: StaticFit) -> list[Estimate]:
                 name, float(factor * value) - least, factor * error, interval, identifiable=identifiable, why=why
             )
         )
-    if rig.described and P.ADHESION.value in solution.values:
+    if rig.described and P.ADHESION in solution.values:
         estimates.append(_without_load(rig, fit))
     for name in (D.STIFFNESS, D.RELAXING, D.RELAXATION_TIME, D.STRIBECK_VELOCITY, D.VISCOUS, D.DAMPING):
         why = NOT_FITTED if rig.static_only else rig.reason(name)
@@ -233,10 +233,10 @@ def _static(rig: _Rig, fit: StaticFit) -> list[Estimate]:
 def _without_load(rig: _Rig, fit: StaticFit) -> Estimate:
     """Friction at zero output tension, p (e^{mu theta} - 1), which is better identified than its two factors."""
     solution, names = fit.solution, list(fit.solution.values)
-    a, p = solution.values[P.PULL.value], solution.values[P.ADHESION.value]
+    a, p = solution.values[P.PULL], solution.values[P.ADHESION]
     gradient = np.zeros(len(names))
-    gradient[names.index(P.PULL.value)] = p * np.exp(a)
-    gradient[names.index(P.ADHESION.value)] = np.expm1(a)
+    gradient[names.index(P.PULL)] = p * np.exp(a)
+    gradient[names.index(P.ADHESION)] = np.expm1(a)
     finite = bool(np.isfinite(np.diag(solution.covariance)).all())
     error = math.sqrt(max(float(gradient @ solution.covariance @ gradient), 0.0)) if finite else float("inf")
     reach = error * float(student.ppf(0.975, max(solution.degrees, 1)))

@@ -230,7 +230,7 @@ def scenario_of_static(scenario: Scenario, fit: StaticFit, records: Sequence[Rec
     changed = replace(scenario, transmission=replace(t, friction=friction), measurement=how)
     biases = (P.INPUT_BIAS, P.OUTPUT_BIAS)
     offsets = (values[P.INPUT_BIAS], values[P.OUTPUT_BIAS])
-    doubtful = not all(fit.stands_out(bias) for bias in biases if bias.value in fit.solution.values)
+    doubtful = not all(fit.stands_out(bias) for bias in biases if bias in fit.solution.values)
     own = scenario.run.level
     driven = static_only or fit.explain is Explain.INPUT or any(r.signed for r in records)
     levels = [Level.PRESLIDING] if fit.model.presliding else [own] if driven else [own, Level.VISCOELASTIC]
@@ -246,7 +246,7 @@ def _stated(table: str, fit: StaticFit) -> dict[str, Any]:
     """Keys of a table of the scenario that a fitted capstan law states; None where it has no such effect."""
     keys: dict[str, Any] = {}
     for parameter in P:
-        value, term = fit.values[parameter], parameter.term
+        value, term = fit.values[parameter], parameter.spec
         own = {term.key: None if value == term.neutral else value} if term.key else {}
         keys |= own | (dict(term.beside_keys) if value != term.neutral else {})
     return {key.partition(".")[2]: value for key, value in keys.items() if key.startswith(f"{table}.")}
@@ -267,9 +267,9 @@ def static_law_of(fitted: Fitted, fit: StaticFit, joint_rad: Mapping[str, float]
     }
     tables = {"friction": friction, "measurement": how}
     for parameter in P:
-        table, _, key = parameter.term.key.partition(".")
+        table, _, key = parameter.spec.key.partition(".")
         if key and parameter not in values:
-            values[parameter] = getattr(tables[table], key) or parameter.term.neutral
+            values[parameter] = getattr(tables[table], key) or parameter.spec.neutral
     if fit.model.presliding:
         values[P.BRISTLE] = friction.soft_bristle_stiffness_N_per_m
     return replace(

@@ -5,8 +5,8 @@ A number of the undivided tendon that a fit shall find as well needs nothing but
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from enum import Enum
-from typing import Any, Self
+from enum import Enum, ReprEnum
+from typing import Any
 
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.pace import UNHURRIED
@@ -14,6 +14,7 @@ from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.parameters import Transmission
 from tendonff.models.parameters.transmission import LARGEST_EXPONENT
 from tendonff.ocp.fits.chain import ChainModel, ChainResponse, Drive, Numbers, Reading
+from tendonff.ocp.fits.entries import Entry
 from tendonff.ocp.fits.least_squares import Unknown
 from tendonff.ocp.fits.static import StaticParameter
 from tendonff.ocp.sensitivity import Parameter as Number
@@ -112,28 +113,8 @@ _NO_RELAXATION = "the holds show no relaxation beyond the noise; use larger step
 _READINGS = {str(reading): reading for reading in Reading}
 
 
-class _Specified(str):
-    """A name that carries what is particular to it."""
-
-    __slots__ = ("spec",)
-
-    spec: Spec
-
-    def __new__(cls, name: str, spec: Spec | None = None) -> Self:
-        member = str.__new__(cls, name)
-        if spec is not None:
-            member.spec = spec
-        return member
-
-
-class Parameter(_Specified, Enum):
+class Parameter(Entry[Spec], ReprEnum):
     """The list; values are names of estimates, in the order of the report."""
-
-    def __str__(self) -> str:
-        return str.__str__(self)
-
-    def __format__(self, format_spec: str) -> str:
-        return str.__format__(self, format_spec)
 
     MU_PULL = (
         "mu_dynamic",

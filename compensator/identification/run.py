@@ -411,7 +411,7 @@ def _start(study: Study) -> dict[Parameter, float]:
 
 def _biased(stage: StaticSelection, records: Sequence[Record]) -> bool:
     """The capstan law wants a bias of the input cell beyond its doubt."""
-    name = P.INPUT_BIAS.value
+    name = str(P.INPUT_BIAS)
     if name not in stage.fit.solution.values:
         return False
     size = abs(stage.fit.solution.values[name])

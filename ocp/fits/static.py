@@ -16,8 +16,7 @@ import functools
 import operator
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from enum import StrEnum
-from typing import Self
+from enum import ReprEnum
 
 import casadi as ca
 import numpy as np
@@ -28,6 +27,7 @@ from tendonff.models.tendon.friction import LuGreBristle, equivalent_coefficient
 from tendonff.ocp.codegen.compiler import load_library
 from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.codegen.prototype import CFunction
+from tendonff.ocp.fits.entries import Entry
 from tendonff.ocp.step.protocol import Array
 
 LIFTED_FLOOR_N = 1e-9
@@ -138,21 +138,11 @@ def _of_spread(_: Sizes, __: float | None) -> Bounds:
     return LEAST_SPREAD + 0.3, LEAST_SPREAD, 1.0, 0.2
 
 
-class StaticParameter(StrEnum):
+class StaticParameter(Entry[StaticTerm], ReprEnum):
     """The values of the static laws: a law with one more effect is one more entry here, and nothing else.
 
     The laws that are tried, their names, bounds, expressions and places in the fitted scenario follow from it.
     """
-
-    term: StaticTerm
-
-    def __new__(cls, name: str, term: StaticTerm | None = None) -> Self:
-        """Name of a value, with what is particular to it."""
-        member = str.__new__(cls, name)
-        member._value_ = name
-        if term is not None:
-            member.term = term
-        return member
 
     # PULL, RELEASE: mu theta in either direction [-]
     PULL = "pull_exponent", StaticTerm(bounds=_of_exponent)
@@ -218,7 +208,7 @@ SPREADS = (P.BRISTLE_SPREAD, P.PULL_SPREAD, P.RELEASE_SPREAD)
 CHUNK = 2048
 """Rows that one call of a law steps through."""
 
-NEUTRAL: Mapping[StaticParameter, float] = {parameter: parameter.term.neutral for parameter in ORDER}
+NEUTRAL: Mapping[StaticParameter, float] = {parameter: parameter.spec.neutral for parameter in ORDER}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -291,7 +281,7 @@ def in_gross_sliding(values: Mapping[StaticParameter, float]) -> tuple[float, fl
 
 def _beside_N(at: Mapping[StaticParameter, ca.SX], motion: ca.SX) -> ca.SX:
     """Reading of the near end's cell beside the tendon's tension."""
-    forces = (each.term.near_N(at[each], motion) for each in ORDER if each.term.near_N is not None)
+    forces = (each.spec.near_N(at[each], motion) for each in ORDER if each.spec.near_N is not None)
     return functools.reduce(operator.add, forces)
 
 
@@ -299,8 +289,8 @@ def _exponents(at: Mapping[StaticParameter, ca.SX], lifted_N: ca.SX) -> Pair:
     """Mu theta pulling and releasing at a tension of the known end."""
     pair = at[P.PULL], at[P.RELEASE]
     for each in ORDER:
-        if each.term.exponents is not None:
-            pair = each.term.exponents(at[each], lifted_N, pair)
+        if each.spec.exponents is not None:
+            pair = each.spec.exponents(at[each], lifted_N, pair)
     return pair
 
 

@@ -150,7 +150,7 @@ def about_fitted(fitted: Fitted, records: Sequence[Record], with_offsets_percent
             "the law is static, and [friction] of fitted.toml has all of it; the chain of the same values leaves "
             f"{fitted.chain_percent:.2f} % of range on these files"
         )
-    places = [each.term.key.partition(".") for each in P]
+    places = [each.spec.key.partition(".") for each in P]
     kept = [key for table, _, key in places if table == "measurement" and getattr(fitted.scenario.measurement, key)]
     if kept:
         found.append(

@@ -50,7 +50,7 @@ class StaticSelection:
         near = [pair for pair in pairs if pair[1].validation_percent <= TUNED.nearly_as_good * least]
         others = [fit for fit, law in near if fit is not chosen and not _is_beaten(fit, law, near)]
         fit = _with_gains(_doubted(chosen, others), gains)
-        if P.OUTPUT_BIAS.value not in fit.solution.values:
+        if P.OUTPUT_BIAS not in fit.solution.values:
             return fit
         more = dict.fromkeys(CONSTANTS, adhesion_N)
         found = {name: value + more.get(P(name), 0.0) for name, value in fit.solution.values.items()}

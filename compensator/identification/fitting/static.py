@@ -64,9 +64,9 @@ class StaticModel:
 
     def with_effect(self, effect: StaticParameter) -> Self:
         """The law with one more effect."""
-        more = (effect, *(each for each in ORDER if each.term.goes_with == effect.value))
+        more = (effect, *(each for each in ORDER if each.spec.goes_with == effect))
         joint = "," if len(self.free) > len(_SLIDING) - (not self.asymmetric) else " with"
-        return replace(self, name=f"{self.name}{joint} {effect.term.effect}", free=(*self.free, *more))
+        return replace(self, name=f"{self.name}{joint} {effect.spec.effect}", free=(*self.free, *more))
 
 
 _SLIDING = (P.PULL, P.RELEASE)
@@ -97,7 +97,7 @@ class StaticFit:
 
     def stands_out(self, bias: StaticParameter) -> bool:
         """A bias that was fitted differs from zero beyond its doubt; with presliding there is no more to doubt."""
-        low, high = self.solution.interval(bias.value)
+        low, high = self.solution.interval(bias)
         return self.model.presliding or not low <= 0 <= high
 
     def predicted(self, record: Record) -> list[Prediction]:
@@ -141,7 +141,7 @@ def candidates(explain: Explain) -> tuple[StaticModel, ...]:
     """The laws that are tried, simpler ones before those with one more effect."""
     laws = [StaticModel(name="symmetric", free=_SLIDING[:1]), StaticModel(name="asymmetric", free=_SLIDING)]
     for effect in ORDER:
-        term = effect.term
+        term = effect.spec
         if term.effect and term.explains in ("", explain):
             laws += [law.with_effect(effect) for law in laws if set(term.beyond) <= set(law.free)]
     return tuple(laws)
@@ -176,7 +176,7 @@ def fit_static(
     """
     task = _Task.of(records, model, explain, model.free)
     fit = task.fit(records, most, start)
-    if model.constants and explain is Explain.OUTPUT and P.ADHESION.value in fit.solution.at_bound:
+    if model.constants and explain is Explain.OUTPUT and P.ADHESION in fit.solution.at_bound:
         # The adhesion would have to be negative: both biases are free instead.
         biases = tuple(P.OUTPUT_BIAS if name is P.ADHESION else name for name in model.free)
         other = _Task.of(records, model, explain, biases)
@@ -337,14 +337,14 @@ def block_numbers(clocks_s: Sequence[Array], seconds: float) -> Blocks:
 
 def complete(values: Mapping[str, float], model: StaticModel) -> dict[StaticParameter, float]:
     """All values from the free ones."""
-    full = {k: values.get(k.value, NEUTRAL[k]) for k in ORDER}
+    full = {k: values.get(k, NEUTRAL[k]) for k in ORDER}
     if not model.asymmetric:
         full[P.RELEASE], full[P.RELEASE_SPREAD] = full[P.PULL], full[P.PULL_SPREAD]
     return full
 
 
 def _with_exponents(unknowns: Sequence[Unknown], pull: float, release: float) -> list[Unknown]:
-    starts = {P.PULL.value: pull, P.RELEASE.value: release}
+    starts = {str(P.PULL): pull, str(P.RELEASE): release}
     return [replace(u, start=starts.get(u.name, u.start)) for u in unknowns]
 
 
@@ -363,8 +363,8 @@ def _unknowns(
     )
     unknowns = []
     for name in free:
-        first, low, high, scale = name.term.bounds(sizes, known.get(name))
+        first, low, high, scale = name.spec.bounds(sizes, known.get(name))
         unknowns.append(
-            Unknown(name=name.value, start=first, low=low, high=high, scale=scale, logarithmic=name.term.logarithmic)
+            Unknown(name=str(name), start=first, low=low, high=high, scale=scale, logarithmic=name.spec.logarithmic)
         )
     return unknowns

@@ -6,8 +6,8 @@ and joint has its own, by its place in the scenario.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from enum import Enum, StrEnum
-from typing import Self, TypeAlias, TypeVar
+from enum import ReprEnum, StrEnum
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.models.joint.parameters.finger import Finger, Motor
 from tendonff.models.parameters.numbers import with_numbers
+from tendonff.ocp.fits.entries import Entry
 from tendonff.ocp.fits.least_squares import Unknown
 from tendonff.ocp.fits.mechanism import GEAR_SLIP_RAD
 
@@ -102,28 +103,8 @@ ANGLE_OR_PUSH = f"log the angle of the joint (joint_rad), or {_PUSH}"
 _STROKES = "add strokes over the whole range, both ways"
 
 
-class _Specified(str):
-    """A name that carries what is particular to it."""
-
-    __slots__ = ("spec",)
-
-    spec: Spec
-
-    def __new__(cls, name: str, spec: Spec | None = None) -> Self:
-        member = str.__new__(cls, name)
-        if spec is not None:
-            member.spec = spec
-        return member
-
-
-class Quantity(_Specified, Enum):
+class Quantity(Entry[Spec], ReprEnum):
     """The list; values are names of estimates, in the order of the report."""
-
-    def __str__(self) -> str:
-        return str.__str__(self)
-
-    def __format__(self, format_spec: str) -> str:
-        return str.__format__(self, format_spec)
 
     MU = (
         "mu_dynamic",
