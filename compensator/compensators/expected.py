@@ -91,7 +91,7 @@ def robustness_table(found: Expectation, labels: Mapping[str, str], segments: in
     unit, rows = found.unit, list[tuple[Cell, ...]]()
     for name, band in found.bands.items():
         worst, over = band.worst, 100 * band.amplification
-        at = sample_words(band.worst_sample.numbers) or "nominal"
+        at = "[robust.other_law]" if worst is band.other else sample_words(band.worst_sample.numbers) or "nominal"
         errors = (worst.rmse_percent_of_range, unit.factor * worst.rmse, unit.factor * band.worst_peak)
         rows.append((labels[name], band.nominal.rmse_percent_of_range, band.likely, *errors, over, at))
     identified = found.doubt.uncertainty.correlation

@@ -16,6 +16,7 @@ from tendonff.compensator.compensators.expectation import (
     expectation_of,
     two_digits,
 )
+from tendonff.compensator.compensators.expected import robustness_table
 from tendonff.compensator.compensators.plant import Plant
 from tendonff.compensator.compensators.profile import Profile
 from tendonff.compensator.compensators.superposition import Superposition
@@ -238,6 +239,8 @@ def test_a_law_that_the_measurements_do_not_exclude_is_counted(generic: Transmis
         found = bands_of(
             doubt, wanted, {"x": 0}, lambda each, _: (wanted + each.friction.adhesion_N, False), lambda _: b"", {}
         )
+        row = robustness_table(expectation_of(doubt, Level.PRESLIDING, found), {"x": "x"}, 40).rows[0]
+        assert row[-1] == ("friction.adhesion_N = 0.1" if other is None else "[robust.other_law]")
         return found["x"]
 
     alone, both = bands(None), bands(law)
