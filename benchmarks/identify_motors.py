@@ -103,6 +103,11 @@ def hidden(scenario, kind: str, seed: int, stiffening: float) -> Rig:
     )
 
 
+def _read(angle_rad: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """An angle in counts from any zero."""
+    return np.round(angle_rad / COUNT_RAD + rng.uniform()) * COUNT_RAD
+
+
 def write_log(rig: Rig, scenario, folder: Path, seed: int, *, encoder: bool) -> Path:
     """Log of the suggested routine."""
     routine, rng = suggest_motor_routine(scenario), np.random.default_rng(seed)
@@ -114,11 +119,11 @@ def write_log(rig: Rig, scenario, folder: Path, seed: int, *, encoder: bool) -> 
     columns = {"time_s": time}
     for k, (each, friction) in enumerate(zip(rig.mechanism.motors, rig.dry_N_m, strict=True)):
         torque = held[:, k] + friction * MotorRun.of_one(motor[:, k], ROW_S, 0.0).way()[:, 0]
-        columns[f"motor_{each.name}_rad"] = np.round(motor[:, k] / COUNT_RAD) * COUNT_RAD
+        columns[f"motor_{each.name}_rad"] = _read(motor[:, k], rng)
         columns[f"motor_torque_{each.name}_N_m"] = torque + NOISE * np.ptp(torque) * rng.standard_normal(len(time))
     if encoder:
         for name, angle in zip(rig.mechanism.names, np.vstack([start, found.angle_rad]).T, strict=True):
-            columns[f"joint_{name}_rad"] = np.round(angle / COUNT_RAD) * COUNT_RAD
+            columns[f"joint_{name}_rad"] = _read(angle, rng)
     write_csv(folder / "log.csv", columns)
     return folder / "log.csv"
 

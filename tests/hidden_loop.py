@@ -58,7 +58,7 @@ class HiddenLoop:
         )
 
     def log(self, time_s: Array, motor_rad: Array, *, masses: int = 40, step_s: float = 2e-6) -> dict[str, Array]:
-        """Columns of a log of motor angles, read at 100 Hz with 12 bits a turn."""
+        """Columns of a log of motor angles, read at 100 Hz with 12 bits a turn from any zero."""
         fine = np.arange(round(time_s[-1] / FINE_S) + 1) * FINE_S
         motor = np.interp(fine, time_s, motor_rad)
         plant = self.follow(motor, masses=masses, step_s=step_s)
@@ -71,12 +71,13 @@ class HiddenLoop:
         acceleration = np.gradient(np.gradient(motor, FINE_S), FINE_S)
         torque = self.scale * (held + drive.inertia_kg_m2 * acceleration + dry * way)
         rows = slice(None, None, round(ROW_S / FINE_S))
-        noise = CURRENT_NOISE_A * np.random.default_rng(self.seed).standard_normal(len(fine[rows]))
+        draw = np.random.default_rng(self.seed)
+        noise, zeros = CURRENT_NOISE_A * draw.standard_normal(len(fine[rows])), COUNT_RAD * draw.uniform(size=2)
         return {
             "time_s": fine[rows],
-            "motor_rad": np.round(motor[rows] / COUNT_RAD) * COUNT_RAD,
+            "motor_rad": np.round((motor[rows] + zeros[0]) / COUNT_RAD) * COUNT_RAD,
             "motor_current_A": torque[rows] / TORQUE_CONSTANT + noise,
-            "joint_rad": np.round(plant.angle_rad[rows] / COUNT_RAD) * COUNT_RAD,
+            "joint_rad": np.round((plant.angle_rad[rows] + zeros[1]) / COUNT_RAD) * COUNT_RAD,
         }
 
 

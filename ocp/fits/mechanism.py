@@ -97,9 +97,9 @@ class MotorRun:
         columns = []
         for angle, slip in zip(self.motor_rad.T, slip_rad, strict=True):
             move = np.diff(angle, prepend=angle[:1]) / slip
-            kept = 1 / (1 + np.abs(move))  # state = kept (state before + move): one lower band
+            kept = np.exp(-np.abs(move))  # Dahl's law along a straight move: one lower band
             bands = np.array([np.ones_like(kept), np.append(-kept[1:], 0.0)])
-            columns.append(solve_banded((1, 0), bands, kept * move))
+            columns.append(solve_banded((1, 0), bands, (1 - kept) * np.sign(move)))
         return np.column_stack(columns)
 
 

@@ -62,13 +62,6 @@ def low_pass_piece(x: Array, step_s: float, cutoff_Hz: float) -> Array:
     return low_pass(x, cutoff_Hz, 1 / step_s)
 
 
-def count_of(x: Array) -> float:
-    """Least step of a channel that was read in counts, shape (n,); 0 where most readings differ from the one before."""
-    moved = np.abs(np.diff(x))
-    moves = moved[moved > 1e-9 * np.ptp(x)]
-    return float(moves.min()) if 0 < len(moves) < 0.9 * len(moved) else 0.0
-
-
 def adaptive_low_pass(x: Array, step_s: float, count: float = 0.0) -> Array:
     """Smooth a channel by the lowest cut-off at each place that differs from all higher ones by noise only (Lepski).
 

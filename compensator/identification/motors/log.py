@@ -21,7 +21,7 @@ from tendonff.compensator.identification.measured.reading import (
     read_measurement,
     require_channels,
 )
-from tendonff.compensator.identification.measured.smoothing import adaptive_low_pass, count_of, low_pass_piece, noise_of
+from tendonff.compensator.identification.measured.smoothing import low_pass_piece, noise_of
 from tendonff.compensator.identification.motors.columns import (
     TIME,
     find,
@@ -31,6 +31,7 @@ from tendonff.compensator.identification.motors.columns import (
     motor_current,
     motor_torque,
 )
+from tendonff.compensator.identification.motors.counts import smooth_angle, tells_way
 from tendonff.compensator.identification.motors.felt import felt_channels, felt_columns
 from tendonff.compensator.scenario.doubts import UnitDoubt
 from tendonff.compensator.scenario.driven.joint import JointScenario
@@ -79,6 +80,8 @@ class MotorsLog:
         NaN of a joint without an encoder.
     counted : ndarray of bool, shape (rows,)
         Rows after what friction stored before the first row is wiped out.
+    told : ndarray of bool, shape (rows, motors)
+        Rows in which it is known which way the gear of a motor rubs: its torque counts.
     noise_N_m : ndarray, shape (motors,)
         Standard deviation of the noise of each torque.
     findings : tuple of Finding
@@ -96,6 +99,7 @@ class MotorsLog:
     torque_N_m: Array
     joint_rad: Array
     counted: Mask
+    told: Mask
     noise_N_m: Array
     findings: tuple[Finding, ...]
     started_s: float | None = None
@@ -132,6 +136,7 @@ class MotorsLog:
             joint_rad=self.joint_rad[rows],
             joint_torque_N_m=None if self.joint_torque_N_m is None else self.joint_torque_N_m[rows],
             counted=_counted(run.motor_rad),
+            told=self.told[rows],
         )
 
 
@@ -238,7 +243,7 @@ def _log(piece: Piece, record: Record, start_rad: float) -> MotorsLog:
     step = record.step_s
     every = max(1, round(ROW_S / step))
     as_read = piece.travel_m(as_read=True)
-    motor, read = adaptive_low_pass(as_read, step)[::every], as_read[::every]
+    motor, read = smooth_angle(as_read, step)[::every], as_read[::every]
     torque, at_joint = (
         low_pass_piece(x, step, 0.4 / (step * every))[::every] if np.isfinite(x).all() else None
         for x in (piece.input_N, piece.output_N)
@@ -256,6 +261,7 @@ def _log(piece: Piece, record: Record, start_rad: float) -> MotorsLog:
         joint_rad=joint[:, None],
         joint_torque_N_m=at_joint,
         counted=_counted(motor[:, None]),
+        told=tells_way(as_read, step)[::every, None],
         noise_N_m=np.array([max(record.input_noise_N, LEAST_NOISE * float(np.ptp(torque)))]),
         findings=record.findings,
         started_s=record.started_s,
@@ -394,10 +400,7 @@ def _sampled(
     rows = np.column_stack([np.interp(even, time, column) for column in values.T])
     every, count = max(1, round(ROW_S / own)), len(finger.motors)
     step = own * every
-    counts = [count_of(x) for x in values[:, :count].T]
-    motor = np.column_stack(
-        [adaptive_low_pass(x, own, one)[::every] for x, one in zip(rows[:, :count].T, counts, strict=True)]
-    )
+    motor = np.column_stack([smooth_angle(x, own)[::every] for x in rows[:, :count].T])
     torque = np.column_stack([low_pass_piece(x, own, 0.4 / step)[::every] for x in rows[:, count : 2 * count].T])
     noise = [max(noise_of(x), LEAST_NOISE * float(np.ptp(x))) for x in rows[:, count : 2 * count].T]
     joint = np.column_stack([low_pass_piece(x, own, 0.4 / step)[::every] for x in rows[:, 2 * count :].T])
@@ -412,6 +415,7 @@ def _sampled(
         torque_N_m=torque,
         joint_rad=joint,
         counted=_counted(motor),
+        told=np.column_stack([tells_way(x, own)[::every] for x in rows[:, :count].T]),
         noise_N_m=np.array(noise),
         findings=findings,
     )

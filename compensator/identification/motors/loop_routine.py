@@ -20,7 +20,7 @@ ROW_S = 0.01
 TORQUE_SHARE, SPEED_SHARE = 0.8, 0.5
 """Shares of the motor's limits that the routine uses."""
 
-PUSH_TRAVELS, LEAST_PUSH_RAD = 4.0, 0.1
+PUSH_TRAVELS, LEAST_PUSH_RAD = 5.0, 0.1
 """Length of a push: so many times the travel from touch to kink, and at least so much, since neither is known yet."""
 
 SMALL = (0.6, 1.2, 2.4)
@@ -78,12 +78,12 @@ class _Pen:
         self._pieces.append(np.full(max(1, round(seconds / ROW_S)), self._pieces[-1][-1]))
 
     def move(self, to_rad: float, seconds: float) -> None:
-        """A quintic move, as slow as asked or as the motor's speed demands."""
+        """Half a cosine, as slow as asked or as the motor's speed demands: where it turns, counts still tell."""
         start = float(self._pieces[-1][-1])
-        seconds = max(seconds, 1.9 * abs(to_rad - start) / self._speed)  # its top speed is 1.875 of its mean
+        seconds = max(seconds, 1.6 * abs(to_rad - start) / self._speed)  # its top speed is 1.571 of its mean
         rows = max(2, math.ceil(seconds / ROW_S))
         s = np.arange(1, rows + 1) / rows
-        self._pieces.append(start + (to_rad - start) * s**3 * (10 - 15 * s + 6 * s * s))
+        self._pieces.append(start + (to_rad - start) * (1 - np.cos(np.pi * s)) / 2)
 
 
 @in_turn

@@ -45,8 +45,8 @@ STOP_STIFFNESS_N_M_PER_RAD = 100.0
 _BY_REVERSALS = (N.MU, N.TENSION, N.STIFFNESS, N.BRISTLE, N.COULOMB, N.GEAR_SLIP)
 """Numbers that only the slope of the torque at reversals separates, if neither a stop nor an encoder does."""
 
-STEEP_EXPONENT = 1.1
-"""mu theta of a second search where the first one found no slack."""
+STEEP_EXPONENT, MORE_THAN_NOISE = 1.1, 2.0
+"""mu theta of a second search where the first one found no slack, or no kink and leaves so many times the noise."""
 
 HOPELESS = 1.2
 """A law whose error, by its slopes, would be larger by this factor after one step is given up."""
@@ -188,7 +188,7 @@ def fit_loop(
         solution = law.fit(solution.values, most=STEPS)
     some = (N.OFFSET,) if not_identifiable else EXTRAS
     law, solution, tried = _searched(law, solution, some, say)
-    if touched and not _slack(law, solution):  # or the search went astray: other laws bend a push as well
+    if touched and _astray(law, solution, looks):  # other laws bend a push as well
         steep = [replace(found, exponent=STEEP_EXPONENT) for found in looks]
         smooth = replace(law, as_read=False)
         again = _searched(smooth, _from_starts(smooth, free, steep), some, say)
@@ -268,6 +268,14 @@ def _from_starts(law: MechanismLaw, free: Sequence[Quantity], looks: Sequence[Fi
 
 def _slack(law: MechanismLaw, solution: Solution) -> bool:
     return any(law.respond(log, solution.values).slack for log in law.logs)
+
+
+def _astray(law: MechanismLaw, solution: Solution, looks: Sequence[FirstLook]) -> bool:
+    """Whether pushes ended before a tendon was slack, or a search from an unknown mu theta leaves more than noise."""
+    if not _slack(law, solution):
+        return True
+    noise = max(float((100 * log.noise_N_m / log.range_N_m).max()) for log in law.logs)
+    return all(found.exponent is None for found in looks) and law.percent(solution.values) > MORE_THAN_NOISE * noise
 
 
 def _with_extras(

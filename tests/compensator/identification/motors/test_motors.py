@@ -13,7 +13,6 @@ from tendonff.compensator.compensators.motors.task import ASSUMED_SPREAD
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.identification.answer.result import Estimate
-from tendonff.compensator.identification.measured.smoothing import adaptive_low_pass, count_of
 from tendonff.compensator.identification.motors.fitted import fitted_text
 from tendonff.compensator.identification.motors.law import MechanismLaw, promises
 from tendonff.compensator.identification.motors.log import read_logs, read_several
@@ -272,19 +271,6 @@ def test_suggested_motor_angles_lead_the_joints_over_their_range_at_two_levels_o
     rows = np.flatnonzero(np.abs(routine.joint_rad[:, 0] - np.median(routine.joint_rad[:, 0])) < 1e-3)
     before, after = (routine.motor_rad[rows[rows < len(routine.time_s) // 3]], routine.motor_rad[rows[-5:]])
     assert (after.mean(axis=0) > before.mean(axis=0)).all()
-
-
-def test_an_angle_in_counts_is_smoothed_to_less_than_a_count():
-    """Where a channel moves slower than a count a sample, third differences show no noise."""
-    time = np.arange(4000) * 1e-3
-    true = 0.2 * (1 - np.cos(2 * np.pi * 0.25 * time))
-    read = np.round(true / COUNT_RAD) * COUNT_RAD
-    assert count_of(read) == pytest.approx(COUNT_RAD)
-    smooth = adaptive_low_pass(read, 1e-3, count_of(read))
-    # the bristle of a gear goes by the way that it moves back and forth
-    back = np.diff(smooth)[200:1800]
-    assert back.min() > -0.02 * COUNT_RAD
-    assert np.abs(smooth - true).max() < 0.7 * COUNT_RAD
 
 
 def test_a_scenario_without_friction_is_refused(pair):
