@@ -35,9 +35,9 @@ def found(log) -> MotorsIdentification:
 def test_exponent_ratio_lost_motion_and_friction_are_those_of_the_plant_and_inside_their_intervals(found):
     true, seen = truth(LOOP), measured(LOOP)
     for name, most in (
-        ("mu_theta", 4),
-        ("tension_over_stiffness_m", 4),
-        ("lost_motion_rad", 3),
+        ("mu_theta", 1.5),
+        ("tension_over_stiffness_m", 1.5),
+        ("lost_motion_rad", 1.5),
         ("drive_torque_N_m", 4),
     ):
         estimate = found.estimate(name)
@@ -57,13 +57,13 @@ def test_the_motor_alone_predicts_torque_and_joint(found):
 
 
 def test_straight_lines_are_a_first_look_only(log):
-    """The bend of presliding and the stop that gives way leave more than the fit does, and less than half."""
+    """The bend of presliding and the stop that gives way leave up to a factor of about two."""
     [one] = read_logs(scenario(), [log], Measurement())
     first = look(one, scenario().mechanism)
     [push] = first.pushes
     assert push.way == 1
-    assert first.exponent == pytest.approx(truth(LOOP)["mu_theta"], rel=0.8)
-    assert first.tension_over_stiffness_m == pytest.approx(truth(LOOP)["tension_over_stiffness_m"], rel=0.5)
+    assert first.exponent == pytest.approx(truth(LOOP)["mu_theta"], rel=1.2)
+    assert first.tension_over_stiffness_m == pytest.approx(truth(LOOP)["tension_over_stiffness_m"], rel=1.0)
 
 
 @pytest.mark.usefixtures("unpainted")
