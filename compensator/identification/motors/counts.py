@@ -96,7 +96,7 @@ def ways(counts: Array, rows: int) -> Array:
     return found
 
 
-def tells_way(read_rad: Array, step_s: float) -> Mask:
+def gear_known(read_rad: Array, step_s: float) -> Mask:
     """Rows in which readings tell which way the gear of a motor rubs, shape (n,).
 
     Before a motor stands it may go back by less than a count, which turns a gear over; what it rubs like until it has

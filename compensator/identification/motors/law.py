@@ -167,7 +167,7 @@ class MechanismLaw:
     def _scaled(log: MotorsLog, torque: Array, angle: Array) -> list[Array]:
         """Rows of a log that count, a channel after the other, in units of their expected size: errors, or slopes."""
         size = np.maximum(log.noise_N_m, TORQUE_SHARE * np.ptp(log.torque_N_m, axis=0))
-        torque = np.where(log.told.reshape(*log.told.shape, *[1] * (torque.ndim - 2)), torque, 0.0)
+        torque = np.where(log.gear_known.reshape(*log.gear_known.shape, *[1] * (torque.ndim - 2)), torque, 0.0)
         columns = [column / each for column, each in zip(torque[log.counted].swapaxes(0, 1), size, strict=True)]
         return [*columns, *(angle[log.counted][:, log.encoders] / JOINT_RAD).swapaxes(0, 1)]
 

@@ -31,7 +31,7 @@ from tendonff.compensator.identification.motors.columns import (
     motor_current,
     motor_torque,
 )
-from tendonff.compensator.identification.motors.counts import smooth_angle, tells_way
+from tendonff.compensator.identification.motors.counts import gear_known, smooth_angle
 from tendonff.compensator.identification.motors.felt import felt_channels, felt_columns
 from tendonff.compensator.scenario.doubts import UnitDoubt
 from tendonff.compensator.scenario.driven.joint import JointScenario
@@ -80,7 +80,7 @@ class MotorsLog:
         NaN of a joint without an encoder.
     counted : ndarray of bool, shape (rows,)
         Rows after what friction stored before the first row is wiped out.
-    told : ndarray of bool, shape (rows, motors)
+    gear_known : ndarray of bool, shape (rows, motors)
         Rows in which it is known which way the gear of a motor rubs: its torque counts.
     noise_N_m : ndarray, shape (motors,)
         Standard deviation of the noise of each torque.
@@ -99,7 +99,7 @@ class MotorsLog:
     torque_N_m: Array
     joint_rad: Array
     counted: Mask
-    told: Mask
+    gear_known: Mask
     noise_N_m: Array
     findings: tuple[Finding, ...]
     started_s: float | None = None
@@ -136,7 +136,7 @@ class MotorsLog:
             joint_rad=self.joint_rad[rows],
             joint_torque_N_m=None if self.joint_torque_N_m is None else self.joint_torque_N_m[rows],
             counted=_counted(run.motor_rad),
-            told=self.told[rows],
+            gear_known=self.gear_known[rows],
         )
 
 
@@ -261,7 +261,7 @@ def _log(piece: Piece, record: Record, start_rad: float) -> MotorsLog:
         joint_rad=joint[:, None],
         joint_torque_N_m=at_joint,
         counted=_counted(motor[:, None]),
-        told=tells_way(as_read, step)[::every, None],
+        gear_known=gear_known(as_read, step)[::every, None],
         noise_N_m=np.array([max(record.input_noise_N, LEAST_NOISE * float(np.ptp(torque)))]),
         findings=record.findings,
         started_s=record.started_s,
@@ -375,7 +375,8 @@ def _read_several(finger: Finger, file: Path, start_rad: Array, how: Measurement
             "gap, and give its parts as files"
         )
     log = _sampled(finger, file.name, time, values, start_rad, tuple(findings))
-    return replace(log, run=replace(log.run, standing_rad=standing, cells=cells))
+    run = replace(log.run, standing_rad=standing, cells=cells)
+    return replace(log, run=run, gear_known=log.gear_known | cells)  # cells do not feel the gear
 
 
 def _tared(torque: Array, time: Array, tare_s: tuple[float, float], file: str) -> Array:
@@ -415,7 +416,7 @@ def _sampled(
         torque_N_m=torque,
         joint_rad=joint,
         counted=_counted(motor),
-        told=np.column_stack([tells_way(x, own)[::every] for x in rows[:, :count].T]),
+        gear_known=np.column_stack([gear_known(x, own)[::every] for x in rows[:, :count].T]),
         noise_N_m=np.array(noise),
         findings=findings,
     )

@@ -5,7 +5,7 @@ import pytest
 
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.identification.measured.smoothing import adaptive_low_pass
-from tendonff.compensator.identification.motors.counts import between_counts, count_of, smooth_angle, tells_way
+from tendonff.compensator.identification.motors.counts import between_counts, count_of, gear_known, smooth_angle
 from tendonff.compensator.identification.motors.estimates import DERIVED, derived
 from tendonff.compensator.identification.motors.loop_routine import suggest_routine
 from tendonff.compensator.identification.motors.run import identify_motors
@@ -81,12 +81,12 @@ def test_noise_beside_the_counts_is_smoothed_as_noise():
 def test_a_motor_that_stands_tells_again_once_its_gear_has_turned_over():
     up = stroke(0.5, 1.4)
     angle = read(np.concatenate([up, 0.5 - stroke(0.5, 1.4)]))
-    told = tells_way(angle, ROW_S)
-    assert told[80]
-    assert not told[len(up) - 1]
-    first = len(up) + int(np.flatnonzero(told[len(up) :])[0])
+    known = gear_known(angle, ROW_S)
+    assert known[80]
+    assert not known[len(up) - 1]
+    first = len(up) + int(np.flatnonzero(known[len(up) :])[0])
     assert angle[len(up) - 1] - angle[first] >= 2 * GEAR_SLIP_RAD > angle[len(up) - 1] - angle[first - 1]
-    assert tells_way(np.round(angle, 9) / 50, ROW_S).all()  # counts much finer than the gear's way
+    assert gear_known(np.round(angle, 9) / 50, ROW_S).all()  # counts much finer than the gear's way
 
 
 @pytest.mark.compiler
