@@ -120,7 +120,7 @@ def random_mutants(files: dict[str, str], count: int, seed: int, first: int = 0)
     chosen = random.Random(seed)  # noqa: S311 - nothing secret
     places = []
     for name, text in files.items():
-        if not re.fullmatch(r"tff_(?!profile).*\.c|tff_core\.h", name):
+        if not re.fullmatch(r"tff_(?!profile).*\.c|tff_(?:core|inversion|state)\.h", name):
             continue
         bare = re.sub(r"/\*.*?\*/|#include[^\n]*", lambda m: " " * len(m[0]), text, flags=re.DOTALL)
         for operator in OPERATORS:

@@ -15,7 +15,7 @@ from tendonff.compensator.export.repeat import FLOAT_SHARE, Compared, repeated_r
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.scenario.settings import Adaptation
 from tendonff.ocp.adaptation.code import TunedChain
-from tendonff.ocp.adaptation.target import tuner_code
+from tendonff.ocp.adaptation.target import inverse_numbers, tuner_code
 from tendonff.ocp.adaptation.tuner import INTEGRAL, REALS, SelfTuner, SimulatedRig
 from tendonff.ocp.adaptation.tuning import Sensor, Tunable
 from tendonff.ocp.codegen.precision import Precision
@@ -61,13 +61,23 @@ class AdaptiveGolden:
         return np.stack([reference_N, self.measured + sign * rounding], axis=1)
 
 
+def tuned_numbers(problem: Problem, settings: Adaptation) -> tuple[str, ...]:
+    """Numbers of the chain that the tuner changes in the inverse."""
+    return inverse_numbers(tuned_chain(problem, tuning_of(problem, settings)))
+
+
 def adaptive_code(
-    problem: Problem, settings: Adaptation, precision: Precision, prefix: str, bounds: Certified | None
+    problem: Problem,
+    settings: Adaptation,
+    precision: Precision,
+    prefix: str,
+    bounds: Certified | None,
+    taken: tuple[str, ...],
 ) -> dict[str, object]:
-    """Values for the templates of tuner and interval."""
+    """Values for the templates of tuner and interval; the exact inverse takes the numbers `taken` as arguments."""
     tuning = tuning_of(problem, settings)
     tuned = tuned_chain(problem, tuning)
-    code = tuner_code(tuned, tuning, f"{prefix}_adaptive", precision)
+    code = tuner_code(tuned, tuning, f"{prefix}_adaptive", precision, taken=taken)
     load = problem.transmission.load
     tunes_load = Tunable.LOAD_STIFFNESS in settings.parameters
     return {
@@ -83,7 +93,6 @@ def adaptive_code(
         "measured_words": _MEASURED[tuning.sensor],
         "tuned_words": " and ".join(settings.parameters),
         "model_rows": code.model_rows,
-        "inverse_rows": code.inverse_rows,
         "mu_dynamic": main_mu(problem, settings),
         "mu_index": settings.parameters.index(_main(settings)),
         "mu_dynamic_release": other_mu(problem, settings),

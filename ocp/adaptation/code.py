@@ -39,6 +39,7 @@ from tendonff.ocp.step.folding import rest_statements
 from tendonff.ocp.step.laws import ElementLaws
 from tendonff.ocp.step.protocol import Array
 from tendonff.ocp.step.render import law_calls
+from tendonff.ocp.step.target import LOAD_STIFFNESS
 
 _TEMPLATES = environment("tendonff.ocp.adaptation")
 _FRICTION = ("mu_dynamic_pull", "mu_static_pull"), ("mu_dynamic_release", "mu_static_release")
@@ -53,7 +54,6 @@ _SCALED: dict[Tunable, tuple[str, ...]] = {
     ),
 }
 _OF_SECTIONS = _FRICTION[0] + _FRICTION[1]
-LOAD_STIFFNESS = "far_stiffness_N_per_m"
 LEAST_LOAD = 1e-2
 """Least tension, of that at the start, under which friction still changes with it."""
 
@@ -262,6 +262,10 @@ def _host_text(tuned: TunedChain, nuisances: tuple[Nuisance, ...]) -> str:
         "model_rows": f"{PREFIX.upper()}_ROWS",
         "kinds": 2,
         "inverse_rows": 4,
+        "load_row": 1,
+        "invert": PREFIX,
+        "inverse_chain": "self->inverse, ",
+        "inverse_numbers": (),
         "shifted": False,
         "inverse_rest": lambda array: rest_statements(slopes, precision, array),
         "gain_calls": {PREFIX: f"{PREFIX}_link_gain({gain_arguments}, &rows[k].gain)"},

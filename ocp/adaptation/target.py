@@ -5,8 +5,8 @@ from dataclasses import dataclass, fields, replace
 import casadi as ca
 
 from tendonff.models.tendon.chain import Chain
+from tendonff.models.tendon.friction import COEFFICIENT_FLOOR
 from tendonff.ocp.adaptation.code import (
-    LOAD_STIFFNESS,
     TunedChain,
     nuisances_of,
     render_tuner,
@@ -20,8 +20,8 @@ from tendonff.ocp.codegen.printer import literal
 from tendonff.ocp.step.folding import Weights, chain_evaluator, record_code, rest_statements, scheme_rows
 from tendonff.ocp.step.joints import Joints
 from tendonff.ocp.step.laws import ElementLaws, end_mass, end_mass_tangent, way_of
-from tendonff.ocp.step.render import Compliances, Limits, law_calls
-from tendonff.ocp.step.target import compliances_of, controller_limits, folded_inverse, folded_links, step_code
+from tendonff.ocp.step.render import Limits, law_calls
+from tendonff.ocp.step.target import controller_limits, step_code
 from tendonff.ocp.step.target_joints import SLOPE_OF, Contact, contact_code
 
 
@@ -41,29 +41,7 @@ class TunerCode:
 
     header: str  # types; the last is `<prefix>_tuner`
     source: str  # static functions
-    # model_rows, inverse_rows: rows of coefficients of model and inverse
-    model_rows: int
-    inverse_rows: int
-
-
-def inverse_free_code(
-    chain: Chain, step_s: float, prefix: str, precision: Precision, names: tuple[str, ...], contact: Contact | None
-) -> FreeCode:
-    """The exact inverse with free numbers, named as in `Chain.numbers`."""
-    relative = precision is Precision.FLOAT
-    weights = scheme_rows(step_s)
-    folder = chain_evaluator(chain, weights, prefix, precision, contact, names)
-    laws = ElementLaws.of(chain, folded=True) if contact is None else contact.laws
-    gain = folder.fold(laws.link_gain())
-    links = folded_links(chain, folder, laws)
-    folded = (gain, *folded_inverse(chain, folder, laws, links, relative=relative, free=names))
-    compliances = None
-    if relative:
-        load = f"({literal(1.0, precision)} / c->{LOAD_STIFFNESS})" if LOAD_STIFFNESS in names else ""
-        compliances = compliances_of(chain, precision, load)
-    return _free_code(
-        chain, folder, weights, folded, names, ("inverse.c.j2",), compliances=compliances, contact=contact
-    )
+    model_rows: int  # rows of coefficients of the model
 
 
 def model_free_code(
@@ -100,8 +78,15 @@ def _every_symbol(laws: ElementLaws) -> tuple[ca.SX, ...]:
     return tuple(known[name] if name in known else ca.SX.sym(name) for name in names)
 
 
-def tuner_code(tuned: TunedChain, tuning: Tuning, prefix: str, precision: Precision) -> TunerCode:
-    """All of the tuner for a controller."""
+def inverse_numbers(tuned: TunedChain) -> tuple[str, ...]:
+    """Numbers that the tuner changes in the inverse, whose force hardly depends on the tendon's stiffness."""
+    return tuple(name for name in tuned.retuned_numbers()[1] if not name.startswith("link_"))
+
+
+def tuner_code(
+    tuned: TunedChain, tuning: Tuning, prefix: str, precision: Precision, *, taken: tuple[str, ...]
+) -> TunerCode:
+    """All of the tuner for a controller, beside the exact inverse, which takes the numbers `taken` as arguments."""
     step_s, nuisances = tuning.step_s, nuisances_of(tuned, tuning)
     model_prefix, inverse_prefix = f"{prefix}_model", f"{prefix}_inverse"
     context = tuner_context(tuned, nuisances, precision, prefix=prefix, past=tuning.delay_samples + 1)
@@ -113,7 +98,6 @@ def tuner_code(tuned: TunedChain, tuning: Tuning, prefix: str, precision: Precis
         contact = contact_code(chain, joints, model_prefix, precision, settable=True, slopes=True, types=types)
         context |= _on_path(tuned, contact, types, precision)
     model = model_free_code(chain, step_s, model_prefix, precision, names, contact)
-    inverse = inverse_free_code(chain, step_s, inverse_prefix, precision, names, contact)
     shifted = precision is Precision.FLOAT
     slopes = (chain.rest_state(1.0).vector() - chain.rest_state(0.0).vector()) * (0.0 if shifted else 1.0)
     context |= {
@@ -121,39 +105,36 @@ def tuner_code(tuned: TunedChain, tuning: Tuning, prefix: str, precision: Precis
         "inverse": inverse_prefix,
         "kinds": kinds,
         "model_rows": kinds * (2 + limits.splits),
-        "inverse_rows": kinds * 2,
+        "inverse_rows": 1 if names else 0,
+        "load_row": 0,
+        "invert": f"{prefix.rpartition('_')[0]}_inverse",
+        "inverse_chain": f"{prefix.rpartition('_')[0]}_rows, ",
+        "inverse_numbers": [_inverse_number(chain, name, names, precision) for name in taken],
         "shifted": shifted,
         "inverse_rest": lambda array: rest_statements(slopes, precision, array),
-        "gain_calls": {model_prefix: model.gain_call, inverse_prefix: inverse.gain_call},
+        "gain_calls": {model_prefix: model.gain_call, inverse_prefix: ""},
         "work_argument": "",
         "work_declaration": f"{model_prefix}_work work_area;",
         "work": "&work_area",
     }
-    counts = [f"#define {p.upper()}_COUNT {chain.count}" for p in (model_prefix, inverse_prefix)]
+    count = f"#define {model_prefix.upper()}_COUNT {chain.count}"
     types_code = step_code(chain, model_prefix, precision, (), limits=limits, contact=contact, tuned=True)
     printer = PartialEvaluator(prefix=prefix, precision=precision, parameters={})
     own = [printer.fold(law).code for law in tuner_laws(tuned, nuisances, on_target=True)]
-    on_path = f"    {precision} tension[{chain.count + 1}];\n    {precision} last;"
-    past = [
-        "/* Tensions of the last sample, as changes: states are kept relative to what these alone would cause. */",
+    numbers = [
+        "/* What is tuned of the inverse. */",
         "typedef struct {",
-        f"    {precision} reference;",
-        f"    {precision} correction;",
-        f"    {precision} change[{chain.count + 1}];",
-        f"    {precision} drop[{chain.count}];",
-        *([] if contact is None else [on_path]),
-        f"}} {inverse_prefix}_past;\n",
+        *(f"    {precision} {name};" for name in names),
+        f"}} {inverse_prefix}_weights;\n",
     ]
-    bends = [] if contact is None else [contact.record, f"typedef {model_prefix}_contact {inverse_prefix}_contact;\n"]
-    header = [model.record, inverse.record, *bends, *(past if shifted else []), render_tuner("tuner.h.j2", context)]
+    bends = [] if contact is None else [contact.record]
+    header = [model.record, *(numbers if names else []), *bends, render_tuner("tuner.h.j2", context)]
     source = [
-        *counts,
+        count,
         *(types_code.render(name) for name in ("types.h.j2", "target.h.j2")),
         model.rows,
-        inverse.rows,
         *([] if contact is None else [contact.functions]),
         model.code,
-        inverse.code,
         *own,
         render_tuner("tuner.c.j2", context),
     ]
@@ -161,8 +142,13 @@ def tuner_code(tuned: TunedChain, tuning: Tuning, prefix: str, precision: Precis
         header="\n".join(header),
         source="\n".join(source),
         model_rows=kinds * (2 + limits.splits),
-        inverse_rows=kinds * 2,
     )
+
+
+def _inverse_number(chain: Chain, name: str, tuned: tuple[str, ...], precision: Precision) -> str:
+    """C text of an argument of the inverse; coefficients are never zero there."""
+    least = COEFFICIENT_FLOOR if name.startswith("friction_") else 0.0
+    return f"self->inverse[0].{name}" if name in tuned else literal(max(chain.numbers()[name], least), precision)
 
 
 def _on_path(tuned: TunedChain, contact: Contact, types: str, precision: Precision) -> dict[str, object]:
@@ -210,7 +196,6 @@ def _free_code(
     templates: tuple[str, ...],
     *,
     limits: Limits | None = None,
-    compliances: Compliances | None = None,
     contact: Contact | None = None,
     solver: str = "",
 ) -> FreeCode:
@@ -224,7 +209,6 @@ def _free_code(
         folder.precision,
         folded,
         limits=limits,
-        compliances=compliances,
         contact=contact,
         tuned=True,
         solver=solver,

@@ -120,7 +120,8 @@ def law_calls(laws: Mapping[str, FoldedLaw]) -> Callable[..., str]:
                 return text
             if own and mass and name.startswith(_OF_MASSES):
                 return own.format(name=name, mass=mass)
-            return f"{link}->{name.replace('end_', f'{end}_', 1)}"
+            of_end = name.replace("end_", f"{end}_", 1)
+            return arguments.get(of_end, f"{link}->{of_end}")
 
         passed = [*([link] if known.weighted else []), *map(value, known.inputs)]
         return f"{known.prefix}_{known.name}({', '.join([*passed, *(arguments[name] for name in known.outputs)])})"

@@ -93,6 +93,9 @@ def plant_limits(precision: Precision) -> Limits:
     return replace(controller_limits(precision), splits=0, evaluations=60)
 
 
+LOAD_STIFFNESS = "far_stiffness_N_per_m"
+"""Number of a chain that is the stiffness of its load."""
+
 SETTABLE = (
     "piece_adhesion_N",
     *(f"friction_mu_{kind}_{way}" for way in ("pull", "release") for kind in ("dynamic", "static")),
@@ -108,12 +111,13 @@ def chain_code(
     *,
     inverse: bool = True,
     forward: Chain | None = None,
+    tuned: tuple[str, ...] = (),
 ) -> ChainCode:
     """A chain in C: its exact inverse, whose friction the caller can set, and the time step of `forward`, if any.
 
     `forward` differs from the chain in its ends only. The input of its time step says whether a tension cell stands in
     for the near end (`led_by_tension`); the rest position of the load's spring is an input too, where no joint moves
-    the far end.
+    the far end. Further numbers that are `tuned`, named as in `Chain.numbers`, are arguments of the inverse too.
     """
     weights, coefficients = scheme_rows(step_s), dict[str, tuple[float, ...]]()
     contact = None
@@ -121,7 +125,7 @@ def chain_code(
         contact = contact_code(chain, Joints.of(chain), prefix, precision, settable=True, types=prefix, shared=True)
 
     def folder_of(chain: Chain, scheme: str, free: tuple[str, ...] = (), *, whole: bool = True) -> PartialEvaluator:
-        floors = {name: 0.0 if name == "piece_adhesion_N" else COEFFICIENT_FLOOR for name in free}
+        floors = {name: COEFFICIENT_FLOOR if name.startswith("friction_") else 0.0 for name in free}
         return chain_evaluator(
             chain,
             weights,
@@ -135,7 +139,8 @@ def chain_code(
             coefficients=coefficients,
         )
 
-    left = SETTABLE if contact is None else ("piece_adhesion_N",)
+    settable = SETTABLE if contact is None else ("piece_adhesion_N",)
+    left = tuple(dict.fromkeys((*settable, *tuned)))
     folder = folder_of(chain, "inverse", left)
     laws = ElementLaws.of(chain, folded=True) if contact is None else contact.laws
     links = folded_links(chain, replace(folder, prefix=prefix, shared=True), laws)
@@ -172,18 +177,24 @@ def _inverse_code(
 ) -> SchemeCode:
     """The exact inverse; those of `left` that the laws need are arguments."""
     precision = folder.precision
-    compliances = None if precision is Precision.DOUBLE else compliances_of(chain, precision)
-    folded = folded_inverse(chain, folder, laws, links, relative=compliances is not None)
-    free = tuple(name for name in left if any(name in law.inputs for law in folded))
+    compliances = None
+    if precision is Precision.FLOAT:
+        load = f"({literal(1.0, precision)} / {LOAD_STIFFNESS})" if LOAD_STIFFNESS in left else ""
+        compliances = compliances_of(chain, precision, load)
+    folded = folded_inverse(chain, folder, laws, links, relative=compliances is not None, free=left)
+    ends = {"far_velocity": "far_"}
+    inputs = {name.replace("end_", ends.get(law.name, "end_"), 1) for law in folded for name in law.inputs}
+    free = tuple(name for name in left if name in inputs)
     code = step_code(chain, folder.prefix, precision, folded, compliances=compliances, contact=contact, free=free)
     ratios = link_ratios(chain.elements.ratio) if contact is None else (1.0,)
     lengths = tuple(literal(ratio, precision) for ratio in ratios)
-    code = replace(code, record_type=folder.weights_type, weigh=folder.weigh(), lengths=lengths)
+    count = f"{folder.prefix.rpartition('_')[0].upper()}_STATE_COUNT"
+    code = replace(code, count=count, record_type=folder.weights_type, weigh=folder.weigh(), lengths=lengths)
     return SchemeCode(
         header="",
         laws=_own(folder, folded),
         body=code.render("inverse.c.j2"),
-        travel=_travel(chain, precision, compliances, folder.prefix),
+        travel=_travel(chain, precision, folder.prefix),
         free=free,
         reweigh=f"{folder.weigh().code}\n{code.render('reweigh.c.j2')}",
     )
@@ -335,8 +346,9 @@ def compliances_of(chain: Chain, precision: Precision, load: str = "") -> Compli
     return known
 
 
-def _travel(chain: Chain, precision: Precision, compliances: Compliances | None, prefix: str) -> str:
+def _travel(chain: Chain, precision: Precision, prefix: str) -> str:
     """Statements for the travel; where states are relative, from elongations and tensions: rounding adds up nowhere."""
+    compliances = None if precision is Precision.DOUBLE else compliances_of(chain, precision)
     layout, more, upper = chain.layout, "(tension - self->start)", prefix.upper()
     if chain.moving:
         return _position(chain, precision, compliances, prefix)

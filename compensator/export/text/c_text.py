@@ -17,7 +17,7 @@ from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.stream import RE_ENTRY_S, RE_ENTRY_SHARE, SLACK, StreamDesign
 from tendonff.compensator.compensators.table import BuiltTable, accepted_range
 from tendonff.compensator.compensators.tuning import Certified, certified
-from tendonff.compensator.export.adaptive import adaptive_code
+from tendonff.compensator.export.adaptive import adaptive_code, tuned_numbers
 from tendonff.compensator.export.joint_jumps import FACTOR as JUMP_FACTOR
 from tendonff.compensator.export.joint_jumps import largest_starts_rad
 from tendonff.compensator.export.modules import (
@@ -91,31 +91,46 @@ def c_sources(
     bounds: Certified | None = further.get("bounds")
     if bounds is None and BOUNDS in modules:
         bounds = certified(problem)
-    if scenario.adaptation is not None and {m.name for m in ADAPTIVE_MODULES} & set(names):
-        code |= dict.fromkeys(
-            (m.name for m in ADAPTIVE_MODULES),
-            adaptive_code(problem, scenario.adaptation, precision, prefix, bounds),
-        )
     servo, shared = actuator.servo_stiffness_N_per_m or 0.0, shared_sources(problem, names)
+    settings = scenario.adaptation if {m.name for m in ADAPTIVE_MODULES} & set(names) else None
+    inverts, taken = bool({"inverse", ADAPTIVE.name} & set(names)), tuple[str, ...]()
     forward = chain.with_end_stiffness(servo, chain.far.stiffness_N_per_m)
     if "state" in shared:
         made = chain_code(
-            chain, step, prefix, precision, inverse="inverse" in names, forward=forward if "chain" in shared else None
+            chain,
+            step,
+            prefix,
+            precision,
+            inverse=inverts,
+            forward=forward if "chain" in shared else None,
+            tuned=() if settings is None else tuned_numbers(problem, settings),
         )
         code["state"] = {
             name: getattr(made, name)
             for name in ("record", "values", "kinds", "links", "solver", "rest", "contact", "touch", "touch_all")
         }
+        code["state"]["inverts"] = inverts
         code["state"]["solves"] = "chain" in shared or ADAPTIVE.name in names
         if made.inverse is not None:
+            taken = made.inverse.free
+            code["inversion"] = {"laws": made.inverse.laws, "body": made.inverse.body}
             code["inverse"] = settable_inverse(problem, made.inverse, precision, prefix) | {"kinds": made.kinds}
         if made.plant is not None:
             code |= {"chain": asdict(made.plant), "plant": {"inputs": made.plant.inputs}}
             code["observer"] = {"inputs": made.plant.inputs}
+    if settings is not None:
+        printed = adaptive_code(problem, settings, precision, prefix, bounds, taken)
+        code |= dict.fromkeys((m.name for m in ADAPTIVE_MODULES), printed)
     if "observer" in names:
         design: ObserverDesign = further.get("observed") or ObserverDesign(problem=problem)
         code["observer"] = code.get("observer", {}) | observer_code(design)
-    headers = ("types", *shared, *(header for module in modules for header in (*module.headers, module.name)))
+    inversion = ("inversion",) if inverts else ()
+    headers = (
+        "types",
+        *shared,
+        *inversion,
+        *(header for module in modules for header in (*module.headers, module.name)),
+    )
     texts = {f"{prefix}_{name}.h": _render(f"{name}.h.j2", context | code.get(name, {})) for name in headers}
     for name in (*shared, *names):
         texts[f"{prefix}_{name}.c"] = _render(f"{name}.c.j2", context | code.get(name, {}))

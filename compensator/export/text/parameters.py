@@ -13,7 +13,7 @@ from tendonff.models.tendon.elements import whole_of
 from tendonff.models.tendon.friction import COEFFICIENT_FLOOR
 from tendonff.ocp.codegen.partial_evaluation import PartialEvaluator
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.codegen.printer import Law
+from tendonff.ocp.codegen.printer import Law, literal
 from tendonff.ocp.step.joints import Joints
 from tendonff.ocp.step.target import SETTABLE, SchemeCode
 from tendonff.ocp.step.target_joints import contact_code
@@ -64,9 +64,10 @@ def parameters_of(problem: Problem) -> tuple[Parameter, ...]:
 
 def settable_inverse(problem: Problem, code: SchemeCode, precision: Precision, prefix: str) -> dict[str, object]:
     """The exact inverse whose friction the controller may change: what its templates need."""
+    settable = tuple(name for name in code.free if name in SETTABLE)
     retune: dict[str, object] = {"retune": ""}
     if not problem.chain.moving:  # else every bend has numbers of its own
-        law = _settable_law(problem, code.free)
+        law = _settable_law(problem, settable)
         printed = PartialEvaluator(prefix=f"{prefix}_inverse", precision=precision, parameters={}).fold(law)
         retune = {"retune": printed.code, "retune_inputs": printed.inputs}
     numbers, friction = problem.chain.numbers(), problem.transmission.friction
@@ -74,7 +75,9 @@ def settable_inverse(problem: Problem, code: SchemeCode, precision: Precision, p
     return {
         **asdict(code),
         **retune,
-        "free_values": {name: _floored(name, numbers[name]) for name in code.free},
+        "free": settable,
+        "free_values": {name: _floored(name, numbers[name]) for name in settable},
+        "passed": [f"self->own.{n}" if n in settable else literal(float(numbers[n]), precision) for n in code.free],
         "release_share": friction.release_dynamic / mu if mu > 0 else 1.0,
     }
 
