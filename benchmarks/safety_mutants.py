@@ -44,18 +44,18 @@ SWAPS = (  # file, what, old, new
     ("limits.h", "every value is within", "((value >= low) && (value <= high)) ? 1 : 0", "1"),
     ("limits.h", "no lower end", "(value >= low) && ", ""),
     ("limits.h", "no upper end", " && (value <= high)", ""),
-    ("inverse.c", "inverse: limits bypassed", "force = tff_output_set(&self->output, exact)", "force = exact"),
+    ("inverse.c", "inverse: limits bypassed", "tff_output_set(&self->output, exact)", "(self->output.force = exact)"),
     (
         "capstan.c",
         "capstan: limits bypassed",
-        "force = tff_output_set(&self->output, ",
-        "force = (",
+        "return tff_output_set(&self->output, ",
+        "return self->output.force = (",
     ),
     (
         "table.c",
         "table: limits bypassed",
-        "force = tff_output_set(&self->output, self->wanted)",
-        "force = self->wanted",
+        "return tff_output_set(&self->output, self->wanted)",
+        "return self->output.force = self->wanted",
     ),
     ("inverse.c", "inverse: bad input taken", "(tff_is_within(reference", "(1 + tff_is_within(reference"),
     ("capstan.c", "capstan: bad input taken", "(tff_is_within(reference", "(1 + tff_is_within(reference"),
@@ -74,7 +74,6 @@ LIVE = tuple(  # of every module that follows a reference
     for what, old, new in (
         ("a lost reference not noted", "tff_lose(&self->output, &self->entry, reference);", "self->output.force;"),
         ("missed calls not noted", "tff_entry_lose(&self->entry, samples);", ""),
-        ("a pause is no pause", f"tff_{module}_missed(self, pause.missed);", ""),
         ("limits of a record not taken", "tff_output_use(&self->output, given)", "tff_parameters_are_good(given)"),
     )
 )
@@ -89,10 +88,24 @@ RESTS = (
     (
         "limits.c",
         "a bad start taken",
-        "if (tff_is_within(tension, low, high) == 0)",
-        "if (tff_is_within(tension, low, high) == 2)",
+        "if (tff_is_within(given, low, high) == 0)",
+        "if (tff_is_within(given, low, high) == 2)",
     ),
-    ("limits.c", "a bad start not flagged", "        status = TFF_INPUT_HELD;", "        status = TFF_OK;"),
+    ("limits.c", "a bad start not flagged", "*status = TFF_INPUT_HELD;", "*status = TFF_OK;"),
+    (
+        "limits.c",
+        "a bad force of a start taken",
+        "good = tff_is_within(force, TFF_FORCE_MIN_N, TFF_FORCE_MAX_N);",
+        "good = 1 + tff_is_within(force, TFF_FORCE_MIN_N, TFF_FORCE_MAX_N);",
+    ),
+    (
+        "limits.c",
+        "a start in motion is not led",
+        "tff_entry_lose(entry, (tff_is_within(force, rest, rest) != 0) ? 0 : TFF_RE_ENTRY);",
+        "(void)rest;",
+    ),
+    ("limits.c", "a start in motion is at rest", "output->force = force;", ""),
+    ("limits.c", "a pause is no pause", "tff_entry_lose(entry, pause.missed);", ""),
     ("limits.c", "a way back of one sample", "followed = self->held + ", "followed = reference + 0 * "),
     ("limits.c", "a way back without an end", "self->left -= 1.0;", ""),
     ("limits.c", "a lost reference never ends", "        self->lost = 0;\n    }", "    }"),
@@ -157,23 +170,6 @@ RESTS = (
         "(&wanted, mu_dynamic, mu_dynamic)",
         "(&wanted, mu_dynamic, wanted.mu_release)",
     ),
-    *(
-        (
-            f"{module}.c",
-            f"{module}: a bad force of a start taken",
-            "(tff_is_within(force, TFF_FORCE_MIN_N",
-            "(1 + tff_is_within(force, TFF_FORCE_MIN_N",
-        )
-        for module in ("inverse", "capstan", "table")
-    ),
-    *(
-        (f"{module}.c", f"{module}: {what}", old, new)
-        for module in ("inverse", "capstan", "table")
-        for what, old, new in (
-            ("a start in motion is not led", f"tff_{module}_missed(self, TFF_RE_ENTRY);", ""),
-            ("a start in motion is at rest", "self->output.force = force;", ""),
-        )
-    ),
     ("capstan.c", "capstan: the force is not led back", "tff_entry_take(&self->entry, self->wanted)", "self->wanted"),
     ("table.c", "the branch survives init", "self->branch = 0;\n    self->ratio", "self->ratio"),
     (
@@ -182,7 +178,6 @@ RESTS = (
         "if (tff_is_within(force, -TFF_PLANT_INPUT_MAX_N",
         "if (1 + tff_is_within(force, -TFF_PLANT_INPUT_MAX_N",
     ),
-    ("plant.c", "a bad start taken", "if (tff_is_within(tension, ", "if (1 + tff_is_within(tension, "),
     ("plant.c", "bits not gathered", "self->seen |= self->status;", ""),
     (
         "stream.c",
@@ -197,7 +192,7 @@ RESTS = (
     ("stream.c", "stream: bits not set", "self->output.status |= status;", ""),
     ("stream.c", "stream: bits not gathered", "self->inverse.output.seen |= status;", ""),
     ("stream.c", "stream: missed calls not noted", "tff_entry_lose(&self->entry, samples);", ""),
-    ("stream.c", "stream: a pause is no pause", "tff_stream_missed(self, missed);", "(void)missed;"),
+    ("stream.c", "stream: a pause is no pause", "tff_stream_missed(self, span.missed);", ""),
     (
         "stream.c",
         "stream: a record not taken",
@@ -217,7 +212,6 @@ RESTS = (
     ("stream.c", "stream: a start in motion is not led", "tff_entry_lose(&self->entry, self->inverse.entry.lost);", ""),
     ("bounds.c", "bounds: a bad force taken", "if (tff_is_within(force, ", "if (1 + tff_is_within(force, "),
     ("bounds.c", "bounds: a bad force not flagged", "self->status = TFF_INPUT_HELD;\n    if", "if"),
-    ("bounds.c", "bounds: a bad start taken", "if (tff_is_within(tension, ", "if (1 + tff_is_within(tension, "),
     ("bounds.c", "bounds: no margin below", "* TFF_BOUNDS_NARROW)", "* 1)"),
     ("bounds.c", "bounds: no margin above", "* TFF_BOUNDS_WIDE)", "* 1)"),
     (
@@ -242,29 +236,15 @@ RESTS = (
         "(self->stale < t->deviation) ? ",
     ),
     ("adaptive.c", "tuner: a stuck sensor is not said", "(self->lost != 0) || (stuck != 0)) {", "(self->lost != 0)) {"),
-    ("adaptive.c", "tuner: a lost reference not noted", "tff_entry_lose(&self->entry, 1);", ""),
+    (
+        "adaptive.c",
+        "tuner: a lost reference not noted",
+        "tff_lose(&self->output, &self->entry, reference);",
+        "self->output.force;",
+    ),
     ("adaptive.c", "tuner: missed calls not noted", "tff_entry_lose(&self->entry, samples);", ""),
     ("adaptive.c", "tuner: it learns right after missed calls", "self->blind = TFF_ADAPTIVE_DELAY + 2;", ""),
-    ("adaptive.c", "tuner: a pause is no pause", "tff_adaptive_missed(self, missed);", "(void)missed;"),
-    (
-        "adaptive.c",
-        "tuner: bad starts taken",
-        "tension = (tension > TFF_REFERENCE_MAX_N)",
-        "tension = (1) ? tension : (tension > TFF_REFERENCE_MAX_N)",
-    ),
-    (
-        "adaptive.c",
-        "tuner: bad forces of a start taken",
-        "(tff_is_within(force, TFF_FORCE_MIN_N",
-        "(1 + tff_is_within(force, TFF_FORCE_MIN_N",
-    ),
-    ("adaptive.c", "tuner: a start in motion is not led", "tff_entry_lose(&self->entry, TFF_RE_ENTRY);", ""),
-    (
-        "adaptive.c",
-        "tuner: bad limits taken",
-        "if (good != 0) {\n        tff_output_use",
-        "if (good >= 0) {\n        tff_output_use",
-    ),
+    ("adaptive.c", "tuner: a pause is no pause", "tff_adaptive_missed(self, span.missed);", ""),
     ("adaptive.c", "tuner: bad estimates restored", "!= 0) ? good : 0;", ">= 0) ? good : 0;"),
     ("adaptive.c", "tuner: frozen not flagged", "more |= TFF_ADAPTIVE_FROZEN;", ""),
     ("adaptive.c", "tuner: doubt not flagged", "more |= TFF_ADAPTIVE_DOUBT;", ""),

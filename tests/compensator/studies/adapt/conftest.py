@@ -89,7 +89,7 @@ def compiled_tuner(scenario: Scenario, problem: Problem, precision: Precision) -
     modules, path = (ADAPTIVE_MODULES, ()) if problem.chain.motion is None else ((ADAPTIVE,), ("path",))
     texts = c_sources(scenario, problem, modules, precision, "tff")
     names = ("parameters", "limits", *path, "state", "adaptive")
-    order = ("types.h", *(f"{name}.h" for name in names), *(f"{name}.c" for name in names))
+    order = ("types.h", *(f"{name}.h" for name in (*names, "inversion")), *(f"{name}.c" for name in names))
     own = "\n".join(texts[f"tff_{name}"] for name in order)
     lines = [line for line in own.splitlines() if not line.startswith('#include "')]
     library = load_library("\n".join(["#include <stdlib.h>", *lines, DRIVER]))

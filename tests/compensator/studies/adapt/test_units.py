@@ -52,7 +52,7 @@ def play(adaptive):
         if precision not in made:
             texts = c_sources(adaptive, problem, (Inverse.c_module,), precision, "tff")
             names = ("parameters", "limits", "state", "inverse")
-            order = ("types.h", *(f"{name}.{kind}" for kind in "hc" for name in names))
+            order = ("types.h", *(f"{name}.h" for name in (*names, "inversion")), *(f"{name}.c" for name in names))
             lines = [line for name in order for line in texts[f"tff_{name}"].splitlines()]
             made[precision] = load_library("\n".join([x for x in lines if not x.startswith('#include "')] + [DRIVER]))
         kind = np.float32 if precision is Precision.FLOAT else np.float64
