@@ -17,6 +17,7 @@ from tendonff.ocp.adaptation.tuning import (
     DOUBTED,
     EXPLAINED,
     GATE,
+    LACKED_EXPONENT,
     MAX_DELAY,
     PEAK,
     SPREADS,
@@ -76,13 +77,18 @@ class TunedChain:
             whole=whole_of(transmission, level), chain=Chain.of(transmission, level, segments), parameters=parameters
         )
 
+    def exponent(self, unknown: float) -> Prior:
+        """Prior of what is added to the load exponent; `unknown` is its standard deviation where none is stated."""
+        stated = float(fields_of(self.whole.friction).get("load_exponent", 0.0))
+        width = (STATED_EXPONENT if stated else unknown) / START_DEVIATION
+        return Prior(width=width, least=-stated, most=LARGEST_EXPONENT - stated)
+
     @property
     def priors(self) -> tuple[Prior, ...]:
-        """Priors of the factors; the exponent stays within what materials have."""
-        stated = float(fields_of(self.whole.friction).get("load_exponent", 0.0))
-        width = (STATED_EXPONENT if stated else UNKNOWN_EXPONENT) / START_DEVIATION
-        exponent = Prior(width=width, least=1 - stated, most=1 + LARGEST_EXPONENT - stated)
-        return tuple(exponent if p is Tunable.LOAD_EXPONENT else Prior() for p in self.parameters)
+        """Priors of the factors; that of the exponent adds to it as much as it is above 1."""
+        n = self.exponent(UNKNOWN_EXPONENT)
+        factor = Prior(width=n.width, least=1 + n.least, most=1 + n.most)
+        return tuple(factor if p is Tunable.LOAD_EXPONENT else Prior() for p in self.parameters)
 
     def with_factors(self, factors: Mapping[Tunable, ca.SX | float], load: ca.SX | float = 0.0) -> Chain:
         """The chain at other factors; numbers or CasADi scalars.
@@ -162,6 +168,11 @@ def nuisances_of(tuned: TunedChain, tuning: Tuning) -> tuple[Nuisance, ...]:
     return tuple(n for n in tuning.nuisances if n is not Nuisance.LOAD or tuned.chain.far_joint is None)
 
 
+def lacks_exponent(tuned: TunedChain, nuisances: tuple[Nuisance, ...]) -> bool:
+    """Whether friction counts only as far as a load exponent leaves it: tuned alone, from the position, at rest."""
+    return bool(nuisances) and tuned.parameters == (Tunable.MU,) and not tuned.chain.moving
+
+
 def tuner_context(
     tuned: TunedChain, nuisances: tuple[Nuisance, ...], precision: Precision, *, prefix: str, past: int
 ) -> dict[str, object]:
@@ -197,6 +208,9 @@ def tuner_context(
             if ca.depends_on(ca.vertcat(*law.outputs.values()), f)
         ),
         "by_load": Tunable.LOAD_EXPONENT in tuned.parameters,
+        "lacks_exponent": (beside := lacks_exponent(tuned, nuisances)),
+        "columns": len(tuned.parameters) + beside,
+        "exponent_width": literal(tuned.exponent(LACKED_EXPONENT).width, precision),
         "widths": ["" if p.width == 1 else f"{literal(p.width**2, precision)} * " for p in tuned.priors],
         "retuned_outputs": tuple(law.outputs),
         "retuned_link": any(name.startswith("link_") for name in names),
@@ -223,8 +237,11 @@ def tuner_laws(tuned: TunedChain, nuisances: tuple[Nuisance, ...], *, on_target:
     count = len(tuned.parameters)
     numbers = tuned.retuned_numbers()[0]
     own = (tuned.own_slopes(),) if tuned.chain.moving and not on_target else ()
-    update = update_law(count, tuple(SPREADS[n] for n in nuisances), tuned.priors)
-    load = (load_law(tuned.whole.value("adhesion_N")),) if Tunable.LOAD_EXPONENT in tuned.parameters else ()
+    beside = lacks_exponent(tuned, nuisances)
+    spreads = tuple(SPREADS[n] for n in nuisances)
+    update = update_law(count, spreads, tuned.priors, tuned.exponent(LACKED_EXPONENT) if beside else None)
+    by_load = beside or Tunable.LOAD_EXPONENT in tuned.parameters
+    load = (load_law(tuned.whole.value("adhesion_N")),) if by_load else ()
     return update, trust_law(count), return_law(), *((numbers,) if numbers.outputs else ()), *own, *load
 
 

@@ -8,6 +8,8 @@ not depend on rate, so a sample at rest repeats what is known, and nothing moves
 with the reference, so they are averaged over a longer past (forgetting goes down with the level), and an estimate
 counts only as far as it stands out from what they alone could make of it. Where a wrong parameter looks like a tuned
 one for part of a cycle, nothing stays unexplained; but the estimate goes and comes back, which the true value does not.
+From the position, friction that falls with the tension looks like less friction while the tension is high: a factor
+counts as far as it is the same with a load exponent and without, and stands out from what is not known of that one.
 """
 
 import functools
@@ -125,7 +127,9 @@ def _kept_inside(moves: list[ca.SX], f: list[ca.SX], P: list[list[ca.SX]], prior
     return moves
 
 
-def update_law(count: int, spreads: tuple[float, ...] = (), priors: Sequence[Prior] = ()) -> Law:
+def update_law(
+    count: int, spreads: tuple[float, ...] = (), priors: Sequence[Prior] = (), exponent: Prior | None = None
+) -> Law:
     """Factors, nuisance parameters and covariance after one measurement.
 
     `mean_new` is the mean of `e` over a short time, in units of `deviation`, `lasting_new` that over a longer one at
@@ -140,6 +144,10 @@ def update_law(count: int, spreads: tuple[float, ...] = (), priors: Sequence[Pri
         covariance. What stays unexplained opens them and closes the factors.
     priors : sequence of Prior, optional
         Of each factor.
+    exponent : Prior, optional
+        Of a load exponent `n` that the model lacks, estimated from the same errors by the second stage of Friedland's
+        separate-bias filter: `s_n` is the slope of the prediction over it, `Pn` its variance, `shift` the change of
+        every other estimate with it. These are what they are without an exponent; with it they are less by n shift.
     """
     total, priors = count + len(spreads), priors or (Prior(),) * count
     e, w, mean, quick, level = (ca.SX.sym(name) for name in ("e", "weight", "mean", "quick", "level"))
@@ -184,10 +192,22 @@ def update_law(count: int, spreads: tuple[float, ...] = (), priors: Sequence[Pri
         "lasting_new": lasts,
         "remains": ca.fmin(ca.fmax(lasts * lasts - explained, LEAST), MOST),
     }
+    beside: tuple[ca.SX, ...] = ()
+    if exponent is not None:
+        n, Pn, s_n, shift = ca.SX.sym("n"), ca.SX.sym("Pn"), ca.SX.sym("s_n"), _indexed("shift", total)
+        slope = s_n - sum((s[i] * shift[i] for i in range(total)), start=ca.SX(0))
+        gain_n = w * Pn * slope / (w * slope * slope * Pn + w * spread + R)
+        widest = (exponent.width * start) ** 2
+        outputs |= {
+            "n_new": ca.fmax(ca.fmin(n + gain_n * (clipped - slope * n), exponent.most), exponent.least),
+            "Pn_new": ca.fmin((1 - gain_n * slope) * Pn + w * drift * exponent.width**2 / level, widest),
+        }
+        outputs |= {f"shift{i}_new": shift[i] + gain[i] * slope for i in range(total)}
+        beside = (s_n, n, Pn, *shift)
     numbers = (mean, quick, lasting, long, level, R, deviation, drift, start, slew, low, high)
     return Law(
         name="tuning_update",
         comment="Recursive Gauss-Newton step with forgetting; the weight is the gate.",
-        inputs=(e, w, *s, *f, *b, *entries.values(), *numbers),
+        inputs=(e, w, *s, *f, *b, *entries.values(), *numbers, *beside),
         outputs=outputs,
     )

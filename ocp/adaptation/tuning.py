@@ -40,6 +40,9 @@ PEAK = 1.5
 UNKNOWN_EXPONENT = 0.2
 """Standard deviation of the load exponent at the start where none is stated; polymers have 0.1 to 0.33."""
 
+LACKED_EXPONENT = 0.1
+"""Where none is stated and none is tuned: many materials have none."""
+
 STATED_EXPONENT = 0.06
 """Where one is stated."""
 

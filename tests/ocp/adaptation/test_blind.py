@@ -88,6 +88,15 @@ def test_friction_is_found_from_the_position_where_the_load_is_off_too(bench, re
     assert percent(plain, longer) > 8
 
 
+def test_friction_that_falls_with_the_tension_misleads_no_second_where_it_is_tuned_alone(bench):
+    """While the tension is high, less friction and an offset explain the position."""
+    t = np.arange(5001) * bench.step_s
+    stroke = bench.start_N + np.minimum(t / 0.5, 1) * 20 * np.sin(2 * np.pi * 0.2 * t)
+    tuning = bench.tuning(POSITION)
+    plain, tuned = (run(bench, tuning, stroke, adapt=adapt, load_exponent=0.2)[0] for adapt in (False, True))
+    assert worst_second([tuned, plain], stroke) <= 1.3
+
+
 @pytest.mark.parametrize(
     ("stated", "mu", "true", "most"),
     [(0.0, 1.0, 0.2, 0.5), *(pytest.param(0.2, 0.8, n, 0.5, marks=pytest.mark.nightly) for n in (0.1, 0.3))],

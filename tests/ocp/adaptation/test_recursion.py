@@ -23,9 +23,9 @@ from tendonff.ocp.adaptation.recursion import (
 R, DEVIATION, START, LOW, HIGH, QUICK, LONG, SLEW = 0.7, 0.2, 0.3, 0.5, 2.0, 0.05, 0.02, 10.0
 
 
-def update(count, f, P, e, s, weight, *, spreads=(), priors=(), b=(), **given):
+def update(count, f, P, e, s, weight, *, spreads=(), priors=(), b=(), exponent=None, **given):
     """One update by name of the output; P as a full matrix."""
-    law = update_law(count, spreads, priors)
+    law = update_law(count, spreads, priors, exponent)
     entries = [P[int(name[1]), int(name[2])] for name in covariance_names(count + len(spreads))]
     known = {"mean": 0.0, "lasting": 0.0, "level": 1.0, "drift": 0.0, "slew": SLEW} | given
     known |= {"quick": QUICK, "long_share": LONG, "R": R, "deviation": DEVIATION, "start": START}
@@ -59,6 +59,27 @@ def test_without_forgetting_the_recursion_is_weighted_least_squares(count):
     expected = np.linalg.solve(information, (S * w[:, None]).T @ y / R)
     assert f - 1 == pytest.approx(expected, rel=1e-3, abs=1e-11)
     assert np.linalg.inv(P) == pytest.approx(information, rel=1e-3, abs=1e-3)
+
+
+def test_an_exponent_beside_the_factor_is_weighted_least_squares_of_both():
+    """What the second stage takes from the estimate without an exponent leaves that of the normal equations with it."""
+    rng = np.random.default_rng(2)
+    S, S_n, w = rng.normal(size=50), rng.normal(size=50) + 0.5, rng.uniform(0.1, 1.0, 50)
+    y = 1e-6 * (3.0 * S + 2.0 * S_n + rng.normal(size=50))
+    f, P, exponent = 1.0, np.array([[START**2]]), Prior(width=0.5)
+    beside = {"n": 0.0, "Pn": (0.5 * START) ** 2, "shift0": 0.0}
+    for s, s_n, weight, measured in zip(S, S_n, w, y, strict=True):
+        e = measured - s * (f - 1)
+        new = update(1, (f,), P, e, (s,), weight, exponent=exponent, s_n=s_n, **beside)
+        f, P, beside = new["f0_new"], np.array([[new["P00_new"]]]), {name: new[f"{name}_new"] for name in beside}
+    both = np.stack([S, S_n], axis=1)
+    information = (both * w[:, None]).T @ both / R + np.diag([1 / START**2, 1 / (0.5 * START) ** 2])
+    expected = np.linalg.solve(information, (both * w[:, None]).T @ y / R)
+    found = f - 1 - beside["n"] * beside["shift0"], beside["n"]
+    assert found == pytest.approx(expected, rel=1e-3, abs=1e-11)
+    covariance = np.linalg.inv(information)
+    assert P[0, 0] + beside["Pn"] * beside["shift0"] ** 2 == pytest.approx(covariance[0, 0], rel=1e-3)
+    assert beside["Pn"] == pytest.approx(covariance[1, 1], rel=1e-3)
 
 
 def test_a_factor_that_moves_is_less_certain():
