@@ -59,7 +59,7 @@ def numbers(kind, name, values):
 @pytest.mark.parametrize(
     ("example", "sensor", "parameters"),
     [
-        ("finger", Sensor.OUTPUT_TENSION, (Tunable.MU,)),
+        ("finger", Sensor.ACTUATOR_POSITION, (Tunable.MU,)),
         pytest.param("finger", Sensor.ACTUATOR_POSITION, BOTH, marks=pytest.mark.nightly),
         pytest.param("finger", Sensor.ACTUATOR_POSITION, FALLING, marks=pytest.mark.nightly),
         pytest.param("finger", Sensor.ACTUATOR_POSITION, STATED, marks=pytest.mark.nightly),
