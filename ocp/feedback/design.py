@@ -45,7 +45,7 @@ _PEAK_PRICE = 2.0
 _FLOORS = (0.0, 0.1)
 """Shares of critical damping that oscillations have at least [-]: what friction adds, where all else leaves no gain."""
 _ENOUGH = 0.5  # of the feedforward's error: a feedback that leaves no more needs no floor of damping
-_CLAMP = 3.0  # times the largest correction that was needed: errors beside those stated add to it
+_CLAMP = 1.5  # times the largest correction that was needed
 STANDING_S = 1.0
 """Time of standing still in which limit cycles are looked for [s]."""
 _SWING, _FADES = 1e-3, 0.5  # of the range: a swing that counts; share of the swing before, below which it dies out
