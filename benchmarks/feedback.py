@@ -155,9 +155,10 @@ def main(count: int, seed: int) -> None:
         ways = rng.choice([-1, 1], 3)
         task = JointFeedbackTask.of(JointTask.of(scenario), scenario.feedback)  # type: ignore[arg-type]
         law = tune_feedback(task).design.laws[0]
+        plain = replace(law.plain(), clamp=math.inf)  # alone it has more to correct than the clamp is for
         plant, command, ratio = off(scenario.mechanism, ways), task.feedforward.command, task.alone.command
         delay = law.delay_s
-        errors = [closed(task, plant, *each, delay) for each in ((command, None), (ratio, law.plain()), (command, law))]
+        errors = [closed(task, plant, *each, delay) for each in ((command, None), (ratio, plain), (command, law))]
         forward, back, both = (rms(error) for error in errors)
         peaks = [math.degrees(float(np.abs(error).max())) for error in errors]
         swings = []

@@ -186,7 +186,7 @@ class Feedback:
     phase_margin_deg : float, optional
         Angle to −180° that it must have where the gain of the loop is 1 [deg], > 0 and < 90. Default 45.
     limit : float, optional
-        Largest correction of a command [rad, N or m], > 0. Default: one and a half times what is necessary.
+        Largest correction of a command [rad, N or m], > 0. Default: what four times the errors of [robust] need.
     """
 
     sensor: FeedbackSensor

@@ -45,7 +45,7 @@ _PEAK_PRICE = 2.0
 _FLOORS = (0.0, 0.1)
 """Shares of critical damping that oscillations have at least [-]: what friction adds, where all else leaves no gain."""
 _ENOUGH = 0.5  # of the feedforward's error: a feedback that leaves no more needs no floor of damping
-_CLAMP = 1.5  # times the largest correction that was needed
+_CLAMP = 1.5  # times the largest correction that was needed, where the law expects to learn no more
 STANDING_S = 1.0
 """Time of standing still in which limit cycles are looked for [s]."""
 _SWING, _FADES = 1e-3, 0.5  # of the range: a swing that counts; share of the swing before, below which it dies out
@@ -200,7 +200,7 @@ def design_loops(
         largest = np.maximum(largest, np.abs(run.correction[max(scored.start or 0, 0) // every :]).max(axis=0))
     limits = _limits(systems[0], course, sensor)
     clamped = [
-        replace(law, clamp=_CLAMP * float(most) if limits is None else float(limits[goal]))
+        replace(law, clamp=max(_CLAMP * float(most), law.likely_correction) if limits is None else float(limits[goal]))
         for goal, (law, most) in enumerate(zip(tuned, largest, strict=True))
     ]
     return LoopDesign(

@@ -77,6 +77,7 @@ _AGE_DEVIATION = 0.5  # of Delta before anything is learned, over the delay
 _NOISE = 0.5  # of what the shapes leave, over the scale: samples follow each other closely, and are not independent
 _MEMORY_S = 2.0  # of sliding, which the least squares remember
 _SAME_WAY = 0.99  # of the product of both shapes
+_LIKELY = 2.0  # standard deviations that a learned error hardly exceeds
 _WAITING = 0.1  # share of the integral's gain while the tendon sticks
 _FAR = 1e30  # a correction that nothing reaches
 
@@ -182,6 +183,11 @@ class FeedbackLaw:
     def learns_age(self) -> bool:
         """Whether the age of the measurement is learned."""
         return self.error_scale > 0 and self.delay_s > 0
+
+    @property
+    def likely_correction(self) -> float:
+        """Correction of all learned errors together at two standard deviations each [unit of the command]."""
+        return _LIKELY * self.error_scale * sum(self.deviations) / self.gain
 
     @property
     def numbers(self) -> tuple[float, ...]:

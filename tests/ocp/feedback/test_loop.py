@@ -171,6 +171,17 @@ def test_the_simulated_joint_with_friction_20_percent_low_keeps_within_a_tenth_o
     assert np.abs(both).max() < 1.1 * np.abs(alone).max()
 
 
+def test_errors_of_numbers_whose_doubt_is_not_stated_are_learned_without_reaching_the_clamp():
+    """Designed for friction; stiffness and pre-tension are off too, which together leave four times the error."""
+    (law,) = designed().laws
+    rig = scaled(RIG, mu=1.2, stiffness=0.8)
+    rig = replace(rig, drive=replace(rig.drive, pretension_N=1.2 * rig.drive.pretension_N))
+    alone, both = on_the_plant(rig, None)[0], on_the_plant(rig, law)[0]
+    assert rms(alone) > 1.0
+    assert rms(both) < 0.2 * rms(alone)
+    assert np.abs(both).max() < 1.1 * np.abs(alone).max()
+
+
 @pytest.mark.parametrize("share", [0.5, 1.5])
 def test_a_delay_that_is_wrong_by_half_is_learned(share):
     error, age_s = on_the_plant(scaled(RIG, mu=0.8), designed().laws[0], delay_s=share * DELAY_S)
