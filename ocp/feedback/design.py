@@ -198,11 +198,8 @@ def design_loops(
     for k in worst:
         run = simulate_feedback(systems[k], tuned, course, resolution=sensor.resolution)
         largest = np.maximum(largest, np.abs(run.correction[max(scored.start or 0, 0) // every :]).max(axis=0))
-    limits = _limits(systems[0], course, sensor)
-    clamped = [
-        replace(law, clamp=max(_CLAMP * float(most), law.likely_correction) if limits is None else float(limits[goal]))
-        for goal, (law, most) in enumerate(zip(tuned, largest, strict=True))
-    ]
+    clamps = _clamps(systems[0], course, sensor, tuned, largest)
+    clamped = [replace(law, clamp=float(clamp)) for law, clamp in zip(tuned, clamps, strict=True)]
     return LoopDesign(
         laws=tuple(clamped),
         plants=plants,
@@ -222,10 +219,15 @@ def _narrowed(
     return min(tried, key=cost)
 
 
-def _limits(system: FeedbackSystem, course: Course, sensor: Sensor) -> Array | None:
-    """Clamp of each loop with which no correction goes beyond the limit, shape (goals,); None where none is stated."""
+def _clamps(
+    system: FeedbackSystem, course: Course, sensor: Sensor, laws: Sequence[FeedbackLaw], largest: Array
+) -> Array:
+    """Clamp of each loop, shape (goals,): where no limit is stated, room for what it needed and expects to learn."""
     if sensor.limit is None:
-        return None
+        shapes = np.ones(len(laws)) if course.shape is None else np.abs(course.shape).max(axis=0)
+        likely = [law.likely_correction(float(shape)) for law, shape in zip(laws, shapes, strict=True)]
+        clamps: Array = np.maximum(_CLAMP * largest, likely)
+        return clamps
     most = system.moved_per_unit(course.forces_N).max(axis=0) * np.abs(system.direction).max(axis=0)
     limits: Array = sensor.limit / most
     return limits if system.quantity is Quantity.POSITION else np.log1p(limits)

@@ -185,11 +185,6 @@ class FeedbackLaw:
         return self.error_scale > 0 and self.delay_s > 0
 
     @property
-    def likely_correction(self) -> float:
-        """Correction of all learned errors together at two standard deviations each [unit of the command]."""
-        return _LIKELY * self.error_scale * sum(self.deviations) / self.gain
-
-    @property
     def numbers(self) -> tuple[float, ...]:
         """Values of `NUMBERS`."""
         return (
@@ -224,6 +219,14 @@ class FeedbackLaw:
         """Values of `STATES` at rest under a reference."""
         covariance = [value if i == j else 0.0 for i, value in enumerate(self._variances) for j in range(i + 1)]
         return (*([0.0] * 5), *([reference] * 5), *([0.0] * len(LEARNED)), *covariance)
+
+    def likely_correction(self, shape: float = 1.0) -> float:
+        """Correction of all learned errors together at two standard deviations each [unit of the command].
+
+        `shape` is the largest that friction's has [-].
+        """
+        friction, *others = self.deviations
+        return _LIKELY * self.error_scale * (shape * friction + sum(others)) / self.gain
 
     def scaled(self, gain: float) -> "FeedbackLaw":
         """The same with both gains times a factor [-]."""
