@@ -70,7 +70,7 @@ def test_without_dry_friction_the_text_names_none(finger):
     files = export_project(short, profile_N=np.full(3, 30.0), force_export=True).files
     assert not any("coulomb" in text or "f_d" in text for name, text in files.items() if name != "design.json")
     rubbing = export_project(actuated(short, coulomb_N=4.0), profile_N=np.full(3, 30.0)).files
-    assert "f_d" in rubbing["tff_inverse.c"]
+    assert "f_d" in rubbing["tff_inversion.h"]
 
 
 SERVO = {"drive": Drive.POSITION, "servo_stiffness_N_per_m": 2e5}
