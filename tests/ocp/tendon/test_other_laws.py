@@ -201,7 +201,7 @@ def test_it_is_exported_as_c(generic: Transmission, tmp_path: pathlib.Path) -> N
     code = chain_code(chain, STEP, "tff", Precision.DOUBLE, forward=chain)
     assert code.inverse is not None
     assert code.plant is not None
-    parts = ["#include <math.h>\n", *(f"#define TFF_{name}_COUNT {chain.count}\n" for name in ("INVERSE", "CHAIN"))]
+    parts = ["#include <math.h>\n", *(f"#define TFF_{name}_COUNT {chain.count}\n" for name in ("STATE", "CHAIN"))]
     inputs = ", ".join(code.plant.inputs)
     parts += [
         code.record,

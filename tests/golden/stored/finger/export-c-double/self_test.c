@@ -600,7 +600,9 @@ static void test_capstan(void)
         given.force_max = 150.0;
         taken = (tff_capstan_use(&other, &given) == 1) && is_near((double)other.output.high, 150.0);
         given.force_max = (tff_real)NAN;
-        taken = taken && (tff_capstan_use(&other, &given) == 0) && is_near((double)other.output.high, 150.0);
+        given.adhesion += 1.0;
+        self = other;
+        taken = taken && (tff_capstan_use(&other, &given) == 0) && (memcmp(&self, &other, sizeof self) == 0);
     }
     expect("capstan: valid parameters are accepted, others refused", taken);
     {
@@ -851,7 +853,9 @@ static void test_inverse(void)
         given.force_max = 150.0;
         taken = (tff_inverse_use(&other, &given) == 1) && is_near((double)other.output.high, 150.0);
         given.force_max = (tff_real)NAN;
-        taken = taken && (tff_inverse_use(&other, &given) == 0) && is_near((double)other.output.high, 150.0);
+        given.adhesion += 1.0;
+        self = other;
+        taken = taken && (tff_inverse_use(&other, &given) == 0) && (memcmp(&self, &other, sizeof self) == 0);
     }
     expect("inverse: valid parameters are accepted, others refused", taken);
     {
@@ -1036,7 +1040,9 @@ static void test_table(void)
         given.force_max = 150.0;
         taken = (tff_table_use(&other, &given) == 1) && is_near((double)other.output.high, 150.0);
         given.force_max = (tff_real)NAN;
-        taken = taken && (tff_table_use(&other, &given) == 0) && is_near((double)other.output.high, 150.0);
+        given.adhesion += 1.0;
+        self = other;
+        taken = taken && (tff_table_use(&other, &given) == 0) && (memcmp(&self, &other, sizeof self) == 0);
     }
     expect("table: valid parameters are accepted, others refused", taken);
 }
