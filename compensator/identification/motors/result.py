@@ -286,7 +286,7 @@ def _range(label: str, estimates: Sequence[Estimate], unit: str, scale: float = 
     if not known:
         return f"{label} not identifiable"
     values, half = [value for value, _ in known], max(100 * half / abs(value) for value, half in known)
-    shown = f"{values[0]:.3g}" if len(values) == 1 else f"{min(values):.3g} to {max(values):.3g}"
+    shown = " to ".join(dict.fromkeys(f"{value:.3g}" for value in (min(values), max(values))))
     return f"{label} = {shown}{unit} (+-{half:.2g} %{' at most' if len(values) > 1 else ''})"
 
 
