@@ -60,8 +60,10 @@ class Tuned:
         Gain of Bayes' criterion, or logarithm of the evidence, from which on a constant is taken up or an uneven path
         is reported (rigs without adhesion stay below).
     sure, very_sure : float
-        Standard errors from nothing: of a speed term, adhesion, a difference of directions or a delay of tension and
-        position; of an offset or a delay of tensions, which systematic errors imitate (rigs).
+        Standard errors from nothing: of a speed term, adhesion or a difference of directions, and of an offset or a
+        delay of tensions, which systematic errors imitate (rigs).
+    sure_of_positions : float
+        The same of a delay of tension and position; the errors that are stated of it are five times the scatter (rigs).
     symmetric_share : float
         One coefficient holds for both directions where their difference is known to this share (rigs).
     identifiable_share : float
@@ -72,9 +74,9 @@ class Tuned:
         Correlation from which on two values are not separately identifiable (rule).
     large_errors_percentile : float
         This percentile of its errors is what a law without presliding leaves in a constant (rigs).
-    forget_share, forget_most : float
-        Samples before the input has swept this share of its range, from the start or a bridge on, are not fitted, at
-        most the second share of a piece (method: friction remembers extremes).
+    forget_share, forget_most, forget_bridge : float
+        Samples before the input has swept this share of its range are not fitted, at most the second share of a piece;
+        the third is the share after a bridge (method: friction remembers extremes).
     small_piece : float
         Least range that counts, as a share of the widest file's (method: small moves may stay in presliding).
     other_laws : float
@@ -148,7 +150,7 @@ class Tuned:
     poor_percent: float = 10.0
     small_share: float = 0.03
     simpler_within: float = 1.02
-    nearly_as_good: float = 1.5
+    nearly_as_good: float = 1.4
     decisive: float = 100.0
     other_channel_below: float = 0.5
     alike: float = 0.5
@@ -158,6 +160,7 @@ class Tuned:
     worth_a_constant: float = 4.0
     sure: float = 2.0
     very_sure: float = 4.0
+    sure_of_positions: float = 1.0
     symmetric_share: float = 0.01
     identifiable_share: float = 0.35
     insensitive_share: float = 1e3
@@ -165,6 +168,7 @@ class Tuned:
     large_errors_percentile: float = 95.0
     forget_share: float = 0.6
     forget_most: float = 0.3
+    forget_bridge: float = 0.85
     small_piece: float = 0.5
     adhesion_floor: float = 0.0003
     other_laws: float = 0.25

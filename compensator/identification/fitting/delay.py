@@ -50,7 +50,7 @@ def align(
     step = TUNED.least_delay_steps * max(r.step_s for r in records)
     most = most_delay_s(records)
     # Without positions the tendon's values are kept, and an error of theirs imitates a delay.
-    sure = TUNED.sure if all(r.has_positions for r in records) else TUNED.very_sure
+    sure = TUNED.sure_of_positions if all(r.has_positions for r in records) else TUNED.very_sure
     found, shifted, total = coarse, tuple(records), 0.0
     seconds, error = at_first = _left_in(coarse)
     for _ in range(TUNED.rounds + 1):

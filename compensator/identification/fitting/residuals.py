@@ -97,7 +97,7 @@ def fit_pieces(records: Sequence[Record], explain: Explain = Explain.OUTPUT) -> 
             good[: min(max(_rows_to_sweep(piece.input_N, TUNED.forget_share * span), edge), most)] = False
             good[len(good) - edge :] = False  # the low-pass has one side only
             for end in _gap_ends(piece.good):
-                good[end : end + min(_rows_to_sweep(piece.input_N[end:], TUNED.forget_share * span), most)] = False
+                good[end : end + min(_rows_to_sweep(piece.input_N[end:], TUNED.forget_bridge * span), most)] = False
             first = piece.input_N[0] if explain is Explain.POSITION else piece.output_N[0]
             drive = Drive(
                 input_N=piece.input_N,
