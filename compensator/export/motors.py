@@ -14,6 +14,7 @@ from tendonff.compensator.compensators.score import scale_of
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.files.writing import write_folder
+from tendonff.ocp.errors import SolveError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,3 +126,13 @@ def judge(task: MotorTask, name: str, command_rad: FloatArray) -> JudgedJoint:
         return judged
     fault = f"RMS error {judged.text(errors[0])}, not better than the ratio alone ({judged.text(errors[1])})"
     return replace(judged, fault=fault)
+
+
+def stated(judged: JudgedJoint, *, force_export: bool) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Error of the unit in words, and warnings; SolveError where it is of no use, and not made all the same."""
+    if judged.fault and not force_export:
+        raise SolveError(
+            f"no unit is made: {judged.fault}. Let the reference move more slowly, or make it all the same with "
+            "--force-export"
+        )
+    return (judged.line,), (f"{judged.fault}; made because of --force-export",) if judged.fault else ()

@@ -6,7 +6,7 @@ from tendonff.compensator.export.finger.golden import followed_course
 from tendonff.compensator.export.finger.text import finger_module
 from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.export.modules import check_prefix
-from tendonff.compensator.export.motors import judge
+from tendonff.compensator.export.motors import judge, stated
 from tendonff.compensator.export.text.c_text import harmless
 from tendonff.compensator.export.unit import Fmu, Variable, pack
 from tendonff.compensator.files.reading import InputError
@@ -14,7 +14,6 @@ from tendonff.compensator.scenario.driven.finger import FingerScenario
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.errors import SolveError
 
 
 @in_turn
@@ -36,12 +35,11 @@ def build_finger_fmu(
     task.check_reach()
     module = finger_module([task], [task.problem(task.finger)], Precision.DOUBLE, prefix)
     [described] = module.context["fingers"]
-    judged = judge(task, described["symbol"].lower(), followed_course(task, Precision.DOUBLE).command_rad)
-    if judged.fault and not force_export:
-        raise SolveError(
-            f"no unit is made: {judged.fault}. Let the reference move more slowly, or make it all the same with "
-            "--force-export"
-        )
+    observes = kind in (Kind.PLANT, Kind.OBSERVER)
+    lines, warnings = tuple[str, ...](), tuple[str, ...]()
+    if not observes:
+        command = followed_course(task, Precision.DOUBLE).command_rad
+        lines, warnings = stated(judge(task, described["symbol"].lower(), command), force_export=force_export)
     joints, name = described["joints"], harmless(scenario.name)
     columns = (described[key].tolist() for key in ("least", "most", "start"))
 
@@ -52,7 +50,7 @@ def build_finger_fmu(
 
     each = list(zip(joints, *columns, strict=True))
     torques = task.sampled.effort_N_m[0, : len(joints)].tolist()
-    motors, observes = described["motors"], kind in (Kind.PLANT, Kind.OBSERVER)
+    motors = described["motors"]
     turned = [_motor(name, "present" if observes else "commanded") for name in motors]
     wanted = [angle("angle", "angle of the joint" if observes else "reference angle of the joint", one) for one in each]
     given, outputs = (turned, wanted) if observes else (wanted, turned)
@@ -101,14 +99,13 @@ def build_finger_fmu(
         "stop": repr(float(task.sampled.time_s[-1])),
         "provenance": f' * Scenario "{name}", hash {scenario.digest()}, level {task.level}; tendonff {__version__}.',
     }
-    warnings = (f"{judged.fault}; made because of --force-export",) if judged.fault else ()
     return pack(
         module.files,
         context,
         fmi,
         model="model_motors",
         everywhere=everywhere,
-        lines=(judged.line,),
+        lines=lines,
         warnings=warnings,
     )
 

@@ -13,7 +13,7 @@ from tendonff.compensator.export.joint.golden import followed_course
 from tendonff.compensator.export.joint.text import accepted_rad, joint_sources, problem_of
 from tendonff.compensator.export.kinds import FmiVersion, Kind
 from tendonff.compensator.export.modules import check_prefix
-from tendonff.compensator.export.motors import JudgedJoint, judge
+from tendonff.compensator.export.motors import judge, stated
 from tendonff.compensator.export.text.c_text import harmless
 from tendonff.compensator.export.unit import Fmu, Variable, pack
 from tendonff.compensator.feedback.joint import JointFeedbackTask
@@ -22,7 +22,6 @@ from tendonff.compensator.scenario.driven.joint import JointScenario, on_level, 
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.errors import SolveError
 from tendonff.ocp.joint.start import start_tensions
 from tendonff.ocp.joint.target import ConstantData, other_joints
 
@@ -73,7 +72,7 @@ def build_joint_fmu(
             sources |= module_files(TABLE, [content], data, prefix, f"{prefix}_joint.h", provenance)
         if command is None:
             command = followed_course(scenario, sampled, problem, others, Precision.DOUBLE).command_rad
-        lines, warnings = _stated(judge(task, mechanism.joint.name, command), force_export=force_export)
+        lines, warnings = stated(judge(task, mechanism.joint.name, command), force_export=force_export)
     start, contact = float(sampled.angle_rad[0]), float(sampled.contact_N_m[0])
     least, most = accepted_rad(scenario, sampled)
     tensions, _ = start_tensions(mechanism, start, contact)
@@ -171,13 +170,3 @@ def _check_tables(scenario: JointScenario, kind: Kind) -> None:
     name, table = tables.get(kind, ("", scenario))
     if table is None:
         raise InputError(f"{scenario.source.name}: table [{name}] is missing; --kind {kind} needs it")
-
-
-def _stated(judged: JudgedJoint, *, force_export: bool) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Error of the unit in words, and warnings; SolveError where it is of no use, and not made all the same."""
-    if judged.fault and not force_export:
-        raise SolveError(
-            f"no unit is made: {judged.fault}. Let the reference move more slowly, or make it all the same with "
-            "--force-export"
-        )
-    return (judged.line,), (f"{judged.fault}; made because of --force-export",) if judged.fault else ()

@@ -171,7 +171,7 @@ def test_the_simulated_joint_with_friction_20_percent_low_keeps_within_a_tenth_o
     assert np.abs(both).max() < 1.1 * np.abs(alone).max()
 
 
-def test_errors_of_numbers_whose_doubt_is_not_stated_are_learned_without_reaching_the_clamp():
+def test_errors_of_numbers_whose_doubt_is_not_stated_are_learned():
     """Designed for friction; stiffness and pre-tension are off too, which together leave four times the error."""
     (law,) = designed().laws
     rig = scaled(RIG, mu=1.2, stiffness=0.8)

@@ -62,8 +62,8 @@ def test_straight_lines_are_a_first_look_only(log):
     first = look(one, scenario().mechanism)
     [push] = first.pushes
     assert push.way == 1
-    assert first.exponent == pytest.approx(truth(LOOP)["mu_theta"], rel=1.2)
-    assert first.tension_over_stiffness_m == pytest.approx(truth(LOOP)["tension_over_stiffness_m"], rel=1.0)
+    for value, name in ((first.exponent, "mu_theta"), (first.tension_over_stiffness_m, "tension_over_stiffness_m")):
+        assert 1.0 < value / truth(LOOP)[name] < 2.2, name
 
 
 @pytest.mark.usefixtures("unpainted")
