@@ -12,6 +12,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from tendonff.compensator.files.reading import FloatArray, InputError, read_csv, read_text, suggestion
+from tendonff.compensator.files.text import require_named
 from tendonff.compensator.scenario.base import with_base
 from tendonff.compensator.scenario.joints import Joint
 from tendonff.compensator.scenario.kind import in_short
@@ -202,8 +203,9 @@ def part_keys(tendon: JointTendon, part: str) -> dict[str, object]:
     return found
 
 
-def read_lengths(path: Path, inputs: list[Path]) -> LengthTable:
-    """Length of a tendon over the angle of its joint, from a file that is added to the inputs."""
+def read_lengths(path: Path, inputs: list[Path], where: str) -> LengthTable:
+    """Length of a tendon over the angle of its joint, from a file named in `where` that is added to the inputs."""
+    require_named(path, f"{where}: lengths")
     table = read_csv(path, ("angle_rad", "length_m"), increasing="angle_rad")
     inputs.append(path)
     return LengthTable(angle_rad=table["angle_rad"], length_m=table["length_m"])

@@ -243,6 +243,7 @@ def sample_finger(scenario: FingerScenario) -> SampledFinger:
     effort = np.zeros_like(angle)
     for name, torque_file in scenario.torques.items():
         column = f"{name}_N_m"
+        require_named(folder / torque_file, f"{file} [joints.{name}]: torques")
         table = read_csv(folder / torque_file, ("time_s", column), increasing="time_s")
         effort[:, names.index(name)] = np.interp(time, table["time_s"], table[column])
     return SampledFinger(time_s=time, angle_rad=angle, effort_N_m=effort, motion=motion)
@@ -296,9 +297,10 @@ def _measured_path(named: object, raw: object, source: Path, where: str, inputs:
     """A path whose sections have their bends and lengths from a file of paths."""
     if not isinstance(named, str):
         raise InputError(f"{source.name} [{where}]: paths must name a CSV file, got {show(named)}")
-    inputs.append(file := source.parent / named)
-    known = read_paths(file)
     at = f"{source.name} [{where}]"
+    inputs.append(file := source.parent / named)
+    require_named(file, f"{at}: paths")
+    known = read_paths(file)
     return tabulated(tendon_part("path", with_measures(raw, known, file, at), source.name, where), known, file)  # type: ignore[arg-type]
 
 
@@ -319,7 +321,7 @@ def _arms(
         joint, file = row.get("joint"), row["lengths"]
         if joint not in joints or not isinstance(file, str):
             raise InputError(f"{source.name} [{where}]: lengths names a CSV file, and joint the joint that it is for")
-        known = read_lengths(source.parent / file, inputs)
+        known = read_lengths(source.parent / file, inputs, f"{source.name} [{where}]")
         arms.append(Arm(joint=str(joint), lengths=known))
     if "moment_arm_m" in row:
         raise InputError(

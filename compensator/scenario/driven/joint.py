@@ -380,7 +380,7 @@ def _arm(row: Mapping[str, object], joint: str, source: Path, where: str, inputs
         return Arm(joint=joint, moment_arm_m=None if arm is None else float(arm))
     if not isinstance(lengths, str):
         raise InputError(f"{source.name} [{where}]: lengths must name a CSV file, got {show(lengths)}")
-    known = read_lengths(source.parent / lengths, inputs)
+    known = read_lengths(source.parent / lengths, inputs, f"{source.name} [{where}]")
     return Arm(joint=joint, moment_arm_m=None if arm is None else float(arm), lengths=known)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from tendonff.compensator.files.quantities import ANGLE_UNITS, Quantity, read_quantities, time_quantity
 from tendonff.compensator.files.reading import FloatArray, suggestion
-from tendonff.compensator.files.text import InputError, discreetly
+from tendonff.compensator.files.text import InputError, discreetly, require_named
 from tendonff.compensator.scenario.joints import ConstantJoint, CsvJoint, Joint, SineJoint, WaypointJoint
 from tendonff.compensator.scenario.reference import along_sines, along_waypoints
 from tendonff.compensator.scenario.scenario import Scenario
@@ -188,6 +188,7 @@ def read_angles(path: Path, name: str) -> tuple[FloatArray, FloatArray]:
             option=f'a column "{name}_rad" instead of "{{}}"',
         ),
     )
+    require_named(path, f"[joints.{name}]: file")
     with discreetly():
         values = read_quantities(path, wanted, starts_at_zero=True).values
     return values["time_s"], values[f"{name}_rad"]

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import tendonff as tf
 from tendonff.compensator.cli import run
 from tendonff.compensator.files.text import InputError
 from tendonff.compensator.scenario.driven.joint import parse_joint_scenario, sample_joint
@@ -82,6 +83,31 @@ def test_lengths_of_a_file_are_moment_arms(hand: str, tmp_path: Path) -> None:
     before = scenario.digest()
     (tmp_path / "flexor.csv").write_text("angle_rad,length_m\n-1,0.209\n0,0.2\n1,0.191\n2,0.182\n", "utf-8")
     assert load_scenario(tmp_path / "s.toml").digest() != before
+
+
+@pytest.mark.parametrize(
+    ("example", "old", "new", "who"),
+    [
+        ("hand_joint", "moment_arm_m = 0.008", 'lengths = "nothere.csv"', r"\[tendons 1\]: lengths"),
+        ("finger_moving", "", '[joints.{name}]\nkind = "csv"\nfile = "nothere.csv"\n', r"\[joints.\w+\]: file"),
+        (
+            "three_joint_finger",
+            'kind = "driven"',
+            'kind = "driven"\ntorques = "nothere.csv"',
+            r"\[joints.\w+\]: torques",
+        ),
+    ],
+)
+def test_a_file_of_a_joint_or_tendon_that_is_missing_is_refused_with_who_names_it(
+    example: str, old: str, new: str, who: str, examples: Path, tmp_path: Path
+) -> None:
+    text = (examples / f"{example}.toml").read_text("utf-8")
+    if not old:
+        old = text[text.index("[joints.") :].split("\n[")[0]
+        new = new.format(name=old.partition("[joints.")[2].partition("]")[0])
+    (tmp_path / "s.toml").write_text(text.replace(old, new, 1), "utf-8")
+    with pytest.raises(InputError, match=f"{who} names nothere.csv, which is not in /"):
+        tf.design(load_scenario(tmp_path / "s.toml"))
 
 
 def test_the_fade_of_a_sine_has_no_jump_in_its_rate() -> None:
