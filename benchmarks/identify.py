@@ -26,7 +26,7 @@ from identify_bound import bounds
 from independent_plant import Array, Plant
 
 from tendonff.compensator.identification.answer.result import Identification
-from tendonff.compensator.identification.run import identify
+from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.identification.suggest import suggest
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenario.scenario import Scenario

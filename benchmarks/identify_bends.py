@@ -32,8 +32,9 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.signal import butter, filtfilt
 
+from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.identification.motors.log import MotorsLog, read_several
-from tendonff.compensator.identification.motors.run import identify_motors, mechanism_of
+from tendonff.compensator.identification.motors.run import mechanism_of
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.models.capstan import CapstanLaw
 from tendonff.ocp.fits.mechanism import Several
@@ -145,12 +146,12 @@ def judged(rig: BentInstrument, folder: Path) -> dict[str, list[float]]:
     logs = read_several(finger, files, sampled.angle_rad[0], how)
     found: dict[str, list[float]] = {name: [] for name in ("mechanism", "by motors", *LAWS)}
     for first in (0, 1):
-        fit = identify_motors(known, files[first::2], files[1 - first :: 2], how=how)
+        fit = identify(known, files[first::2], files[1 - first :: 2], how=how)
         for key, value in rig.truth.items():
             low, high = fit.estimate(key).interval or (math.nan, math.nan)
             holds = "holds" if low <= value <= high else "MISSES"
             print(f"    {key}: {100 * (fit.estimate(key).value / value - 1):+.2f} %, interval {holds}")
-        found["by motors"] += [float(c.joint_rms_deg[0]) for c in fit.of_role("validate")]
+        found["by motors"] += [f.named("joint_rms_deg")["wrist"] for f in fit.files if f.role == "validate"]
         training, unseen = logs[first::2], logs[1 - first :: 2]
         learned = {name: by_law(*law, [Seen(log, drum_m) for log in training]) for name, law in LAWS.items()}
         for log in unseen:

@@ -32,7 +32,7 @@ from tendonff.compensator.compensators.base import Problem, with_motion
 from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.identification.answer.result import Identification
-from tendonff.compensator.identification.run import identify
+from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.errors import TendonffError

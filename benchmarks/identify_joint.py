@@ -20,9 +20,9 @@ from pathlib import Path
 
 import numpy as np
 
+from tendonff.compensator.identification.answer.result import AnyIdentification
+from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.identification.motors.estimates import derived
-from tendonff.compensator.identification.motors.result import MotorsIdentification
-from tendonff.compensator.identification.motors.run import identify_motors
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.design.motors.run import design_motors
 from tendonff.ocp.fits import mechanism as fits
@@ -81,7 +81,7 @@ def with_effects(loop: HiddenLoop, relaxing: float, adhesion: float) -> HiddenLo
     return replace(loop, mechanism=replace(loop.mechanism, tendons=tendons))
 
 
-def tracking_deg(loop: HiddenLoop, found: MotorsIdentification, folder: Path) -> tuple[float, float]:
+def tracking_deg(loop: HiddenLoop, found: AnyIdentification, folder: Path) -> tuple[float, float]:
     """RMS error of the joint on the hidden plant: exact inverse designed from fitted.toml, and the ratio alone."""
     found.write(folder)
     design = design_motors(load_scenario(folder / "fitted.toml"))
@@ -124,7 +124,7 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as folder:
             log = write_log(loop, Path(folder) / "log.csv", encoder=seed % 2 == 1)
             calls.clear()
-            found = identify_motors(scenario(), [log])
+            found = identify(scenario(), [log])
             simulated = f"{calls['simulate_joint']} + {calls['simulate_slopes']} simulations"
             parts = []
             for name, value in truth(loop).items():

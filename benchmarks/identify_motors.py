@@ -18,7 +18,8 @@ from pathlib import Path
 import numpy as np
 
 from tendonff.compensator.files.writing import write_csv
-from tendonff.compensator.identification.motors.run import identify_motors, mechanism_of, suggest_motor_routine
+from tendonff.compensator.identification.identify import identify
+from tendonff.compensator.identification.motors.run import mechanism_of, suggest_motor_routine
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.design.motors.run import design_motors
 from tendonff.models.joint.parameters.finger import Finger
@@ -162,7 +163,7 @@ def main() -> None:
             scenario = load_scenario(folder / "rig.toml")
             rig = hidden(scenario, asked.kind, seed, asked.stiffening)
             log = write_log(rig, scenario, folder, seed, encoder=not asked.no_encoder)
-            found = identify_motors(scenario, [log])
+            found = identify(scenario, [log])
             found.write(folder / "fit")
             tracked = tracking_deg(rig, folder / "fit" / "fitted.toml")
         for key, value in rig.truth.items():

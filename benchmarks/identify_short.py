@@ -20,7 +20,7 @@ import numpy as np
 from identify import EXAMPLES, SAMPLE_S, left_percent
 from independent_plant import Array, Plant
 
-from tendonff.compensator.identification.run import identify
+from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.errors import TendonffError

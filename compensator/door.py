@@ -28,9 +28,8 @@ if TYPE_CHECKING:
     from tendonff.compensator.export.motors import ExportedMotors
     from tendonff.compensator.export.several import ExportedTensions
     from tendonff.compensator.export.unit import Fmu
-    from tendonff.compensator.identification.answer.result import Identification
+    from tendonff.compensator.identification.answer.result import Identification, S
     from tendonff.compensator.identification.motors.loop_routine import MotorRoutine
-    from tendonff.compensator.identification.motors.result import MotorsIdentification
     from tendonff.compensator.identification.motors.routine import MotorsRoutine
     from tendonff.compensator.identification.suggest import Excitation
     from tendonff.compensator.scenario.driven.finger import FingerScenario
@@ -247,41 +246,9 @@ def simulate_file(
     return found
 
 
-@overload
-def identify(
-    scenario: "Scenario",
-    data: "Files",
-    validate: "Files" = (),
-    *,
-    how: "Measurement | None" = None,
-    static_only: bool = False,
-    say: Callable[[str], None] = ...,
-    confirm: Callable[[str], bool] | None = None,
-) -> "Identification": ...
-@overload
-def identify(
-    scenario: "JointScenario | FingerScenario",
-    data: "Files",
-    validate: "Files" = (),
-    *,
-    how: "Measurement | None" = None,
-    say: Callable[[str], None] = ...,
-    confirm: Callable[[str], bool] | None = None,
-) -> "MotorsIdentification": ...
-@overload
-def identify(
-    scenario: "AnyScenario",
-    data: "Files",
-    validate: "Files" = (),
-    *,
-    how: "Measurement | None" = None,
-    static_only: bool = False,
-    say: Callable[[str], None] = ...,
-    confirm: Callable[[str], bool] | None = None,
-) -> "Identification | MotorsIdentification": ...
 @in_turn
 def identify(
-    scenario: "AnyScenario",
+    scenario: "S",
     data: "Files",
     validate: "Files" = (),
     *,
@@ -289,7 +256,7 @@ def identify(
     static_only: bool = False,
     say: Callable[[str], None] = lambda _: None,
     confirm: Callable[[str], bool] | None = None,
-) -> "Identification | MotorsIdentification":
+) -> "Identification[S]":
     """Find the parameters of a rig from files that were measured on it.
 
     Parameters
@@ -324,7 +291,7 @@ def identify(
         if isinstance(files, str | os.PathLike):
             raise ParameterError(f'{name} must be a list of files, got "{files}"; write ["{files}"]')
     asked = {"how": how, "static_only": static_only}
-    found: Identification | MotorsIdentification = function_of("identify", scenario, asked)(
+    found: Identification[S] = function_of("identify", scenario, asked)(
         scenario, data, validate, say=say, **({} if confirm is None else {"confirm": confirm})
     )
     return found

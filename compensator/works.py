@@ -115,15 +115,18 @@ WORKS: Mapping[str, Work] = MappingProxyType(
             ),
         ),
         "identify": Work(
-            by={
-                Kind.TENSION: "identification.run:identify",
-                Kind.JOINT: "identification.motors.run:identify_motors",
-                Kind.FINGER: "identification.motors.run:identify_motors",
-            },
+            by=dict.fromkeys(Kind, "identification.identify:identify"),
             options=dict.fromkeys(
                 ("tension_columns", "actuator_force_column", "explain", "static_only", "gear_ratio", "drum_radius_m"),
                 _not(_MOTORS, _NO_CELLS),
             ),
+        ),
+        "fit": Work(
+            by={
+                Kind.TENSION: "identification.run:fit_tendon",
+                Kind.JOINT: "identification.motors.run:fit_motors",
+                Kind.FINGER: "identification.motors.run:fit_motors",
+            }
         ),
         "suggest": Work(
             by={
@@ -132,13 +135,7 @@ WORKS: Mapping[str, Work] = MappingProxyType(
                 Kind.FINGER: "identification.motors.run:suggest_motor_routine",
             },
         ),
-        "write_suggestion": Work(
-            by={
-                Kind.TENSION: "identification.answer.output:write_suggestion",
-                Kind.JOINT: "identification.motors.output:write_routine",
-                Kind.FINGER: "identification.motors.output:write_routine",
-            },
-        ),
+        "write_suggestion": Work(by=dict.fromkeys(Kind, "identification.answer.output:write_suggestion")),
         "watch": Work(
             by={Kind.JOINT: "studies.watch.run:watch"},
             refused=_not(

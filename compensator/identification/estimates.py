@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import t as student
 
-from tendonff.compensator.identification.answer.result import EXPONENTS, Estimate, is_known
+from tendonff.compensator.identification.answer.estimate import EXPONENTS, Estimate, is_known
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.dynamic import DynamicFit
 from tendonff.compensator.identification.fitting.static import CONSTANTS, StaticFit

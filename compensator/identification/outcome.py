@@ -4,21 +4,18 @@ The scenario takes every value of the law that was fitted; the error of its re-s
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
-from tendonff.compensator.identification.answer.result import (
-    CandidateLaw,
-    Estimate,
-    FileResult,
-    PieceComparison,
-    is_known,
-)
+from tendonff.compensator.identification.answer.estimate import Estimate, is_known
+from tendonff.compensator.identification.answer.records import ELONGATION, CandidateLaw, Channel, FileResult
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.delay import earlier
 from tendonff.compensator.identification.fitting.dynamic import ChainLaw, DynamicFit
 from tendonff.compensator.identification.fitting.errors import (
+    FileError,
     FittedLaw,
     centred,
     errors_of,
@@ -47,14 +44,23 @@ from tendonff.ocp.fits.static import NEUTRAL, StaticParameter, in_gross_sliding
 P, D = StaticParameter, Parameter
 
 
+CHANNELS = {
+    Explain.OUTPUT: ("output tension", "input tension", 1.0, "N"),
+    Explain.INPUT: ("input tension", "output tension", 1.0, "N"),
+    Explain.POSITION: ("actuator position", "input tension", 1e3, "mm"),
+}
+"""Predicted channel, what drives it, and the factor and unit in which the channel is shown."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
     """Errors of the chosen law."""
 
+    errors: tuple[FileError, ...]
     files: tuple[FileResult, ...]
     fit_percent: float
     validation_percent: float | None  # on validation files
-    comparisons: tuple[PieceComparison, ...]
+    channels: tuple[Channel, ...]
 
 
 def compared(
@@ -116,41 +122,59 @@ def outcome_of(law: FittedLaw, records: Sequence[Record], judges: Sequence[Recor
     """Errors and curves of the chosen law."""
     fitted, judged = (errors_of(law, some) for some in (records, judges))
     by_role = (("fit", fitted, records), ("validate", judged, judges))
+    unit = "m" if law.explain is Explain.POSITION else "N"
     return Outcome(
+        errors=(*fitted, *judged),
         files=tuple(
-            FileResult(role=role, error=error, findings=record.findings)
+            FileResult(
+                name=error.name,
+                role=role,
+                numbers={
+                    f"rms_{unit}": error.rms,
+                    f"range_{unit}": error.span,
+                    "rms_percent_of_range": error.percent,
+                },
+                findings=record.findings,
+            )
             for role, errors, some in by_role
             for error, record in zip(errors, some, strict=True)
         ),
         fit_percent=pooled_percent(fitted, records, law.explain),
         validation_percent=pooled_percent(judged, judges, law.explain) if judges else None,
-        comparisons=tuple(
-            piece for role, _, some in by_role for record in some for piece in _comparisons(law, record, role)
+        channels=tuple(
+            channel for role, _, some in by_role for record in some for channel in _channels(law, record, role)
         ),
     )
 
 
-def _comparisons(law: FittedLaw, record: Record, role: str) -> list[PieceComparison]:
-    found = []
+def _channels(law: FittedLaw, record: Record, role: str) -> Iterator[Channel]:
+    """Channel of each piece that the law explains, then its elongation."""
+    name, other, scale, unit = CHANNELS[law.explain]
     for piece, prediction in zip(record.pieces, law.predicted(record), strict=True):
         measured, model = (centred(x, law.explain) for x in (explained(piece, law.explain), prediction.explained))
-        moved, modelled = None, prediction.elongation_m
-        if modelled is not None:
-            moved, modelled = (x - x.mean() for x in (piece.elongation_m(), modelled))
-        found.append(
-            PieceComparison(
-                name=record.name,
-                role=role,
-                time_s=piece.time_s,
-                input_N=piece.input_N,
-                given=piece.output_N if law.explain is Explain.INPUT else piece.input_N,
-                measured=measured,
-                model=model,
-                elongation_m=moved,
-                model_elongation_m=modelled,
-            )
+        channel = partial(Channel, file=record.name, role=role, time_s=piece.time_s, over_unit="N")
+        yield channel(
+            figure="time",
+            name=name,
+            unit=unit,
+            measured=scale * measured,
+            model=scale * model,
+            over=piece.output_N if law.explain is Explain.INPUT else piece.input_N,
+            over_name=other,
+            turned=law.explain is Explain.INPUT,
         )
-    return found
+        if (modelled := prediction.elongation_m) is not None:
+            moved, modelled = (1e3 * (x - x.mean()) for x in (piece.elongation_m(), modelled))
+            yield channel(
+                figure=ELONGATION,
+                name="elongation",
+                unit="mm",
+                measured=moved,
+                model=modelled,
+                over=piece.input_N,
+                over_name="input tension",
+                turned=True,
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -177,14 +201,14 @@ def carried_on(study: Study, law: DynamicFit | StaticFit) -> Fitted:
     if isinstance(law, DynamicFit):
         fitted = scenario_of_chain(scenario, law, records)
     else:
-        fitted = scenario_of_static(scenario, law, records, static_only=study.static_only)
+        fitted = scenario_of_static(scenario, law, records, static_only=study.asked.static_only)
     how = fitted.scenario.measurement
     if how != scenario.measurement:
         joints, delay = scenario.transmission.joints, study.delay
         shift_s = delay.seconds if delay is not None and delay.identified else 0.0
         records, judges = (
             [earlier(clean(read_measurement(file, how, joints), how), shift_s) for file in files]
-            for files in (study.files, study.judging)
+            for files in (study.asked.files, study.asked.judging)
         )
     bare = replace(fitted, offsets_N=(0.0, 0.0))
 

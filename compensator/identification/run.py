@@ -1,13 +1,10 @@
-"""`identify`: parameters of a transmission, with confidence intervals, from measured files."""
+"""Identification of one tendon, from what was measured at its ends."""
 
 import math
-import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from tendonff.compensator.files.progress import DOUBT
 from tendonff.compensator.files.reading import InputError
@@ -24,6 +21,7 @@ from tendonff.compensator.identification.fitting.model_selection import StaticSe
 from tendonff.compensator.identification.fitting.sliding import friction_by_section, sliding_ratios
 from tendonff.compensator.identification.fitting.static import StaticFit
 from tendonff.compensator.identification.fitting.uncertainty import ByFile, between_files
+from tendonff.compensator.identification.identify import Request
 from tendonff.compensator.identification.measured.cleaning import Record, clean, joints_of, mean_pose
 from tendonff.compensator.identification.measured.conditions import STILL_RAD, require_conditions
 from tendonff.compensator.identification.measured.doubts import (
@@ -46,91 +44,41 @@ from tendonff.compensator.identification.pace import Pace
 from tendonff.compensator.identification.parameters import Parameter
 from tendonff.compensator.identification.spread import with_other_law, with_spread
 from tendonff.compensator.identification.study import Stage, Study, attempted
-from tendonff.compensator.scenario.measurement import Explain, Measurement
+from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import exponent_lines
 from tendonff.models.path import SectionKind
-from tendonff.models.turns import in_turn
 from tendonff.ocp.fits.static import StaticParameter
 
 P, D = StaticParameter, Parameter
 
 
-@in_turn
-def identify(
-    scenario: Scenario,
-    data: Sequence[str | os.PathLike[str]],
-    validate: Sequence[str | os.PathLike[str]] = (),
-    *,
-    how: Measurement | None = None,
-    static_only: bool = False,
-    say: Callable[[str], None] = lambda _: None,
-    confirm: Callable[[str], bool] = lambda _: False,
-) -> Identification:
-    """Fit the scenario's transmission to measured files.
-
-    Parameters
-    ----------
-    scenario : Scenario
-        Path, masses and load are taken from it, and every value that is not identifiable from the data; its table
-        [measurement] says how the files are to be read.
-    data : sequence of str or path
-        Files to fit.
-    validate : sequence of str or path, optional
-        Files that decide which law is chosen; without them parts of `data` are held out in turn, of several files whole
-        ones.
-    how : Measurement, optional
-        How the files are to be read, instead of that table.
-    static_only : bool, optional
-        Stop after the static stage.
-    say, confirm : callable, optional
-        Callback for messages; also confirms a fit that takes very many steps (the default declines).
-
-    Raises
-    ------
-    InputError
-        If a file cannot be used.
-
-    Examples
-    --------
-    >>> import tendonff as tf
-    >>> scenario = tf.load_scenario("examples/finger.toml")
-    >>> fit = tf.identify(scenario, ["log.csv"])  # doctest: +SKIP
-    >>> print(fit.headline)  # doctest: +SKIP
-    """
-    scenario = scenario if how is None else replace(scenario, measurement=how)
-    with threadpool_limits(limits=1, user_api="blas"):  # matrices are small: a second thread doubles the work
-        study = _read(scenario, data, validate, static_only, say, confirm)
-        for stage in STAGES:
-            study = attempted(stage, study)
-        study.pace.end()
-        return replace(_answer(study), asked=scenario.measurement)
+def fit_tendon(asked: Request[Scenario]) -> Identification[Scenario]:
+    """A tendon by the tensions, and the positions, at its ends; InputError if a file cannot be used."""
+    study = _read(asked)
+    for stage in STAGES:
+        study = attempted(stage, study)
+    study.pace.end()
+    return _answer(study)
 
 
-def _read(
-    scenario: Scenario,
-    data: Sequence[str | os.PathLike[str]],
-    validate: Sequence[str | os.PathLike[str]],
-    static_only: bool,
-    say: Callable[[str], None],
-    confirm: Callable[[str], bool],
-) -> Study:
+def _read(asked: Request[Scenario]) -> Study:
     """Read and clean all files; InputError where the question or a file cannot be used."""
-    fit_files, judging = tuple(map(Path, data)), tuple(map(Path, validate))
-    check_question(scenario, fit_files, judging)
+    scenario, confirm, static_only = replace(asked.scenario, measurement=asked.how), asked.confirm, asked.static_only
+    check_question(scenario, asked.files, asked.judging)
     how = scenario.measurement
-    every = (*fit_files, *judging)
-    require_conditions(how, scenario.transmission.joints, [path.name for path in every], scenario.source.name)
-    raw = [read_measurement(path, how, scenario.transmission.joints) for path in every]
-    gains = gains_of(raw[: len(fit_files)], how)
+    fitted = len(asked.files)
+    require_conditions(how, scenario.transmission.joints, [path.name for path in asked.every], scenario.source.name)
+    raw = [read_measurement(path, how, scenario.transmission.joints) for path in asked.every]
+    gains = gains_of(raw[:fitted], how)
     raw = [gains.taken_out(one, how) for one in raw]
     how = replace(how, input_gain=_unless_one(gains.input), output_gain=_unless_one(gains.output))
     scenario = replace(scenario, measurement=how)
     run = scenario.run
     clock = (lambda _: True) if "measurement.time_scale" in run.accept else confirm
-    announced_s = check_plan(raw, how, static_only=static_only, say=say, confirm=clock)
+    announced_s = check_plan(raw, how, static_only=static_only, say=asked.say, confirm=clock)
     everything = [clean(one, how) for one in raw]
-    records = everything[: len(fit_files)]
+    records = everything[:fitted]
     converted = " ".join(each.text for one in raw for each in one.findings if each.issue is DataIssue.UNITS)
     units = [*column_doubts(how, _positions_of(records), converted)]
     units += data_doubts(everything, how, scenario.transmission.actuator.force_max_N)
@@ -143,19 +91,17 @@ def _read(
     named = unit_warning(how, _positions_of(records), converted)
     doubts = [*accepted, named, *reversal_doubts(everything, how.explain)]
     for doubt in filter(None, doubts):
-        say(f"{DOUBT}{doubt}")
+        asked.say(f"{DOUBT}{doubt}")
     proximal = _proximal(scenario, everything, static_only=static_only)
     if not proximal:
         check_channels(records, how)
     study = Study(
+        asked=asked,
         scenario=scenario,
-        files=fit_files,
-        judging=judging,
-        raw=tuple(raw[: len(fit_files)]),
+        raw=tuple(raw[:fitted]),
         records=records,
-        judges=everything[len(fit_files) :],
-        static_only=static_only,
-        pace=Pace(say, announced_s),
+        judges=everything[fitted:],
+        pace=Pace(asked.say, announced_s),
         gains=gains,
         explain=Explain.POSITION if proximal else Explain.OUTPUT,
     )
@@ -177,7 +123,9 @@ def first_look(study: Study) -> Study:
             "into the estimates"
         )
     wanted = study.scenario.measurement.explain
-    explain, coarse = choose_explain(records, wanted, transmission, static_only=study.static_only, pace=study.pace)
+    explain, coarse = choose_explain(
+        records, wanted, transmission, static_only=study.asked.static_only, pace=study.pace
+    )
     return replace(study, explain=explain, coarse=coarse)
 
 
@@ -243,7 +191,7 @@ STAGES: tuple[Stage, ...] = (
 """In this order; each takes what those before it found."""
 
 
-def _answer(study: Study) -> Identification:
+def _answer(study: Study) -> Identification[Scenario]:
     """The law that explains the files best, what it states, and the scenario that goes on with it."""
     scenario, records, chain = study.scenario, study.records, study.chain
     laws = compared(study.stage, chain, records)
@@ -261,7 +209,7 @@ def _answer(study: Study) -> Identification:
     study = study.noted(messages.about_moments(outcome))
     sliding, failure = sliding_ratios(records), _failure(outcome)
     estimates, names, correlation = estimates_of(
-        scenario, law, summarise_excitation(records), described=not failure, static_only=study.static_only
+        scenario, law, summarise_excitation(records), described=not failure, static_only=study.asked.static_only
     )
     estimates = (*estimates, *of_gains(study.gains))
     fitted = Fitted(scenario=scenario)
@@ -286,9 +234,11 @@ def _answer(study: Study) -> Identification:
         estimates = (*estimates, *of_drive)
         fitted = replace(fitted, scenario=with_drive(fitted.scenario, of_drive))
     return Identification(
+        asked=study.asked.scenario,
+        how=study.asked.how,
         scenario=fitted.scenario,
-        asked=scenario.measurement,
         explain=law.explain,
+        law=next(each.name for each in laws if each.chosen),
         described=not failure,
         estimates=estimates,
         correlation_names=names,
@@ -299,19 +249,19 @@ def _answer(study: Study) -> Identification:
         replay_percent=fitted.percent,
         replay_validation_percent=fitted.judged_percent,
         validation_percent=outcome.validation_percent,
-        comparisons=outcome.comparisons,
+        channels=outcome.channels,
         sliding=sliding,
         warnings=study.warnings,
-        inputs=(*study.files, *study.judging),
+        inputs=study.asked.every,
         by_file=by_file,
         sections=friction_by_section(
-            study.files,
+            study.asked.files,
             scenario.measurement,
             scenario.transmission.path.total_angle_rad,
             fitted.scenario.transmission.friction.adhesion_N,
         ),
         output_delay_s=None if study.delay is None else study.delay.seconds,
-        comparable=not _foreign(scenario, records),
+        suggests=not _foreign(scenario, records),
     )
 
 
@@ -424,14 +374,12 @@ def _failure(outcome: Outcome) -> str:
     for percent, which in ((outcome.fit_percent, "fitted"), (outcome.validation_percent, "validation")):
         if percent is not None and not percent <= TUNED.poor_percent:
             return f"an RMS error of {percent:.3g} % of range on {which} files (more than {TUNED.poor_percent:g} %)"
-    widest = max(f.error.span for f in outcome.files)
-    poor = [
-        f for f in outcome.files if f.error.percent > TUNED.poor_percent and f.error.rms > TUNED.small_share * widest
-    ]
+    widest = max(e.span for e in outcome.errors)
+    poor = [e for e in outcome.errors if e.percent > TUNED.poor_percent and e.rms > TUNED.small_share * widest]
     if poor:
-        worst = max(poor, key=lambda f: f.error.percent)
+        worst = max(poor, key=lambda e: e.percent)
         return (
-            f"an RMS error of {worst.error.percent:.3g} % of its own range on {worst.error.name} (more than "
+            f"an RMS error of {worst.percent:.3g} % of its own range on {worst.name} (more than "
             f"{TUNED.poor_percent:g} %; {len(poor)} of {len(outcome.files)} files)"
         )
     return ""

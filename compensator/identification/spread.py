@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from tendonff.compensator.compensators.uncertain import ASSUMED, TWO_SIDED
-from tendonff.compensator.identification.answer.result import Estimate
+from tendonff.compensator.identification.answer.estimate import Estimate
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.parameters import MU_PULL, MU_RELEASE, PARAMETERS, Parameter

@@ -1,14 +1,14 @@
-"""Data passed through the stages of identification: the request, the records, and the results so far."""
+"""Data passed through the stages of a tendon's identification: the request, the records, and the results so far."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
 from tendonff.compensator.identification.fitting.delay import Delay
 from tendonff.compensator.identification.fitting.dynamic import CoarseFit, DynamicFit
 from tendonff.compensator.identification.fitting.model_selection import StaticSelection
+from tendonff.compensator.identification.identify import Request
 from tendonff.compensator.identification.measured.cleaning import Record
 from tendonff.compensator.identification.measured.gains import EXACT_GAINS, Gains
 from tendonff.compensator.identification.measured.reading import RawMeasurement
@@ -28,16 +28,13 @@ class Study:
 
     Parameters
     ----------
+    asked : Request
     scenario : Scenario
-        The question: what is known, and how files are read.
-    files, judging : tuple of Path
-        Measured files to fit, and those that judge.
+        The question as the files put it: gains of the cells found, bearings free.
     raw : tuple of RawMeasurement
         The files to fit as they were read.
     records, judges : sequence of Record
         The same, cleaned; a delay of the output is taken out of them once it is found.
-    static_only : bool
-        Stop after the static stage.
     pace : Pace
         Of the work; names its parts to the user.
     gains : Gains
@@ -56,13 +53,11 @@ class Study:
         Messages beside the estimates.
     """
 
+    asked: Request[Scenario]
     scenario: Scenario
-    files: tuple[Path, ...]
-    judging: tuple[Path, ...]
     raw: tuple[RawMeasurement, ...]
     records: Sequence[Record]
     judges: Sequence[Record]
-    static_only: bool
     pace: Pace = UNHURRIED
     gains: Gains = EXACT_GAINS
     explain: Explain = Explain.OUTPUT

@@ -202,6 +202,10 @@ class Scenario:
         """Text of a file with its numbers as they were changed."""
         return scenario_to_toml(self)
 
+    def text_in(self, folder: str | os.PathLike[str]) -> str:
+        """Its text for a file in a folder, from which the files that it names are found."""
+        return scenario_to_toml(self, folder=folder)
+
     def digest(self) -> str:
         """Sixteen hexadecimal digits that change when a value, or the contents of its CSV reference, change."""
         return scenario_hash(self)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tendonff.compensator.files.notices import Remark
-from tendonff.compensator.identification.answer.result import CandidateLaw, PieceComparison
+from tendonff.compensator.identification.answer.records import ELONGATION, CandidateLaw, Channel
 from tendonff.compensator.identification.fitting.delay import Delay
 from tendonff.compensator.identification.fitting.dynamic import DynamicFit
 from tendonff.compensator.identification.fitting.sliding import SlidingRatio
@@ -37,16 +37,16 @@ it changes by more than the second."""
 LEAST_S = 0.1
 
 
-def moved_inside(comparisons: Sequence[PieceComparison]) -> list[tuple[str, float]]:
+def moved_inside(channels: Sequence[Channel]) -> list[tuple[str, float]]:
     """File and time [s] of every stretch in which the measured output moves while the law holds it."""
     found = []
-    for piece in comparisons:
-        span = float(np.ptp(piece.measured))
-        for start, stop in stretches_within(piece.model, STILL_SHARE * span):
-            time, measured = piece.time_s[start:stop], piece.measured[start:stop]
+    for channel in channels:
+        span = float(np.ptp(channel.measured))
+        for start, stop in stretches_within(channel.model, STILL_SHARE * span):
+            time, measured = channel.time_s[start:stop], channel.measured[start:stop]
             if time[-1] - time[0] >= LEAST_S and float(np.ptp(measured)) > MOVED_SHARE * span:
                 row = int(np.argmax(np.abs(measured - measured[0]) > MOVED_SHARE * span / 2))
-                found.append((piece.name, float(time[row])))
+                found.append((channel.file, float(time[row])))
     return found
 
 
@@ -92,7 +92,7 @@ def about_other_law(chain: DynamicFit | None, records: Sequence[Record]) -> str:
 
 def about_moments(outcome: Outcome) -> str:
     """Moments at which the output moved although the law holds it; empty without any."""
-    moments = moved_inside(outcome.comparisons)
+    moments = moved_inside([channel for channel in outcome.channels if channel.figure != ELONGATION])
     if not moments:
         return ""
     shown = ", ".join(f"{name} {time:.4g} s" for name, time in moments[:MOST_MOMENTS])

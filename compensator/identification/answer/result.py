@@ -1,27 +1,40 @@
-"""Result of identification, as data and as `fit.json`."""
+"""Result of an identification, of one tendon or of the motors of any mechanism: as data, in words, as `fit.json`."""
 
 import math
 import os
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Generic, TypeVar
 
-from tendonff.compensator.identification.constants import TUNED
-from tendonff.compensator.identification.fitting.errors import FileError
+from tendonff.compensator.identification.answer.estimate import EXPONENTS, Estimate
+from tendonff.compensator.identification.answer.records import CandidateLaw, Channel, Effect, FileResult
 from tendonff.compensator.identification.fitting.sliding import SectionFriction, SlidingRatio
 from tendonff.compensator.identification.fitting.uncertainty import ByFile
 from tendonff.compensator.identification.measured import Array
-from tendonff.compensator.identification.measured.reading import Finding
+from tendonff.compensator.identification.motors.first_look import FirstLook
+from tendonff.compensator.identification.motors.parameters import ANGLE_OR_PUSH
+from tendonff.compensator.identification.motors.sensor import SensorFit
+from tendonff.compensator.identification.motors.torque import TorqueFit
 from tendonff.compensator.reporting.results import Result
+from tendonff.compensator.scenario.driven.finger import FingerScenario
+from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenario.measurement import Explain, Measurement
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import CapstanLaw
 
-EXPONENTS = {"mu_dynamic": "mu_theta", "mu_dynamic_release": "mu_theta_release"}
-"""Friction as ln(T_in/T_out) in gross sliding, which follows from the coefficients."""
+S = TypeVar("S", bound=Scenario | JointScenario | FingerScenario)
+
+RULE = (
+    "the simplest law whose error on held-out data is within 2 % of the least; a further value is kept where it "
+    "reduces that error significantly"
+)
+"""Choice of a law of one tendon."""
+
+NOT_NEEDED = "not needed"
+"""End of the advice on a number without which a design is as good."""
 
 
 class FitStatus(StrEnum):
@@ -37,256 +50,105 @@ class FitStatus(StrEnum):
         return self is FitStatus.UNEXPLAINED
 
 
-RULE = (
-    "the simplest law whose error on held-out data is within 2 % of the least; a further value is kept where it "
-    "reduces that error significantly"
-)
-"""Choice of a law."""
-
-
-def is_known(standard_error: float, size: float) -> bool:
-    """Whether a value of a size is identifiable; what is not a number is not."""
-    return standard_error < TUNED.identifiable_share * size
-
-
-_SHORT = 30  # characters of a reason that is shorter than a reference to another row
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Estimate:
-    """Estimated value.
-
-    Attributes
-    ----------
-    name : str
-        Key of the scenario file, or what it is.
-    value : float
-        Estimate; the scenario's value where it was not fitted.
-    standard_error, interval : float or None
-        95 %; None where it was not fitted or is not identifiable.
-    identifiable : bool
-        Whether the data identify it separately.
-    why : str
-        Where the value comes from, or why the data do not identify it and which experiment would.
-    scenario : float or None
-        The scenario's own value.
-    fitted : bool
-        The value is the joint estimate, which fitted.toml has.
-    note : str
-        What the value belongs to, where its name does not tell.
-    interval_as_measured : tuple of float, optional
-        Interval of a force or torque if the torque constant is right, by which all of them are off alike; None where
-        it is `interval`.
-    """
-
-    name: str
-    value: float
-    standard_error: float | None = None
-    interval: tuple[float, float] | None = None
-    identifiable: bool = False
-    why: str
-    scenario: float | None = None
-    fitted: bool = False
-    note: str = ""
-    interval_as_measured: tuple[float, float] | None = None
-
-    @property
-    def own_half_width(self) -> float | None:
-        """Half of the interval over the value, apart from the torque constant; None without an interval."""
-        interval = self.interval_as_measured or self.interval
-        return None if interval is None or not self.value else (interval[1] - interval[0]) / 2 / abs(self.value)
-
-    @property
-    def standing(self) -> str:
-        """Treatment of a value that is not identifiable by itself."""
-        if self.fitted:
-            return "doubtful, fitted with the others"
-        return "kept" if self.scenario is None or math.isclose(self.value, self.scenario) else "set"
-
-    @property
-    def advice(self) -> str:
-        """Measurement to add, where the reason ends with it."""
-        return self.why.rpartition("; ")[2] if "; " in self.why and not self.identifiable else ""
-
-    @property
-    def reason(self) -> str:
-        """Why, and what the value belongs to."""
-        return f"{self.why}; {self.note}" if self.note else self.why
-
-    def as_json(self) -> dict[str, Any]:
-        """Plain values."""
-        return {
-            "estimate": self.value,
-            "standard_error": self.standard_error,
-            "interval_95": None if self.interval is None else list(self.interval),
-            "identifiable": self.identifiable,
-            "fitted": self.fitted,
-            "why": self.reason,
-            "scenario": self.scenario,
-        }
-
-
-def reasons_of(estimates: Sequence[Estimate]) -> list[str]:
-    """Reasons for a column: what all stands in an earlier row already is a reference to that."""
-    found, said = list[str](), dict[str, str]()
-    for each in estimates:
-        parts = each.reason.replace(each.name, "it").split("; ")
-        first = said.get(parts[-1])
-        again = first is not None and len(each.reason) > _SHORT and all(part in said for part in parts)
-        found.append(f"as {first}" if again else each.reason)
-        said = dict.fromkeys(parts, each.name) | said
-    return found
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CandidateLaw:
-    """Compared law.
-
-    Attributes
-    ----------
-    name : str
-        Name of the law.
-    stage : str
-        "static" or "dynamic".
-    free_values : int
-        Number of values that were fitted.
-    fit_percent, validation_percent : float
-        RMS error in percent of the range of the explained channel.
-    chosen : bool
-        Whether it is the law of the fit.
-    """
-
-    name: str
-    stage: str
-    free_values: int
-    fit_percent: float
-    validation_percent: float
-    chosen: bool
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FileResult:
-    """Measured file.
-
-    Attributes
-    ----------
-    role : str
-        "fit" or "validate".
-    error : FileError
-        Error of the chosen law on it.
-    findings : tuple of Finding
-        Data issues in it.
-    """
-
-    role: str
-    error: FileError
-    findings: tuple[Finding, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PieceComparison:
-    """Measurement and model of one piece, for the figures.
-
-    Attributes
-    ----------
-    name, role : str
-        Of the file.
-    time_s, input_N : Array
-        Shape (n,).
-    given, measured, model : Array
-        Shape (n,); the tension that drives the law; what it explains, measured and by the law, in N or m.
-    elongation_m, model_elongation_m : Array or None
-        Shape (n,).
-    """
-
-    name: str
-    role: str
-    time_s: Array
-    input_N: Array
-    given: Array
-    measured: Array
-    model: Array
-    elongation_m: Array | None = None
-    model_elongation_m: Array | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Identification(Result):
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False, eq=False)
+class Identification(Result, Generic[S]):
     """Everything that a set of measurements identifies of a scenario.
 
+    What the channels of the files do not tell is empty, or None.
+
     Attributes
     ----------
-    scenario : Scenario
-        The scenario with the identified values.
-    asked : Measurement
+    asked : Scenario, JointScenario or FingerScenario
+        The scenario whose numbers were to be identified.
+    how : Measurement
         How the files were to be read.
-    explain : Explain
-        Channel that the model explains.
+    scenario : Scenario, JointScenario or FingerScenario
+        The scenario with the identified values.
+    explain : Explain or None
+        Channel of one tendon that the law explains; None for the torques of motors.
+    law : str
+        Name of the chosen law.
     described : bool
-        The chosen law describes the device.
+        It describes the device.
     estimates : tuple of Estimate
-        Every value, fitted or kept.
+        Every value, fitted or kept; those of several motors by their keys in the scenario.
     correlation_names : tuple of str
         Names of the fitted values.
     correlation : Array
         Shape (k, k); correlations of the fitted values.
-    laws : tuple of CandidateLaw
-        Candidate laws, compared.
     files : tuple of FileResult
-        Error and data issues of each file.
+        Errors and data issues of each file.
+    channels : tuple of Channel
+        Measurement and law.
     fit_percent, validation_percent : float, float or None
-        RMS error over all files of that role in percent of their common range; None without validation files.
-    replay_percent : float or None
-        RMS error of `scenario`, simulated again over the fitted files, % of range; None where no law describes the
-        device.
-    replay_validation_percent : float or None
-        The same over the validation files.
-    sliding : tuple of SlidingRatio
-        Logarithmic ratio of the tensions, by direction.
+        RMS error over all files of that role in percent of their common range, of motors the largest of a torque in
+        percent of its range; None without validation files.
     warnings : tuple of str
         What the user should know.
-    comparisons : tuple of PieceComparison
-        Measurement and model of each piece.
     inputs : tuple of Path
         The measured files.
+    suggests : bool
+        The fitted scenario suggests what to log next: of a tendon, the tensions are of its size; of motors, a loop is
+        described.
+    laws : tuple of CandidateLaw
+        Candidate laws, compared.
+    effects : tuple of Effect
+        Effects of motors that were tried.
+    replay_percent, replay_validation_percent : float or None
+        RMS error of `scenario`, simulated again over the files that were fitted, or judge, % of range; None where no
+        law describes the device.
+    sliding : tuple of SlidingRatio
+        Logarithmic ratio of the tensions, by direction.
     by_file : tuple of ByFile
         Estimates by each of several files alone.
     output_delay_s : float or None
         How much later the output is read than the input.
     sections : tuple of SectionFriction
         Friction between tension cells, where there are more than two.
-    comparable : bool
-        The tensions are of the scenario's size; else no excitation is suggested.
+    looks : tuple of FirstLook
+        Closed forms of each file of a loop.
+    sensor : SensorFit or None
+        Virtual sensor of the joint's angle, where an encoder was logged and no law describes the device.
+    torque : TorqueFit or None
+        Its torque by the same, where that was logged too.
     """
 
     shown_by: ClassVar[str] = "identification.answer.output"
 
-    scenario: Scenario
-    asked: Measurement
-    explain: Explain
+    asked: S
+    how: Measurement
+    scenario: S
+    explain: Explain | None
+    law: str
     described: bool
     estimates: tuple[Estimate, ...]
     correlation_names: tuple[str, ...]
     correlation: Array
-    laws: tuple[CandidateLaw, ...]
     files: tuple[FileResult, ...]
+    channels: tuple[Channel, ...]
     fit_percent: float
     validation_percent: float | None
-    replay_percent: float | None
-    sliding: tuple[SlidingRatio, ...]
     warnings: tuple[str, ...]
-    comparisons: tuple[PieceComparison, ...]
     inputs: tuple[Path, ...]
+    suggests: bool = True
+    laws: tuple[CandidateLaw, ...] = ()
+    effects: tuple[Effect, ...] = ()
+    replay_percent: float | None = None
+    replay_validation_percent: float | None = None
+    sliding: tuple[SlidingRatio, ...] = ()
     by_file: tuple[ByFile, ...] = ()
     output_delay_s: float | None = None
     sections: tuple[SectionFriction, ...] = ()
-    comparable: bool = True
-    replay_validation_percent: float | None = None
+    looks: tuple[FirstLook, ...] = ()
+    sensor: SensorFit | None = None
+    torque: TorqueFit | None = None
 
     @property
     def status(self) -> FitStatus:
         """Whether a law explains the files."""
-        return FitStatus.DESCRIBED if self.described else FitStatus.UNEXPLAINED
+        if self.described:
+            return FitStatus.DESCRIBED
+        return FitStatus.UNEXPLAINED if self.sensor is None else FitStatus.SENSOR
 
     @property
     def headline(self) -> str:
@@ -294,26 +156,32 @@ class Identification(Result):
         return headline(self)
 
     @property
-    def law(self) -> str:
-        """Name of the chosen law."""
-        return next(law.name for law in self.laws if law.chosen)
+    def missing(self) -> str:
+        """Values that the log does not identify, and the one measurement that would identify most of them."""
+        derived = EXPONENTS.values()
+        names = [e for e in self.estimates if not (e.identifiable or e.name in derived or e.why.endswith(NOT_NEEDED))]
+        if not self.described or not names:
+            return ""
+        advice = Counter(e.advice for e in names if e.advice)
+        way = f"; most would gain from: {advice.most_common(1)[0][0]}" if advice else ""
+        return f"not identifiable (see the report): {', '.join(e.name for e in names)}{way}"
 
     def estimate(self, name: str) -> Estimate:
         """The estimate of that name."""
         return next(e for e in self.estimates if e.name == name)
 
     def as_json(self) -> dict[str, Any]:
-        """Contents of `fit.json`."""
+        """Contents of `fit.json`: the same keys whatever was identified."""
         return {
             "schema": 1,
-            "explains": str(self.explain),
+            "explains": "torque" if self.explain is None else str(self.explain),
             "law": self.law,
             "law_describes_the_device": self.described,
             "status": str(self.status),
             "fit_percent_of_range": self.fit_percent,
             "validation_percent_of_range": self.validation_percent,
             "fitted_toml_percent_of_range": self.replay_percent,
-            "files": [_file(f, "m" if self.explain is Explain.POSITION else "N") for f in self.files],
+            "files": [file.as_json() for file in self.files],
             "estimates": {e.name: e.as_json() for e in self.estimates},
             "correlation": {"names": list(self.correlation_names), "matrix": self.correlation.tolist()},
             "by_file": {
@@ -325,50 +193,41 @@ class Identification(Result):
             },
             "sections": [asdict(section) for section in self.sections],
             "output_delay_s": self.output_delay_s,
-            "laws": [_law(law) for law in self.laws],
+            "laws": [law.as_json() for law in self.laws],
+            "effects": [asdict(effect) for effect in self.effects],
             "gross_sliding": {str(g.branch): _gross(g) for g in self.sliding},
+            "first_look": [_look(look) for look in self.looks],
+            "virtual_sensor": None if self.sensor is None else self.sensor.as_json(),
+            "virtual_torque_sensor": None if self.torque is None else self.torque.as_json(),
             "warnings": list(self.warnings),
         }
 
     def lines(self, folder: str = "") -> Sequence[str]:
         """The answer in a few lines of text, its files being in `folder`."""
-        return summary_lines(self, folder)
+        lines = [headline(self, folder)]
+        lines += [
+            f"  {e.name} = {e.value:.5g}  (95 %: {e.interval[0]:.5g} to {e.interval[1]:.5g}){e.note and f', {e.note}'}"
+            for e in self.estimates
+            if e.identifiable and e.interval is not None
+        ]
+        said = (self.missing, _crosstalk(self), *_by_torques(self), *(section.text for section in self.sections))
+        lines += [f"  {line}" for line in said if line]
+        lines.append(f"law: {self.law}{f'; {RULE}' if self.laws else ''}")
+        if self.replay_percent is not None:
+            lines.append(f"fitted.toml, read back: RMS error {self.replay_percent:.2f} % of range on fitted files")
+        return lines
 
     def write(self, folder: str | os.PathLike[str], *, pdf: bool = False) -> None:
-        """Write `fitted.toml`, `fit.json`, figures, the suggested excitation and `report.html`, all or nothing; makes
-        the folder.
+        """Write `fitted.toml`, `fit.json`, figures, what is suggested to log next, and `report.html`, all or nothing;
+        makes the folder.
         """
         self._views.write(self, folder, pdf=pdf)
 
 
-def _file(result: FileResult, unit: str) -> dict[str, Any]:
-    return {
-        "name": result.error.name,
-        "role": result.role,
-        f"rms_{unit}": result.error.rms,
-        f"range_{unit}": result.error.span,
-        "rms_percent_of_range": result.error.percent,
-        "findings": [
-            {"kind": str(f.issue), "count": f.count, "times_s": list(f.times_s), "text": f.text}
-            for f in result.findings
-        ],
-    }
+AnyIdentification = Identification[Any]
 
 
-def _law(law: CandidateLaw) -> Mapping[str, Any]:
-    percents = (law.fit_percent, law.validation_percent)
-    fit, validation = (percent if math.isfinite(percent) else None for percent in percents)
-    return {
-        "name": law.name,
-        "stage": law.stage,
-        "free_values": law.free_values,
-        "fit_percent_of_range": fit,
-        "validation_percent_of_range": validation,
-        "chosen": law.chosen,
-    }
-
-
-def _gross(ratio: SlidingRatio) -> Mapping[str, Any]:
+def _gross(ratio: SlidingRatio) -> dict[str, Any]:
     return {
         "ln_input_over_output": ratio.log_ratio,
         "interval_5_to_95_percent": None if ratio.interval is None else list(ratio.interval),
@@ -377,72 +236,111 @@ def _gross(ratio: SlidingRatio) -> Mapping[str, Any]:
     }
 
 
-def estimate_columns(estimates: Sequence[Estimate]) -> dict[str, list[object]]:
-    """Every estimate: value, ends of its 95 % interval, and where the value comes from."""
-    low, high = zip(*(each.interval or (math.nan, math.nan) for each in estimates), strict=True)
-    names = ("name", "value", "identifiable", "fitted", "scenario", "reason")
-    columns: dict[str, list[object]] = {name: [getattr(each, name) for each in estimates] for name in names}
-    return columns | {"low_95": list(low), "high_95": list(high)}
+def _look(look: FirstLook) -> dict[str, Any]:
+    return {
+        "drive_torque_N_m": look.drive_torque_N_m,
+        "offset_N_m": look.offset_N_m,
+        "mu_theta": look.exponent,
+        "tension_over_stiffness_m": look.tension_over_stiffness_m,
+        "pushes": [
+            {"way": p.way, "touch_rad": p.touch_rad, "kink_rad": p.kink_rad, "slopes_N_m_per_rad": p.slopes_N_m_per_rad}
+            for p in look.pushes
+        ],
+    }
 
 
-def headline(found: Identification, folder: str = "") -> str:
+def headline(found: AnyIdentification, folder: str = "") -> str:
     """The answer in one line: friction, how well it explains the log, and the command to go on with."""
+    if found.status is FitStatus.SENSOR:
+        parts = [each.sentence for each in (found.sensor, found.torque) if each is not None]
+        return f"Something else loads the joint; {'; '.join(parts)}."
+    step = next_step(found, folder)
     if not found.described:
         worst, where = max((found.fit_percent, ""), (found.validation_percent or 0.0, " on the validation files"))
         return (
             f"No law explains the log: the best, {found.law}, has an RMS error of {worst:.3g} % of range{where}. "
-            f"fitted.toml has the scenario's own values. Next: {_next_log(found, folder)}"
+            f"fitted.toml has the scenario's own values. Next: {step}"
         )
-    pull, release = found.estimate("mu_dynamic"), found.estimate("mu_dynamic_release")
-    reach = max((_relative(e) for e in (pull, release)), default=math.inf)
-    doubt = f" (+-{100 * reach:.2g} %)" if reach < 1 else ", not identifiable"
-    same = math.isclose(pull.value, release.value, rel_tol=1e-3)
-    both = f"{pull.value:.3g}" if same else f"{pull.value:.3g} pulling, {release.value:.3g} releasing"
     percent, judged_percent = (  # of what goes on: fitted.toml may lack offsets of the cells that the law has
         (found.fit_percent, found.validation_percent)
         if found.replay_percent is None
         else (found.replay_percent, found.replay_validation_percent)
     )
     judged = "" if judged_percent is None else f" and the validation files to {judged_percent:.2g} %"
-    step = f"tendonff design {_in(folder, 'fitted.toml')}" if reach < 1 else _next_log(found, folder)
-    return f"mu = {both}{doubt}; the model explains the log to {percent:.2g} %{judged}. Next: {step}"
+    return f"{'; '.join(_shown(found))}; the model explains the log to {percent:.2g} %{judged}. Next: {step}"
 
 
-def _next_log(found: Identification, folder: str) -> str:
-    """The measurement that tells mu, where these files do not."""
-    if not found.comparable:
-        return "log the rig of this scenario, in N (--scale): the tensions are not of its size"
-    if not found.described:
-        return "drive the near end alone and log both tensions and its position, or see the warnings for another cause"
-    advice = next((e.advice for e in map(found.estimate, _FRICTION) if e.advice), "")
-    return (
-        f"run {_in(folder, 'suggested_force.csv')} on the rig and log both tensions{advice and f' ({advice})'}; until "
-        "such a log is identified a design rests on a mu that nothing confirms"
-    )
+_OF_A_LOOP = (
+    ("mu_theta", "mu theta", "", 1.0),
+    ("tension_over_stiffness_m", "T/k", " mm", 1e3),
+    ("lost_motion_rad", "lost motion", " deg", 180 / math.pi),
+    ("motor_friction_N_m", "friction at the motor", " N m", 1.0),
+)
+_OF_TENDONS = (("mu_dynamic", "mu", ""), ("stiffness_N_per_m", "tendon stiffness", " N/m"))
 
 
-_FRICTION = ("mu_dynamic", "mu_dynamic_release")
+def _shown(found: AnyIdentification) -> list[str]:
+    """Friction of one tendon; what follows of a loop; else friction and stiffness of all tendons."""
+    by_name = {e.name: e for e in found.estimates}
+    if "lost_motion_rad" in by_name:
+        return [_range(label, [by_name[n]], unit, scale) for n, label, unit, scale in _OF_A_LOOP]
+    if "mu_dynamic" not in by_name:
+        return [_range(label, _of(found, key), unit) for key, label, unit in _OF_TENDONS]
+    pull, release = _friction(found)
+    reach = max(pull.relative, release.relative)
+    doubt = f" (+-{100 * reach:.2g} %)" if reach < 1 else ", not identifiable"
+    same = math.isclose(pull.value, release.value, rel_tol=1e-3)
+    return [f"mu = {pull.value:.3g}{'' if same else f' pulling, {release.value:.3g} releasing'}{doubt}"]
+
+
+def _friction(found: AnyIdentification) -> list[Estimate]:
+    """Coefficients of friction: of one tendon in both directions, or of all tendons."""
+    return [e for e in found.estimates if e.name in EXPONENTS] or _of(found, "mu_dynamic")
+
+
+def _of(found: AnyIdentification, key: str) -> list[Estimate]:
+    """Estimates of a key of all tendons."""
+    return [e for e in found.estimates if e.name.startswith("tendons.") and e.name.endswith(f".{key}")]
+
+
+def _range(label: str, estimates: Sequence[Estimate], unit: str, scale: float = 1.0) -> str:
+    """A quantity of all tendons: its range, and the widest interval."""
+    known = [e for e in estimates if e.interval is not None]
+    if not known:
+        return f"{label} not identifiable"
+    values, half = [scale * e.value for e in known], 100 * max(e.relative for e in known)
+    ends = " to ".join(dict.fromkeys(f"{value:.3g}" for value in (min(values), max(values))))
+    return f"{label} = {ends}{unit} (+-{half:.2g} %{' at most' if len(values) > 1 else ''})"
+
+
+def next_step(found: AnyIdentification, folder: str = "") -> str:
+    """Next step, the files being in `folder`: a design, or the log that tells what it would rest on."""
+    advice = next((e.advice for e in _friction(found) if e.advice), "")
+    if found.explain is None:
+        if not found.described:
+            return "log the joint without what else loads it, or see the warnings for another cause"
+        if any(e.name == "lost_motion_rad" for e in found.estimates):
+            if not found.estimate("lost_motion_rad").identifiable:
+                return f"{ANGLE_OR_PUSH}; a design rests on the scenario's lost motion until then"
+        elif not any(e.identifiable for e in _friction(found)):
+            way = advice or "strokes of all joints over their range, both ways"
+            return f"log {way} (identify --suggest writes such a routine): a design rests on the scenario's mu"
+    elif not found.described or max(e.relative for e in _friction(found)) >= 1:
+        if not found.suggests:
+            return "log the rig of this scenario, in N (--scale): the tensions are not of its size"
+        if not found.described:
+            return (
+                "drive the near end alone and log both tensions and its position, or see the warnings for another cause"
+            )
+        return (
+            f"run {_in(folder, 'suggested_force.csv')} on the rig and log both tensions{advice and f' ({advice})'}; "
+            "until such a log is identified a design rests on a mu that nothing confirms"
+        )
+    return f"tendonff design {_in(folder, 'fitted.toml')}"
 
 
 def _in(folder: str, name: str) -> str:
     return (Path(folder) / name).as_posix()
-
-
-def _relative(estimate: Estimate) -> float:
-    """Half-width of an interval over its value."""
-    if estimate.interval is None or estimate.value == 0:
-        return math.inf
-    return (estimate.interval[1] - estimate.interval[0]) / 2 / abs(estimate.value)
-
-
-def missing(found: Identification) -> str:
-    """Values that the log does not identify, and the one measurement that would identify most of them."""
-    names = [e for e in found.estimates if not e.identifiable and e.name not in EXPONENTS.values()]
-    if not found.described or not names:
-        return ""
-    advice = Counter(e.advice for e in names if e.advice)
-    way = f"; most would gain from: {advice.most_common(1)[0][0]}" if advice else ""
-    return f"not identifiable (see the report): {', '.join(e.name for e in names)}{way}"
 
 
 def crosstalk_shares(pull: float, release: float, crosstalk: float = 0.01) -> tuple[float, float]:
@@ -454,10 +352,12 @@ def crosstalk_shares(pull: float, release: float, crosstalk: float = 0.01) -> tu
     return -math.log1p(crosstalk * math.exp(pull)) / pull, math.log1p(crosstalk * math.exp(-release)) / release
 
 
-def _crosstalk(found: Identification) -> str:
+def _crosstalk(found: AnyIdentification) -> str:
     """Sentence about what no log of two cells shows; empty where only one is read."""
+    if not found.described or found.explain in (None, Explain.POSITION):
+        return ""
     law = CapstanLaw.of(found.scenario.transmission)
-    if not found.described or found.explain is Explain.POSITION or min(law.pull_exponent, law.release_exponent) <= 0:
+    if min(law.pull_exponent, law.release_exponent) <= 0:
         return ""
     pull, release = crosstalk_shares(law.pull_exponent, law.release_exponent)
     return (
@@ -467,20 +367,14 @@ def _crosstalk(found: Identification) -> str:
     )
 
 
-def summary_lines(found: Identification, folder: str = "") -> Sequence[str]:
-    """The answer in a few lines of text, its files being in `folder`."""
-    lines = [headline(found, folder)]
-    lines += [
-        f"  {e.name} = {e.value:.5g}  (95 %: {e.interval[0]:.5g} to {e.interval[1]:.5g}){e.note and f', {e.note}'}"
-        for e in found.estimates
-        if e.identifiable and e.interval is not None
-    ]
-    lines += [
-        f"  {line}"
-        for line in (missing(found), _crosstalk(found), *(section.text for section in found.sections))
-        if line
-    ]
-    lines.append(f"law: {found.law}; {RULE}")
-    if found.replay_percent is not None:
-        lines.append(f"fitted.toml, read back: RMS error {found.replay_percent:.2f} % of range on fitted files")
-    return lines
+def _by_torques(found: AnyIdentification) -> Iterator[str]:
+    """Angles of joints by torques alone, of files that judge, where an encoder tells how near they come."""
+    by_torques: dict[str, list[tuple[float, float]]] = {}
+    for file in found.files:
+        for name, torques in file.named("joint_by_torques_rms_deg").items():
+            angles = file.named("joint_rms_deg")[name]
+            if found.described and file.role == "validate" and torques is not None and angles is not None:
+                by_torques.setdefault(name, []).append((torques, angles))
+    for name, known in by_torques.items():
+        torques, angles = map(max, zip(*known, strict=True))
+        yield f"{name} by torques alone to {torques:.2g} deg RMS, by angles of the motors to {angles:.2g} deg"

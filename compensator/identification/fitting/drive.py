@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tendonff.compensator.identification.answer.result import Estimate, is_known
+from tendonff.compensator.identification.answer.estimate import Estimate, is_known
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.measured.reading import RawMeasurement
 from tendonff.compensator.identification.measured.smoothing import find_cutoff_Hz, low_pass_piece, noise_of

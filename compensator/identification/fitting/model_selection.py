@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.identification.answer.result import CandidateLaw
+from tendonff.compensator.identification.answer.records import CandidateLaw
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.dynamic import CoarseFit, fit_coarse
 from tendonff.compensator.identification.fitting.errors import percent_of, span_of

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import t as student
 
-from tendonff.compensator.identification.answer.result import Estimate, is_known
+from tendonff.compensator.identification.answer.estimate import Estimate, is_known
 from tendonff.compensator.identification.constants import TUNED, with_torque_constant
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.motors.law import MechanismLaw

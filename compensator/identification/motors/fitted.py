@@ -2,19 +2,17 @@
 
 import tomllib
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 from tendonff.compensator.compensators.motors.joint import assumed
 from tendonff.compensator.compensators.motors.task import ASSUMED_SPREAD
-from tendonff.compensator.identification.answer.result import Estimate
+from tendonff.compensator.identification.answer.estimate import Estimate
 from tendonff.compensator.identification.motors.parameters import Quantity, key_in
 from tendonff.compensator.scenario.base import with_base
 from tendonff.compensator.scenario.driven.common import part_keys
 from tendonff.compensator.scenario.driven.finger import FingerScenario
 from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenario.driven.observer_table import ObserverTable
-from tendonff.compensator.scenario.scenario import relative_to_folder
 from tendonff.compensator.scenario.tables import set_keys, to_toml
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.models.joint.parameters.finger import Finger
@@ -153,22 +151,3 @@ def _half_width(estimate: Estimate | None) -> float | None:
     """
     half = None if estimate is None else estimate.own_half_width
     return None if half is None else round(min(max(half, 1e-4), 0.99), 4)
-
-
-def moved_files(text: str, source: Path, folder: Path) -> str:
-    """The text with the files that it names found from another folder."""
-    raw = tomllib.loads(text)
-
-    def moved(table: object) -> None:
-        if isinstance(table, dict):
-            for key, value in table.items():
-                if key in ("file", "lengths", "base") and isinstance(value, str):
-                    table[key] = relative_to_folder(source.parent / value, folder)
-                else:
-                    moved(value)
-        elif isinstance(table, list):
-            for each in table:
-                moved(each)
-
-    moved(raw)
-    return to_toml(raw)

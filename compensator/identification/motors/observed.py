@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from tendonff.compensator.identification.answer.result import Estimate, is_known
+from tendonff.compensator.identification.answer.estimate import Estimate, is_known
 from tendonff.compensator.identification.measured import Array
 from tendonff.ocp.fits.least_squares import Residuals, Solution, Unknown, solve
 from tendonff.ocp.fits.mechanism import differences

@@ -1,19 +1,23 @@
-"""`identify` of driven joints: numbers with confidence intervals, from angles and torques of their motors."""
+"""Identification of driven joints, from angles and torques of their motors."""
 
 import math
-import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from pathlib import Path
+from functools import partial
+from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from tendonff.compensator.compensators.every import problem_of
 from tendonff.compensator.compensators.motors.drive import require_stiff_gears
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.identification.answer.records import Channel, Effect, FileResult
+from tendonff.compensator.identification.answer.result import Identification
+from tendonff.compensator.identification.constants import TUNED
+from tendonff.compensator.identification.identify import Request
+from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.conditions import completed, require_conditions
-from tendonff.compensator.identification.motors.estimates import DERIVED, Found, correlation_of, estimates_of
+from tendonff.compensator.identification.motors.estimates import Found, correlation_of, estimates_of
 from tendonff.compensator.identification.motors.first_look import look
 from tendonff.compensator.identification.motors.fitted import fitted_text, observer_text
 from tendonff.compensator.identification.motors.law import MechanismLaw, centred
@@ -26,11 +30,6 @@ from tendonff.compensator.identification.motors.log import (
 )
 from tendonff.compensator.identification.motors.loop_routine import MotorRoutine, is_loop, suggest_routine
 from tendonff.compensator.identification.motors.parameters import ANGLE_OR_PUSH, Values, put_into, require_loop
-from tendonff.compensator.identification.motors.result import (
-    DESCRIBED_PERCENT,
-    MotorsComparison,
-    MotorsIdentification,
-)
 from tendonff.compensator.identification.motors.routine import MotorsRoutine, suggest_motors
 from tendonff.compensator.identification.motors.search import (
     FIRST_OF_SEVERAL,
@@ -39,18 +38,15 @@ from tendonff.compensator.identification.motors.search import (
     with_own_stops,
     with_stops,
 )
-from tendonff.compensator.identification.motors.sensor import UNITS as SENSOR_UNITS
-from tendonff.compensator.identification.motors.sensor import fit_sensor
-from tendonff.compensator.identification.motors.torque import UNITS as TORQUE_UNITS
-from tendonff.compensator.identification.motors.torque import fit_torque
+from tendonff.compensator.identification.motors.sensor import SensorFit, fit_sensor
+from tendonff.compensator.identification.motors.torque import TorqueFit, fit_torque
 from tendonff.compensator.scenario.driven.finger import FingerScenario, SampledFinger
 from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenario.driven.observer_table import ObserverTable
-from tendonff.compensator.scenario.measurement import Measurement
+from tendonff.compensator.scenarios import parse_any
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.models.joint.parameters.finger import Finger
-from tendonff.models.turns import in_turn
 from tendonff.ocp.fits.mechanism import Several
 
 Driven = JointScenario | FingerScenario
@@ -70,52 +66,11 @@ _BENT_LOOP = (
 )
 
 
-@in_turn
-def identify_motors(
-    scenario: Driven,
-    data: Sequence[str | os.PathLike[str]],
-    validate: Sequence[str | os.PathLike[str]] = (),
-    *,
-    how: Measurement | None = None,
-    say: Callable[[str], None] = lambda _: None,
-    confirm: Callable[[str], bool] = lambda _: False,
-) -> MotorsIdentification:
-    """Fit a loop, a pair or a finger to what its motors felt.
-
-    Parameters
-    ----------
-    scenario : JointScenario or FingerScenario
-        Geometry, inertia and whatever the files do not identify are taken from it.
-    data : sequence of str or path
-        Files with time_s and, of a loop, motor_rad, motor_torque_N_m or motor_current_A, and joint_rad where there is
-        an encoder. Of several motors motor_NAME_rad, motor_torque_NAME_N_m or motor_current_NAME_A of each, and
-        joint_NAME_rad; a motor of a pair is called like its tendon.
-    validate : sequence of str or path, optional
-        Files that judge the law.
-    how : Measurement, optional
-        Other names and scales of the columns of a loop: input is the torque, input_position the motor, output_position
-        the joint; of several motors what to leave out and what to tare.
-    say, confirm : callable, optional
-        Callback for messages on the work in progress; asked where a value looks like another unit (the default
-        declines).
-
-    Raises
-    ------
-    InputError
-        If a file cannot be used, or the friction of a tendon is zero.
-
-    Examples
-    --------
-    >>> import tendonff as tf
-    >>> scenario = tf.load_scenario("examples/hand_joint.toml")
-    >>> fit = tf.identify(scenario, ["log.csv"])  # doctest: +SKIP
-    >>> print(fit.headline)  # doctest: +SKIP
-    """
-    require_stiff_gears(scenario.source.name, problem_of(scenario).drives, "identify, whose tendons then are as soft")
-    files, judging = tuple(map(Path, data)), tuple(map(Path, validate))
-    identified = _loop if is_loop(scenario.mechanism) else _several
-    with threadpool_limits(limits=1, user_api="blas"):
-        return identified(scenario, files, judging, how, say, confirm)  # type: ignore[arg-type]
+def fit_motors(asked: Request[Any]) -> Identification[Any]:
+    """A loop, a pair or a finger by what its motors felt; InputError if a file cannot be used."""
+    drives, name = problem_of(asked.scenario).drives, asked.scenario.source.name
+    require_stiff_gears(name, drives, "identify, whose tendons then are as soft")
+    return _loop(asked) if is_loop(asked.scenario.mechanism) else _several(asked)
 
 
 def suggest_motor_routine(scenario: Driven) -> MotorRoutine | MotorsRoutine:
@@ -131,28 +86,21 @@ def mechanism_of(scenario: Driven) -> tuple[Finger, SampledFinger]:
     return found
 
 
-def _loop(
-    scenario: JointScenario,
-    files: tuple[Path, ...],
-    judging: tuple[Path, ...],
-    how: Measurement | None,
-    say: Callable[[str], None],
-    confirm: Callable[[str], bool],
-) -> MotorsIdentification:
+def _loop(asked: Request[JointScenario]) -> Identification[JointScenario]:
     """A loop by its motor, or a virtual sensor where something else loads its joint."""
+    scenario, given, say = asked.scenario, asked.how, asked.say
     try:
         require_loop(scenario.mechanism, scenario.source.name)
     except ParameterError as error:
         raise InputError(str(error)) from None
-    given = how or Measurement()
     named = (s for tendon in scenario.mechanism.tendons for s in tendon.path.sections if s.moves)
     others = [joint for section in named for joint in section.joints if joint != scenario.mechanism.joint.name]
     if others or given.conditions:
         raise InputError(
             f"{scenario.source.name}: {_BENT_LOOP.format(others[0] if others else given.conditions_of_files[0][1])}"
         )
-    logs, judges = read_logs(scenario, files, given), read_logs(scenario, judging, given)
-    doubts = answered_logs(scenario, (*logs, *judges), confirm)
+    logs, judges = (read_logs(scenario, some, given) for some in (asked.files, asked.judging))
+    doubts = answered_logs(scenario, (*logs, *judges), asked.confirm)
     for log in logs:
         if not (np.ptp(log.run.motor_rad) > 0 and np.ptp(log.torque_N_m) > 0):
             raise InputError(
@@ -162,20 +110,20 @@ def _loop(
     looks = tuple(one for log in logs if (one := look(log, scenario.mechanism)) is not None)
     mechanism, touched = with_stops(scenario.mechanism, looks, float(logs[0].run.start_rad[0]))
     found = fit_loop(mechanism, logs, looks, touched, say)
-    poor = _percent(found) > DESCRIBED_PERCENT
+    poor = _percent(found) > TUNED.poor_percent
     own, stated = with_own_stops(scenario.mechanism, logs)
     if not set(stated) <= set(touched) or (poor and stated != touched):  # the look has overlooked a push, or seen one
         say("the scenario's own stops")
         again = fit_loop(own, logs, looks, stated, say)
         if _percent(again) < CLEARLY_BETTER * _percent(found):
-            found, poor = again, _percent(again) > DESCRIBED_PERCENT
+            found, poor = again, _percent(again) > TUNED.poor_percent
     observed = poor and all(log.encoders.all() for log in (*logs, *judges))
     say("intervals")
-    answer = replace(_answer(scenario, scenario.mechanism, found, judges, (*files, *judging), observed), looks=looks)
+    answer = _answer(asked, scenario.mechanism, found, judges, observed)
     if observed:
         say("virtual sensor")
         answer = _observed(scenario, answer, logs, judges)
-    return replace(answer, warnings=(*doubts, *answer.warnings))
+    return replace(answer, looks=looks, warnings=(*doubts, *answer.warnings))
 
 
 def _percent(found: Found) -> float:
@@ -184,36 +132,48 @@ def _percent(found: Found) -> float:
 
 
 def _observed(
-    scenario: JointScenario, answer: MotorsIdentification, logs: Sequence[MotorsLog], judges: Sequence[MotorsLog]
-) -> MotorsIdentification:
+    scenario: JointScenario, answer: Identification[Any], logs: Sequence[MotorsLog], judges: Sequence[MotorsLog]
+) -> Identification[Any]:
     """The answer with a virtual sensor: estimates of a mechanism that explains nothing say nothing."""
     torque = None
     if all(log.joint_torque_N_m is not None for log in (*logs, *judges)):
         torque = fit_torque(logs, judges)
     sensor = fit_sensor(logs, judges, None if torque is None else torque.largest_exponents)
     forward, band = (None, 0.0) if torque is None else (torque.law, torque.band_N_m or 0.0)
+    text = observer_text(scenario, ObserverTable.of(sensor.sensor, sensor.band_rad, forward, band))
     return replace(
         answer,
         law="virtual sensor of a loop",
-        text=observer_text(scenario, ObserverTable.of(sensor.sensor, sensor.band_rad, forward, band)),
+        scenario=parse_any(text, scenario.source),
         estimates=(*sensor.estimates, *(() if torque is None else torque.estimates)),
-        units={f"sensor_{n}": u for n, u in SENSOR_UNITS.items()} | {f"torque_{n}": u for n, u in TORQUE_UNITS.items()},
+        channels=(*answer.channels, *_sensed(sensor), *(() if torque is None else _felt(torque))),
         sensor=sensor,
         torque=torque,
         warnings=(*answer.warnings, *((_ONE_FILE,) if len(logs) == 1 else ())),
     )
 
 
-def _several(
-    scenario: Driven,
-    files: tuple[Path, ...],
-    judging: tuple[Path, ...],
-    how: Measurement | None,
-    say: Callable[[str], None],
-    confirm: Callable[[str], bool],
-) -> MotorsIdentification:
+def _sensed(sensor: SensorFit) -> Iterator[Channel]:
+    for file in sensor.files:
+        measured, model, low, high = map(np.degrees, (file.joint_rad, file.model_rad, file.low_rad, file.high_rad))
+        of_file = partial(Channel, file=file.name, role=file.role, time_s=file.time_s)
+        yield of_file(figure="sensor", name="joint angle", unit="deg", measured=measured, model=model, band=(low, high))
+
+
+def _felt(fit: TorqueFit) -> Iterator[Channel]:
+    reach = fit.band_N_m
+    for file in fit.files:
+        measured, model = file.joint_N_m, file.model_N_m
+        band = None if reach is None else (model - reach, model + reach)
+        of_file = partial(Channel, file=file.name, role=file.role, time_s=file.time_s)
+        yield of_file(
+            figure="torque_at_joint", name="joint torque", unit="N m", measured=measured, model=model, band=band
+        )
+
+
+def _several(asked: Request[Any]) -> Identification[Any]:
     """Several motors, each of which feels its own tendons."""
-    given = how or scenario.measurement
+    scenario, given = asked.scenario, asked.how
     taken = {"skip_s": None, "tare_s": None, "channels": None, "conditions": None}
     if replace(given, **taken) != replace(scenario.measurement, **taken):  # type: ignore[arg-type]
         raise InputError(
@@ -228,13 +188,15 @@ def _several(
                 f'{scenario.source.name}: mu_dynamic of tendon "{tendon.name}" must be > 0 to begin with, got '
                 f"{tendon.friction.mu_dynamic:g}; 0.15 is a usual value"
             )
-    require_conditions(given, finger.others, [each.name for each in (*files, *judging)], scenario.source.name)
-    logs, judges = (read_several(finger, some, sampled.angle_rad[0], given) for some in (files, judging))
+    require_conditions(
+        given, finger.others, [each.name for each in (*asked.files, *asked.judging)], scenario.source.name
+    )
+    logs, judges = (read_several(finger, some, sampled.angle_rad[0], given) for some in (asked.files, asked.judging))
     logs, judges = _standing(logs, judges, sampled, finger.others, scenario.source.name)
-    doubts = answered_several(finger, (*logs, *judges), scenario.run, scenario.source.name, confirm)
-    found = fit_several(finger, logs, say)
-    say("intervals")
-    answer = _answer(scenario, found.law.mechanism, found, judges, (*files, *judging))
+    doubts = answered_several(finger, (*logs, *judges), scenario.run, scenario.source.name, asked.confirm)
+    found = fit_several(finger, logs, asked.say)
+    asked.say("intervals")
+    answer = _answer(asked, found.law.mechanism, found, judges)
     return replace(answer, warnings=(*doubts, *answer.warnings))
 
 
@@ -252,71 +214,114 @@ def _standing(
 
 
 def _answer(
-    scenario: Driven,
+    asked: Request[Any],
     system: Mechanism | Finger,
     found: Found,
     judges: Sequence[MotorsLog],
-    inputs: tuple[Path, ...],
     observed: bool = False,
-) -> MotorsIdentification:
+) -> Identification[Any]:
     """Result of a fit of a scenario's mechanism."""
+    scenario = asked.scenario
     law, values = found.law, found.solution.values
-    compared = [_compared(log, "fit", law, values) for log in law.logs]
-    compared += [_judged(log, found) for log in judges]
-    described = max(float(c.torque_percent.max()) for c in compared if c.role == "fit") <= DESCRIBED_PERCENT
+    joints = [joint.name for joint in system.joints]
+    compared = [_compared(log, "fit", joints, law, values) for log in law.logs]
+    compared += [_judged(log, joints, found) for log in judges]
+    files, channels = zip(*compared, strict=True)
+    fit, judged = ([_worst_percent(file) for file in files if file.role == role] for role in ("fit", "validate"))
+    described = max(fit) <= TUNED.poor_percent
     estimates = estimates_of(system, found, described=described)
     kept = {e.name: e.value for e in estimates if e.identifiable} if found.apart else found.identified
     effects = [n.spec.effect for n, _, taken in found.tried if taken]
     effects += ["motor that moves in counts"] if law.as_read else []
     fitted: Mechanism | Finger = put_into(system, kept)  # type: ignore[type-var]
-    return MotorsIdentification(
+    text = fitted_text(scenario, fitted, estimates) if described else scenario.text
+    return Identification(
         asked=scenario,
-        text=fitted_text(scenario, fitted, estimates) if described else scenario.text,
+        how=asked.how,
+        scenario=parse_any(text, scenario.source),
+        explain=None,
         law=", ".join(("whole mechanism" if found.apart else "loop with presliding", *effects)),
-        motors=law.logs[0].motors,
-        joints=tuple(joint.name for joint in system.joints),
         described=described,
         estimates=estimates,
-        units={n.name: n.spec.unit for n in law.numbers.values()} | DERIVED | {"torque_scale": "-"},
-        comparisons=tuple(compared),
         correlation_names=found.names,
         correlation=correlation_of(found),
+        files=files,
+        channels=tuple(channel for own in channels for channel in own),
+        fit_percent=max(fit),
+        validation_percent=max(judged, default=None),
         warnings=tuple(warnings_of(found, described=described, observed=observed)),
-        inputs=inputs,
-        laws=tuple((n.spec.effect, gain, taken) for n, gain, taken in found.tried),
+        inputs=asked.every,
+        suggests=described and not found.apart,
+        effects=tuple(
+            Effect(name=n.spec.effect, gain_of_log_likelihood=gain, taken_up=taken) for n, gain, taken in found.tried
+        ),
     )
 
 
-def _judged(log: MotorsLog, found: Found) -> MotorsComparison:
+def _worst_percent(file: FileResult) -> float:
+    return max(percent or 0.0 for percent in file.named("torque_percent_of_range").values())
+
+
+_Compared = tuple[FileResult, list[Channel]]
+
+
+def _judged(log: MotorsLog, joints: Sequence[str], found: Found) -> _Compared:
     """A file that the fit did not see: only tensions at its start are found."""
     law = replace(found.law, logs=[log], fixed={**found.law.fixed, **found.solution.values})
     start = {n.name: n.start for n in law.numbers.values() if n.of_start}
-    return _compared(log, "validate", law, law.fit(start, most=FIRST_OF_SEVERAL).values if start else {})
+    values = law.fit(start, most=FIRST_OF_SEVERAL).values if start else {}
+    return _compared(log, "validate", joints, law, values)
 
 
-def _compared(log: MotorsLog, role: str, law: MechanismLaw, values: Values) -> MotorsComparison:
+def _compared(log: MotorsLog, role: str, joints: Sequence[str], law: MechanismLaw, values: Values) -> _Compared:
+    """Errors of a file; torques of its motors, and angles of joints with an encoder, zeros of these taken in."""
     answer = law.respond(log, values)
-    _, off = law.errors(log, answer)
-    rig, felt, exponents = law.rig(log, values), np.full_like(log.joint_rad, np.nan), {}
+    torque_off, off = law.errors(log, answer)
+    rms = _rms(torque_off, log)
+    percent = 100 * rms / np.maximum(np.ptp(log.torque_N_m, axis=0), 1e-300)
+    numbers = {
+        "torque_rms_N_m": _named(log.motors, rms),
+        "torque_percent_of_range": _named(log.motors, percent),
+        "joint_rms_deg": _named(joints, np.degrees(_rms(off, log))),
+    }
+    rig = law.rig(log, values)
     if isinstance(rig, Several):
         felt = rig.joints_rad(log.run, log.torque_N_m, segments=law.segments)
         places = {**log.run.standing_rad, **dict(zip(rig.mechanism.names, log.run.start_rad.tolist(), strict=True))}
-        exponents = {tendon.name: tendon.exponent_at(places) for tendon in rig.mechanism.tendons}
-    return MotorsComparison(
-        name=log.name,
-        role=role,
-        time_s=log.time_s,
-        motor_rad=log.run.motor_rad,
-        torque_N_m=log.torque_N_m,
-        model_N_m=answer.torque_N_m,
-        joint_rad=log.joint_rad,
-        model_rad=log.joint_rad + off,
-        felt_rad=np.where(np.isfinite(log.joint_rad), log.joint_rad + centred(felt - log.joint_rad, log), felt),
-        standing_rad=log.run.standing_rad,
-        exponents=exponents,
-        counted=log.counted,
-        findings=log.findings,
-    )
+        numbers |= {
+            "joint_by_torques_rms_deg": _named(joints, np.degrees(_rms(centred(felt - log.joint_rad, log), log))),
+            "condition_rad": dict(log.run.standing_rad),
+            "mu_theta": {tendon.name: tendon.exponent_at(places) for tendon in rig.mechanism.tendons},
+        }
+    channel = partial(Channel, file=log.name, role=role, time_s=log.time_s)
+    channels = [
+        channel(
+            figure="torque",
+            name=f"torque of {name}",
+            unit="N m",
+            measured=log.torque_N_m[:, k],
+            model=answer.torque_N_m[:, k],
+            over=log.run.motor_rad[:, k],
+            over_name="motor angle",
+            over_unit="rad",
+            percent=float(percent[k]),
+        )
+        for k, name in enumerate(log.motors)
+    ]
+    for name, measured, error in zip(joints, np.degrees(log.joint_rad).T, np.degrees(off).T, strict=True):
+        if np.isfinite(measured).all():
+            model = measured + error
+            channels.append(channel(figure="joint", name=name, unit="deg", measured=measured, model=model))
+    return FileResult(name=log.name, role=role, numbers=numbers, findings=log.findings), channels
+
+
+def _rms(rows: Array, log: MotorsLog) -> Array:
+    """RMS over the rows of a log that count: friction has forgotten what was before the file."""
+    return np.asarray(np.sqrt((rows[log.counted] ** 2).mean(axis=0)))
+
+
+def _named(names: Sequence[str], values: Array) -> dict[str, float | None]:
+    return {name: float(v) if np.isfinite(v) else None for name, v in zip(names, values, strict=True)}
 
 
 def warnings_of(found: Found, *, described: bool = True, observed: bool = False) -> Iterator[str]:

@@ -27,7 +27,6 @@ from tendonff.compensator.identification.motors.law import (
 )
 from tendonff.compensator.identification.motors.log import MotorsLog
 from tendonff.compensator.identification.motors.parameters import EXTRAS, OF_TENDONS, PARTNERS, Quantity, Role, told_N
-from tendonff.compensator.identification.motors.result import DESCRIBED_PERCENT
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.models.joint.parameters.finger import Finger
 from tendonff.ocp.errors import SolveError
@@ -182,7 +181,7 @@ def fit_loop(
     encoded = all(log.encoders.all() for log in logs)
     begun = replace(law, logs=logs[:1]) if encoded else law  # whether anything explains the torque, one file shows
     solution = _from_starts(begun, free, looks)
-    if encoded and begun.percent(solution.values) > 2 * DESCRIBED_PERCENT:
+    if encoded and begun.percent(solution.values) > 2 * TUNED.poor_percent:
         return Found(law=law, solution=solution, covariance=np.full((len(solution.values),) * 2, np.inf))
     if len(begun.logs) < len(logs):
         solution = law.fit(solution.values, most=STEPS)

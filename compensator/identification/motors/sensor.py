@@ -16,7 +16,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from tendonff.compensator.identification.answer.result import Estimate
+from tendonff.compensator.identification.answer.estimate import Estimate
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.motors.log import MotorsLog
 from tendonff.compensator.identification.motors.observed import ROW_S, STARTS, estimates_of, solved

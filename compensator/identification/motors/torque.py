@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
-from tendonff.compensator.identification.answer.result import Estimate
+from tendonff.compensator.identification.answer.estimate import Estimate
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.motors.log import MotorsLog
 from tendonff.compensator.identification.motors.observed import ROW_S, STARTS, estimates_of, solved

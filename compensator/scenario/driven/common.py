@@ -3,6 +3,7 @@
 import hashlib
 import json
 import math
+import os
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -17,7 +18,7 @@ from tendonff.compensator.scenario.base import with_base
 from tendonff.compensator.scenario.joints import Joint
 from tendonff.compensator.scenario.kind import in_short
 from tendonff.compensator.scenario.measurement import Measurement
-from tendonff.compensator.scenario.scenario import SCHEMA, path_keys, spread_keys, with_spread
+from tendonff.compensator.scenario.scenario import SCHEMA, path_keys, relative_to_folder, spread_keys, with_spread
 from tendonff.compensator.scenario.settings import Run
 from tendonff.compensator.scenario.tables import (
     ROPE_KEYS,
@@ -37,6 +38,8 @@ from tendonff.models.parameters.uncertainty import Uncertainty
 
 PARTS: dict[str, type] = {"path": TendonPath, "tendon": Tendon, "friction": Friction}
 """Tables of a tendon, given for all or for one."""
+_FILES = ("file", "lengths", "paths", "torques", "base")
+"""Keys that name a file."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -100,6 +103,24 @@ class DrivenScenario:
         for table in place:
             raw = raw.setdefault(table, {})
         return raw
+
+    def text_in(self, folder: str | os.PathLike[str]) -> str:
+        """Its text for a file in a folder, from which the files that it names are found."""
+        raw = tomllib.loads(self.text)
+
+        def moved(table: object) -> None:
+            if isinstance(table, dict):
+                for key, value in table.items():
+                    if key in _FILES and isinstance(value, str):
+                        table[key] = relative_to_folder(self.source.parent / value, folder)
+                    else:
+                        moved(value)
+            elif isinstance(table, list):
+                for each in table:
+                    moved(each)
+
+        moved(raw)
+        return to_toml(raw)
 
     def digest(self) -> str:
         """Sixteen hexadecimal digits that change when a value, or the contents of a file that it names, change."""

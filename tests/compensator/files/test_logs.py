@@ -12,8 +12,8 @@ from tendonff.compensator.cli import run
 from tendonff.compensator.files.formats.registry import READERS
 from tendonff.compensator.files.tables import read_table
 from tendonff.compensator.files.text import InputError
+from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.identification.measured.reading import read_measurement
-from tendonff.compensator.identification.run import identify
 from tendonff.compensator.reporting.page import file_hash
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenarios import load_scenario

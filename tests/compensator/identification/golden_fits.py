@@ -15,7 +15,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 from synthetic import DIRTY, Faults, write_synthetic
 
-from tendonff.compensator.identification.run import identify
+from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.scenarios import load_scenario
 
 STORED = Path(__file__).with_name("golden_fits.json")

@@ -4,6 +4,7 @@ import json
 import re
 import shlex
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,20 +12,17 @@ import pytest
 
 from tendonff.compensator.files.notices import Remark
 from tendonff.compensator.files.writing import write_csv
+from tendonff.compensator.identification.answer.estimate import Estimate, reasons_of
 from tendonff.compensator.identification.answer.messages import about_issues
+from tendonff.compensator.identification.answer.records import Channel, shown
 from tendonff.compensator.identification.answer.report import identification_report
-from tendonff.compensator.identification.answer.result import (
-    Estimate,
-    crosstalk_shares,
-    headline,
-    missing,
-    reasons_of,
-    summary_lines,
-)
+from tendonff.compensator.identification.answer.result import crosstalk_shares, headline
+from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.identification.measured.reading import DataIssue, Finding
-from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.capstan import CapstanLaw
+
+STORED = Path(__file__).parents[2] / "golden" / "stored"
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +51,7 @@ def test_the_headline_has_friction_error_and_the_next_command(found):
     line = headline(found, "fit")
     assert re.match(r"mu = 0\.1\d+ pulling, 0\.1\d+ releasing \(\+-[\d.]+ %\); the model explains the log to", line)
     assert line.endswith("Next: tendonff design fit/fitted.toml")
-    assert summary_lines(found, "fit")[0] == line
+    assert found.lines("fit")[0] == line
     assert identification_report(found, {}).summary.startswith(headline(found))
 
 
@@ -70,7 +68,7 @@ def test_a_log_that_does_not_show_mu_is_followed_by_the_measurement_that_does(fo
         "Next: run fit/suggested_force.csv on the rig and log both tensions (repeat with full strokes in both" in line
     )
     assert "tendonff design" not in line
-    assert "in N (--scale)" in headline(replace(blind, comparable=False))
+    assert "in N (--scale)" in headline(replace(blind, suggests=False))
     assert "Next: drive the near end alone" in headline(replace(blind, described=False))
 
 
@@ -81,13 +79,13 @@ def test_crosstalk_is_said_with_what_it_does_to_either_direction(found):
     shares = crosstalk_shares(0.5, 0.45)
     assert (ratio[1] / 0.5 - 1, -ratio[2] / 0.45 - 1) == pytest.approx(shares, rel=1e-9)
     assert shares == pytest.approx((-0.0327, 0.0141), rel=0.01)
-    assert sum("3.3 % too small pulling and 1.4 % too large releasing" in line for line in summary_lines(found)) == 1
+    assert sum("3.3 % too small pulling and 1.4 % too large releasing" in line for line in found.lines()) == 1
 
 
 def test_what_is_not_identifiable_is_one_line(found):
-    lines = summary_lines(found)
+    lines = found.lines()
     assert sum("not identifiable" in line for line in lines) == 1
-    assert "stiffness_N_per_m" in missing(found)
+    assert "stiffness_N_per_m" in found.missing
 
 
 def test_the_command_that_reproduces_a_fit_asks_what_was_asked(found):
@@ -136,6 +134,45 @@ def test_the_column_of_reasons_says_a_text_once():
     expected = list(texts.values())
     expected[1] = "as stiffness_N_per_m"
     assert reasons_of(estimates) == expected
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("mu_dynamic", "-"),
+        ("bristle_stiffness", "-"),
+        ("tendons.open.tendon.stiffness_N_per_m", "N/m"),
+        ("viscous_N_s_per_m", "N s/m"),
+        ("joint_stiffness_N_m_per_rad", "N m/rad"),
+        ("sensor_compliance_rad_per_N_m", "rad/(N m)"),
+    ],
+)
+def test_the_unit_of_an_estimate_stands_at_the_end_of_its_name(name, unit):
+    assert Estimate(name=name, value=1.0, why="").unit == unit
+
+
+@pytest.mark.parametrize("motors", ["loop", "short_finger"])
+def test_fit_json_has_the_same_keys_for_a_tendon_and_for_motors(found, motors):
+    stored = json.loads((STORED / motors / "identify" / "fit.json").read_text(encoding="utf-8"))
+    own = json.loads(json.dumps(found.as_json()))
+    assert set(stored) == set(own)
+    estimates = [next(iter(each["estimates"].values())) for each in (stored, own)]
+    assert set(estimates[0]) == set(estimates[1])
+    assert {"name", "role", "findings"} <= set(stored["files"][0]) & set(own["files"][0])
+
+
+def test_a_figure_shows_the_files_that_judge_first_and_the_longest_piece_of_each():
+    def channel(file, role, name, rows):
+        time = np.arange(float(rows))
+        return Channel(
+            figure="torque", file=file, role=role, name=name, unit="N m", time_s=time, measured=time, model=time
+        )
+
+    places = [("a", "fit"), ("a", "fit"), ("b", "validate"), ("c", "fit")]
+    one = [channel(file, role, "m", rows) for rows, (file, role) in enumerate(places, 1)]
+    assert [(c.file, len(c.time_s)) for c in shown(one, 4)] == [("b", 3), ("a", 2), ("c", 4)]
+    several = [channel(file, role, name, 5) for file, role in places[1:] for name in "mn"]
+    assert [(c.file, c.name) for c in shown(several, 3)] == [("b", "m"), ("b", "n")]
 
 
 def test_what_was_treated_in_a_file_is_a_remark_and_what_wants_action_a_warning():

@@ -9,9 +9,9 @@ from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.identification.fitting.delay import align, most_delay_s
 from tendonff.compensator.identification.fitting.dynamic import fit_coarse
+from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.identification.measured.cleaning import clean
 from tendonff.compensator.identification.measured.reading import read_measurement
-from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.capstan import CapstanLaw
 

@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.identification.measured.reading import read_measurement
-from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.errors import ParameterError

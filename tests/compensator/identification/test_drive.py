@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.files.writing import write_csv
-from tendonff.compensator.identification.answer import result
+from tendonff.compensator.identification.answer import estimate as estimates
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.drive import drive_estimates
+from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.outcome import with_drive
-from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenarios import load_scenario
 from tests.independent_plant import respond
 
@@ -77,11 +77,11 @@ def test_the_drive_s_friction_is_known_from_the_same_error_on_as_every_other_val
     raw = [read_measurement(measured, rig.measurement, ())]
     (estimate,) = drive_estimates(rig, raw)
     assert estimate.identifiable
-    assert result.is_known(estimate.standard_error, estimate.value)
+    assert estimates.is_known(estimate.standard_error, estimate.value)
     stricter = replace(TUNED, identifiable_share=0.9 * estimate.standard_error / estimate.value)
-    monkeypatch.setattr(result, "TUNED", stricter)
+    monkeypatch.setattr(estimates, "TUNED", stricter)
     assert not drive_estimates(rig, raw)[0].identifiable
-    assert not result.is_known(np.nan, 1.0)
+    assert not estimates.is_known(np.nan, 1.0)
 
 
 def test_a_gear_that_loses_a_share_is_told_from_constant_friction(rig, tmp_path, record_property):

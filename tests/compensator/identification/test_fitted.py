@@ -8,15 +8,15 @@ from synthetic import Faults, write_synthetic
 
 from tendonff.compensator.identification import outcome
 from tendonff.compensator.identification.answer.messages import moved_inside
-from tendonff.compensator.identification.answer.result import PieceComparison, summary_lines
+from tendonff.compensator.identification.answer.records import Channel
 from tendonff.compensator.identification.fitting.dynamic import ChainLaw
 from tendonff.compensator.identification.fitting.errors import FileError
 from tendonff.compensator.identification.fitting.static import respond
+from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.identification.measured.cleaning import clean
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.measured.smoothing import low_pass_piece
 from tendonff.compensator.identification.parameters import Parameter, ParametricChain
-from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenarios import load_scenario
@@ -134,7 +134,7 @@ def test_simulating_the_fitted_scenario_again_gives_the_error_that_is_printed(fo
     found.write(tmp_path / "out")
     fitted = load_scenario(tmp_path / "out" / "fitted.toml")
     assert found.replay_percent == pytest.approx(found.fit_percent, rel=1e-3)
-    assert any(f"fitted.toml, read back: RMS error {found.replay_percent:.2f} %" in s for s in summary_lines(found))
+    assert any(f"fitted.toml, read back: RMS error {found.replay_percent:.2f} %" in s for s in found.lines())
     model = ParametricChain(
         transmission=fitted.transmission, level=fitted.run.level, count=fitted.transmission.path.segments
     )
@@ -272,8 +272,15 @@ def test_moments_at_which_the_output_moves_although_the_law_holds_it_are_named()
     touched = model + np.where((time > 0.6) & (time < 0.9), 3.0, 0.0)
 
     def piece(measured):
-        return PieceComparison(
-            name="a.csv", role="fit", time_s=time, input_N=model, given=model, measured=measured, model=model
+        return Channel(
+            figure="time",
+            file="a.csv",
+            role="fit",
+            name="output",
+            unit="N",
+            time_s=time,
+            measured=measured,
+            model=model,
         )
 
     assert moved_inside([piece(model)]) == []

@@ -8,9 +8,9 @@ from synthetic import Faults, write_synthetic
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.tables import read_table
+from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.identification.measured.gains import gains_of
 from tendonff.compensator.identification.measured.reading import read_measurement
-from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.errors import ParameterError

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from synthetic import Faults, write_synthetic
 
-from tendonff.compensator.identification.run import identify
+from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.scenarios import load_scenario
 from tests.compensator.identification.test_fitted import STEP, strokes
 

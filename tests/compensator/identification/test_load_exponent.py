@@ -13,7 +13,7 @@ from tendonff.compensator.compensators.registry import compensator
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.identification import pace
 from tendonff.compensator.identification.answer.result import Identification
-from tendonff.compensator.identification.run import identify
+from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.fidelity import Level
 from tendonff.models.tendon.chain import Chain

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.identification.fitting.sliding import sliding_ratios
+from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.identification.measured.cleaning import clean
 from tendonff.compensator.identification.measured.reading import DataIssue, read_measurement
-from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenario.measurement import Explain, Measurement
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.capstan import Branch
@@ -42,7 +42,7 @@ def test_a_surgical_grasper_is_predicted_over_whole_files_at_loads_not_seen(gras
 
 
 def test_the_load_that_is_switched_on_at_the_start_is_left_out_with_a_message(grasper):
-    onsets = {file.error.name: f for file in grasper.files for f in file.findings if f.issue is DataIssue.ONSET}
+    onsets = {file.name: f for file in grasper.files for f in file.findings if f.issue is DataIssue.ONSET}
     names = {"06", "26", "46", "03", "09", "23", "29", "43", "49"}  # the others start without a resisting torque
     assert set(onsets) == {f"tool4_{name}.csv" for name in names}
     assert all(40 <= f.count <= 100 for f in onsets.values())  # 0.2 to 0.5 s at 200 Hz

@@ -10,12 +10,12 @@ from tendonff.compensator.cli import run
 from tendonff.compensator.cli.progress import interruptible
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv
+from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.identification.measured.cleaning import clean
 from tendonff.compensator.identification.measured.doubts import data_doubts
 from tendonff.compensator.identification.measured.plan import LONG_FIT_S, check_plan, check_signs, reversal_doubts
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.pace import Pace, SlowFitError
-from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenario.measurement import Explain, Measurement
 from tendonff.compensator.scenarios import load_scenario
 

@@ -8,7 +8,7 @@ from synthetic import Faults, write_synthetic
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv
-from tendonff.compensator.identification.run import identify
+from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.scenario.measurement import Explain, Measurement
 from tendonff.compensator.scenarios import load_scenario
 

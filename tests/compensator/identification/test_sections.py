@@ -9,7 +9,7 @@ import pytest
 from tendonff.compensator.cli import run
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv
-from tendonff.compensator.identification.run import identify
+from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.fidelity import Level
 from tendonff.models.path import Section

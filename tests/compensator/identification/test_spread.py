@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.identification.answer.result import Estimate
+from tendonff.compensator.identification.answer.estimate import Estimate
 from tendonff.compensator.identification.spread import with_other_law, with_spread
 from tendonff.compensator.scenario.scenario import parse_scenario, scenario_to_toml
 from tendonff.compensator.scenarios import load_scenario

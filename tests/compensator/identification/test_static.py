@@ -8,8 +8,7 @@ from synthetic import Faults, write_synthetic
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv
-from tendonff.compensator.identification.answer.result import summary_lines
-from tendonff.compensator.identification.run import identify
+from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.path import Section, SectionKind
@@ -60,7 +59,7 @@ def test_sections_keep_their_own_friction_where_the_joints_stand(wristed, tmp_pa
     assert found.estimate("mu_dynamic").value == pytest.approx(0.17, rel=0.01)
     assert found.scenario.transmission.friction.mu_dynamic == pytest.approx(found.estimate("mu_dynamic").value)
     assert found.replay_percent == pytest.approx(found.fit_percent, rel=1e-3)
-    lines = summary_lines(found)
+    lines = found.lines()
     assert any("mu_theta = " in line and "with wrist at 0.4 rad" in line for line in lines)
     assert found.estimate("mu_theta").reason.endswith("with wrist at 0.4 rad (mean)")  # of report and fit.json
     assert found.estimate("wrist: mu_dynamic").why == "a section's own value is not fitted"
@@ -106,7 +105,7 @@ def test_the_printed_error_is_that_of_the_fitted_file(finger, tmp_path, monkeypa
     files = [write_play(tmp_path / f"{k}.csv", law, input_offset_N=2.0, output_offset_N=4.0) for k in "ab"]
     found = identify(finger, files[:1], files[1:], static_only=True)
     assert found.replay_percent > 2 * found.fit_percent
-    assert f"explains the log to {found.replay_percent:.2g} % and the validation files to" in summary_lines(found)[0]
+    assert f"explains the log to {found.replay_percent:.2g} % and the validation files to" in found.lines()[0]
     assert found.replay_validation_percent == pytest.approx(found.replay_percent, rel=1e-6)
     [line] = [text for text in found.warnings if "input_offset_N" in text]
     assert line.endswith(f"with them the law has an RMS error of {found.fit_percent:.2g} %")
@@ -121,7 +120,7 @@ def test_adhesion_that_only_the_biases_could_tell_apart_is_that_of_the_scenario(
     file = write_play(tmp_path / "log.csv", law, input_offset_N=2.0, output_offset_N=4.0)
     found = identify(scenario, [file], static_only=True)
     adhesion = found.estimate("adhesion_N")
-    assert (adhesion.value, adhesion.fitted, adhesion.standing) == (1.5, False, "kept")
+    assert (adhesion.value, adhesion.fitted, adhesion.standing) == (1.5, False, "no")
     assert found.scenario.transmission.friction.adhesion_N == 1.5
     how = found.scenario.measurement
     for name, bias, kept in (("input", 2.0, how.input_offset_N), ("output", 4.0, how.output_offset_N)):

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tendonff.compensator.identification.identify import Request
 from tendonff.compensator.identification.study import Study, attempted
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.errors import ParameterError
@@ -14,7 +15,10 @@ from tendonff.ocp.errors import SolveError
 @pytest.fixture(scope="module")
 def study(examples: Path) -> Study:
     scenario = load_scenario(examples / "finger.toml")
-    return Study(scenario=scenario, files=(), judging=(), raw=(), records=(), judges=(), static_only=False)
+    asked = Request(
+        scenario=scenario, how=scenario.measurement, files=(), judging=(), static_only=False, say=print, confirm=bool
+    )
+    return Study(asked=asked, scenario=scenario, raw=(), records=(), judges=())
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from synthetic import DIRTY, Faults, write_synthetic
 
 from tendonff.compensator.cli import run
 from tendonff.compensator.files.reading import read_csv
-from tendonff.compensator.identification.run import identify
+from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.identification.suggest import PLANS, Information, draw_plan, suggest
 from tendonff.compensator.scenario.sampled.sampling import initial_tension, sample_reference
 from tendonff.compensator.scenarios import load_scenario

@@ -6,9 +6,9 @@ import pytest
 import tendonff as tf
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv
+from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.identification.measured.doubts import column_doubts, magnitude_warning, unit_warning
 from tendonff.compensator.identification.measured.reading import read_measurement
-from tendonff.compensator.identification.run import identify
 from tendonff.compensator.scenario.measurement import Explain, Measurement
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.errors import ParameterError
@@ -113,6 +113,6 @@ def test_small_numbers_get_a_message_and_no_excitation(examples, strokes):
     with pytest.raises(InputError, match=r"kN\?.*Nothing was computed"):
         identify(small, [strokes], static_only=True)
     found = identify(small, [strokes], static_only=True, confirm=lambda _: True)
-    assert not found.comparable
+    assert not found.suggests
     assert any("is this its rig" in warning for warning in found.warnings)
-    assert identify(scenario, [strokes], static_only=True).comparable
+    assert identify(scenario, [strokes], static_only=True).suggests

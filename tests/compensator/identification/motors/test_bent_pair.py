@@ -7,9 +7,10 @@ import pytest
 
 from tendonff.compensator.cli import run
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.identification.motors.log import read_several
 from tendonff.compensator.identification.motors.parameters import Quantity, numbers_of
-from tendonff.compensator.identification.motors.run import identify_motors, mechanism_of
+from tendonff.compensator.identification.motors.run import mechanism_of
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenarios import load_scenario
 from tests.bent_instrument import TEXT, BentInstrument
@@ -112,7 +113,7 @@ def test_the_bend_of_a_file_may_be_a_column_of_it(logs, tmp_path):
 def test_a_condition_that_is_not_known_or_has_no_place_is_refused(logs, conditions, said):
     scenario, files, _ = logs
     with pytest.raises(InputError, match=said):
-        identify_motors(load_scenario(scenario), files[:2], how=Measurement(conditions=tuple(conditions)))
+        identify(load_scenario(scenario), files[:2], how=Measurement(conditions=tuple(conditions)))
 
 
 def test_a_bend_that_moves_in_the_scenario_must_be_stated(logs, tmp_path):
@@ -121,14 +122,14 @@ def test_a_bend_that_moves_in_the_scenario_must_be_stated(logs, tmp_path):
     )
     (tmp_path / "moving.toml").write_text(moving, encoding="utf-8")
     with pytest.raises(InputError, match=r"the angle of bend is not known, which moves in moving.toml"):
-        identify_motors(load_scenario(tmp_path / "moving.toml"), logs[1][:1])
+        identify(load_scenario(tmp_path / "moving.toml"), logs[1][:1])
 
 
 def test_a_loop_is_fitted_at_one_bend(logs, tmp_path):
     loop = TEXT.replace('kind = "pair"', 'kind = "loop"').replace("least_tension_N = 3.0", "pretension_N = 5.0")
     (tmp_path / "loop.toml").write_text(loop, encoding="utf-8")
     with pytest.raises(InputError, match=r"loop.toml: a loop is fitted at one bend: its pre-tension is another"):
-        identify_motors(load_scenario(tmp_path / "loop.toml"), logs[1][:1])
+        identify(load_scenario(tmp_path / "loop.toml"), logs[1][:1])
 
 
 def test_the_spring_of_a_joint_is_one_more_number_and_of_a_joint_without_one_none(logs, examples):

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.files.writing import write_csv
+from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.identification.measured.smoothing import adaptive_low_pass
 from tendonff.compensator.identification.motors.counts import between_counts, count_of, gear_known, smooth_angle
 from tendonff.compensator.identification.motors.estimates import DERIVED, derived
 from tendonff.compensator.identification.motors.loop_routine import suggest_routine
-from tendonff.compensator.identification.motors.run import identify_motors
 from tendonff.ocp.fits.mechanism import GEAR_SLIP_RAD, Loop, MotorRun, respond
 from tests.hidden_loop import COUNT_RAD, scenario
 
@@ -99,7 +99,7 @@ def test_counts_of_a_log_without_noise_leave_a_and_the_stretch_within_one_per_ce
     answer = respond(Loop(mechanism=asked.mechanism), MotorRun.of_one(motor, row_s, 0.0), segments=16)
     columns = {"time_s": time, "motor_rad": read(motor), "motor_torque_N_m": answer.torque_N_m[:, 0]}
     write_csv(tmp_path / "log.csv", columns)
-    found = identify_motors(asked, [tmp_path / "log.csv"])
+    found = identify(asked, [tmp_path / "log.csv"])
     for name, value in zip(DERIVED, derived(asked.mechanism, 0.0).tolist(), strict=True):
         if name in ("mu_theta", "tension_over_stiffness_m"):
             assert found.estimate(name).value == pytest.approx(value, rel=0.01), name

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from benchmarks.identify_joint import measured, truth
+from tendonff.compensator.identification.answer.result import AnyIdentification
+from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.identification.motors.first_look import look
 from tendonff.compensator.identification.motors.log import read_logs
-from tendonff.compensator.identification.motors.result import MotorsIdentification
-from tendonff.compensator.identification.motors.run import identify_motors
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.design.motors.run import design_motors
@@ -28,8 +28,8 @@ def log(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def found(log) -> MotorsIdentification:
-    return identify_motors(scenario(), [log])
+def found(log) -> AnyIdentification:
+    return identify(scenario(), [log])
 
 
 def test_exponent_ratio_lost_motion_and_friction_are_those_of_the_plant_and_inside_their_intervals(found):
@@ -51,9 +51,9 @@ def test_exponent_ratio_lost_motion_and_friction_are_those_of_the_plant_and_insi
 
 
 def test_the_motor_alone_predicts_torque_and_joint(found):
-    [file] = found.of_role("fit")
-    assert file.torque_percent < 1.5
-    assert file.joint_rms_deg < 0.25
+    [file] = found.files
+    assert found.fit_percent < 1.5
+    assert file.named("joint_rms_deg")["knuckle"] < 0.25
 
 
 def test_straight_lines_are_a_first_look_only(log):

@@ -10,21 +10,22 @@ import pytest
 import tendonff as tf
 from tendonff.compensator.cli import run
 from tendonff.compensator.files.reading import InputError, read_csv
-from tendonff.compensator.identification.answer.result import Estimate
+from tendonff.compensator.identification.answer.estimate import Estimate
+from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.identification.motors import alternatives
 from tendonff.compensator.identification.motors.alternatives import Alternative, spanned, with_alternatives
 from tendonff.compensator.identification.motors.estimates import DERIVED, Found, derived, estimates_of
 from tendonff.compensator.identification.motors.first_look import look
-from tendonff.compensator.identification.motors.fitted import fitted_text, moved_files
+from tendonff.compensator.identification.motors.fitted import fitted_text
 from tendonff.compensator.identification.motors.law import MechanismLaw, covariance_of, widened
 from tendonff.compensator.identification.motors.log import read_logs
 from tendonff.compensator.identification.motors.loop_routine import suggest_routine
 from tendonff.compensator.identification.motors.parameters import Quantity, put_into
-from tendonff.compensator.identification.motors.result import summary_lines
-from tendonff.compensator.identification.motors.run import identify_motors, warnings_of
+from tendonff.compensator.identification.motors.run import warnings_of
 from tendonff.compensator.identification.motors.search import in_counts
 from tendonff.compensator.scenario.driven.joint import parse_joint_scenario
 from tendonff.compensator.scenario.measurement import Measurement
+from tendonff.compensator.scenarios import parse_any
 from tendonff.ocp.fits.least_squares import Minimum, Residuals, block_covariance
 from tests.compensator.identification.motors import own_log
 from tests.hidden_loop import EXAMPLES, scenario
@@ -37,12 +38,12 @@ HOW = Measurement()
 def test_without_a_stop_and_an_encoder_lost_motion_stays_the_scenarios(tmp_path):
     asked = scenario(stop=False)
     true = own_log.other(coulomb_N_m=0.0)  # a search that starts with friction of the gear may end at its bound
-    found = identify_motors(asked, [own_log.write(tmp_path, true, asked)])
+    found = identify(asked, [own_log.write(tmp_path, true, asked)])
     assert derived(asked.mechanism, 0.0)[2] != pytest.approx(derived(true, 0.0)[2], rel=0.1)  # else nothing is claimed
     friction = found.estimate("motor_friction_N_m")
     assert friction.interval[0] <= derived(true, 0.0)[4] <= friction.interval[1]
     _is_kept(found, asked)
-    assert "next: log the angle of the joint (joint_rad), or push slowly" in summary_lines(found)[-1]
+    assert "Next: log the angle of the joint (joint_rad), or push slowly" in found.lines()[0]
     assert not any("bound" in text for text in found.warnings)
 
 
@@ -50,7 +51,7 @@ def test_without_a_stop_and_an_encoder_lost_motion_stays_the_scenarios(tmp_path)
 def test_an_encoder_tells_the_lost_motion_without_a_stop(tmp_path):
     asked = scenario(stop=False)
     true = own_log.other()
-    found = identify_motors(asked, [own_log.write(tmp_path, true, asked, encoder=True)])
+    found = identify(asked, [own_log.write(tmp_path, true, asked, encoder=True)])
     exponent, _, lost, _, friction = derived(true, 0.0)
     assert found.estimate("mu_theta").value != pytest.approx(exponent, rel=0.1)  # else the claim would be empty
     for name, value in (("lost_motion_rad", lost), ("motor_friction_N_m", friction)):
@@ -82,7 +83,7 @@ def test_a_tight_fit_of_free_strokes_alone_is_not_believed(tmp_path, monkeypatch
     asked = scenario(stop=False)
     monkeypatch.setattr(MechanismLaw, "fit", _far_off)
     monkeypatch.setattr(MechanismLaw, "evaluate", lambda _law, _values, over: _rows(len(over)))
-    found = identify_motors(asked, [own_log.write(tmp_path, asked.mechanism, asked)])
+    found = identify(asked, [own_log.write(tmp_path, asked.mechanism, asked)])
     assert found.described
     _is_kept(found, asked)
     assert found.estimate("gravity_N_m").identifiable
@@ -93,7 +94,7 @@ def test_a_value_at_a_bound_of_its_search_is_not_identifiable(tmp_path, monkeypa
     asked = scenario(stop=False)
     monkeypatch.setattr(MechanismLaw, "fit", partialmethod(_far_off, at_bound=(Quantity.GRAVITY,)))
     monkeypatch.setattr(MechanismLaw, "evaluate", lambda _law, _values, over: _rows(len(over)))
-    found = identify_motors(asked, [own_log.write(tmp_path, asked.mechanism, asked)])
+    found = identify(asked, [own_log.write(tmp_path, asked.mechanism, asked)])
     assert not found.estimate("gravity_N_m").identifiable
     assert "bound of its search" in found.estimate("gravity_N_m").why
     assert any("gravity_N_m ended at a bound" in text for text in found.warnings)
@@ -290,7 +291,7 @@ def test_an_effect_that_only_stood_in_for_another_is_left_out_again(monkeypatch,
 @pytest.mark.parametrize("parts", [RELAXING, ADHESIVE, {}])
 def test_intervals_hold_where_tendons_relax_or_rub_without_load(tmp_path, parts, encoder):
     true = of_tendons(own_log.other(), **parts)
-    found = identify_motors(scenario(), [own_log.write(tmp_path, true, encoder=encoder)])
+    found = identify(scenario(), [own_log.write(tmp_path, true, encoder=encoder)])
     for name, value in zip(DERIVED, derived(true, 0.0), strict=True):
         low, high = found.estimate(name).interval
         assert low <= value <= high, name
@@ -389,7 +390,7 @@ def test_a_column_that_is_missing_is_named(tmp_path, columns, message):
     np.savetxt(tmp_path / "log.csv", table, delimiter=",", header=columns, comments="")
     asked = tf.load_scenario(EXAMPLES / "hand_joint.toml")
     with pytest.raises(InputError, match=message):
-        identify_motors(asked, [tmp_path / "log.csv"])
+        identify(asked, [tmp_path / "log.csv"])
 
 
 def test_the_routine_of_a_loop_is_refused_for_a_pair():
@@ -421,8 +422,8 @@ def test_the_written_text_holds_the_same_mechanism_from_another_folder(tmp_path)
     (tmp_path / "out").mkdir()
     for file in (tmp_path / "tip.toml", tmp_path / "apart.toml", EXAMPLES / "instrument_pair.toml"):
         asked = tf.load_scenario(file)
-        text = moved_files(fitted_text(asked, asked.mechanism, []), asked.source, tmp_path / "out")
-        (tmp_path / "out" / file.name).write_text(text, "utf-8")
+        fitted = parse_any(fitted_text(asked, asked.mechanism, []), asked.source)
+        (tmp_path / "out" / file.name).write_text(fitted.text_in(tmp_path / "out"), "utf-8")
         again = tf.load_scenario(tmp_path / "out" / file.name)
         assert repr(again.mechanism) == repr(asked.mechanism)
         assert again.reference == asked.reference

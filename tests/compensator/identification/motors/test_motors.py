@@ -12,13 +12,13 @@ from tendonff.compensator.cli import run
 from tendonff.compensator.compensators.motors.task import ASSUMED_SPREAD
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv
-from tendonff.compensator.identification.answer.result import Estimate
+from tendonff.compensator.identification.answer.estimate import Estimate
+from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.identification.motors.fitted import fitted_text
 from tendonff.compensator.identification.motors.law import MechanismLaw, promises
 from tendonff.compensator.identification.motors.log import read_logs, read_several
 from tendonff.compensator.identification.motors.parameters import OF_TENDONS, Quantity, Role, numbers_of
 from tendonff.compensator.identification.motors.run import (
-    identify_motors,
     mechanism_of,
     suggest_motor_routine,
 )
@@ -169,7 +169,7 @@ def test_a_finger_of_three_joints_and_four_tendons_is_found(tmp_path, encoder):
         plant_step_s=4e-6,
         masses=16,
     )
-    found = identify_motors(scenario, [log])
+    found = identify(scenario, [log])
     for key, value in truth.items():
         assert found.estimate(key).value == pytest.approx(value, rel=0.03), key
     found.write(tmp_path / "fit")
@@ -188,7 +188,7 @@ def test_stiffness_that_grows_with_the_tension_is_found_and_costs_a_design_nothi
         scenario, true, suggest_motor_routine(scenario), coulomb=(2e-3, 3e-3), tension_N=np.array([5.0, 5.0]),
         folder=tmp_path, masses=8, growth=0.3,
     )  # fmt: skip
-    found = identify_motors(scenario, [log])
+    found = identify(scenario, [log])
     low, high = found.estimate("stiffening").interval
     assert low < 0.3 < high
     assert high - low < 0.2
@@ -245,13 +245,27 @@ def test_an_effect_of_the_tendons_that_the_law_lacks_is_named_and_widens_the_int
     assert max(each.gain for each in lacking({}).values()) < 4
 
 
+def test_files_that_a_finger_names_are_found_from_another_folder(examples, tmp_path):
+    text = (
+        (examples / "three_joint_finger.toml").read_text().replace("[joints.mcp]", '[joints.mcp]\ntorques = "t.csv"', 1)
+    )
+    (tmp_path / "finger.toml").write_text(text)
+    write_csv(tmp_path / "t.csv", {"time_s": np.linspace(0.0, 9.0, 10), "mcp_N_m": np.zeros(10)})
+    (tmp_path / "out").mkdir()
+    asked = load_scenario(tmp_path / "finger.toml")
+    (tmp_path / "out" / "fitted.toml").write_text(asked.text_in(tmp_path / "out"))
+    again = load_scenario(tmp_path / "out" / "fitted.toml")
+    assert again.torques == {"mcp": "../t.csv"}
+    assert [path.resolve() for path in again.inputs] == [path.resolve() for path in asked.inputs]
+
+
 def test_a_log_without_a_motor_names_the_column(pair, tmp_path):
     _, scenario, _, log = pair
     lines = log.read_text().splitlines()
     cut = [",".join(line.split(",")[:-3]) for line in lines]
     (tmp_path / "short.csv").write_text("\n".join(cut))
     with pytest.raises(InputError, match=r'column "motor_close_rad" is missing.*angle of each motor'):
-        identify_motors(scenario, [tmp_path / "short.csv"])
+        identify(scenario, [tmp_path / "short.csv"])
 
 
 def test_current_needs_the_torque_constant(pair, tmp_path):
@@ -259,7 +273,7 @@ def test_current_needs_the_torque_constant(pair, tmp_path):
     text = log.read_text().replace("motor_torque_open_N_m", "motor_current_open_A")
     (tmp_path / "current.csv").write_text(text)
     with pytest.raises(InputError, match="motor_current_open_A needs the torque constant: torque_constant_N_m_per_A"):
-        identify_motors(scenario, [tmp_path / "current.csv"])
+        identify(scenario, [tmp_path / "current.csv"])
 
 
 def test_suggested_motor_angles_lead_the_joints_over_their_range_at_two_levels_of_tension(pair):
@@ -277,7 +291,7 @@ def test_a_scenario_without_friction_is_refused(pair):
     _, scenario, _, log = pair
     bare = replace(scenario, mechanism=with_numbers(scenario.mechanism, {"mu": 0.0}))
     with pytest.raises(InputError, match="mu_dynamic of tendon"):
-        identify_motors(bare, [log])
+        identify(bare, [log])
 
 
 @pytest.mark.parametrize(("name", "motors"), [("instrument_pair", ("_open", "_close")), ("hand_joint", ("",))])

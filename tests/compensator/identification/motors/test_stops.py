@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import pytest
 
+from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.identification.motors.estimates import derived
 from tendonff.compensator.identification.motors.first_look import look
 from tendonff.compensator.identification.motors.law import MechanismLaw
 from tendonff.compensator.identification.motors.log import read_logs
 from tendonff.compensator.identification.motors.parameters import Quantity
-from tendonff.compensator.identification.motors.run import identify_motors
 from tendonff.compensator.scenario.driven.joint import JointScenario, parse_joint_scenario
 from tendonff.compensator.scenario.measurement import Measurement
 from tests.compensator.identification.motors import own_log
@@ -45,7 +45,7 @@ def test_the_stops_of_the_scenario_are_tried_where_the_first_look_saw_others(tmp
     found = look(read_logs(asked, [path], Measurement())[0], asked.mechanism)
     blind = replace(found, pushes=(), exponent=None, tension_over_stiffness_m=None)
     monkeypatch.setattr("tendonff.compensator.identification.motors.run.look", lambda *_: blind)
-    again = identify_motors(asked, [path])
+    again = identify(asked, [path])
     assert again.described
     assert again.estimate("stop_high_rad").value == pytest.approx(1.25, abs=5e-3)
     assert again.estimate("mu_theta").value == pytest.approx(derived(asked.mechanism, 0.0)[0], rel=0.1)
