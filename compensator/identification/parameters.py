@@ -10,6 +10,7 @@ from typing import Any
 
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.pace import UNHURRIED
+from tendonff.compensator.identification.spec import Scale, Spec
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.parameters import Transmission
 from tendonff.models.parameters.transmission import LARGEST_EXPONENT
@@ -32,51 +33,32 @@ class Role(Enum):
     CELL = "never; found where friction does not act"
 
 
-class Scale(Enum):
-    """Unit of a number's bounds and of its size."""
-
-    START = "the start, searched by its logarithm"
-    TENSION = "the tension's range for bounds, its mean for sizes"
-    ABSOLUTE = "the number's own"
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Spec:
-    """Everything that is particular to one number.
+class OfTendon(Spec):
+    """Everything that is particular to one number of a tendon.
 
     Parameters
     ----------
-    unit : str
     role : Role
-    scale : Scale
-        Unit of the following five.
-    low, high : float
-        Bounds of the search; for `Scale.START` the second is a factor either way.
-    step : float
-        Usual step of the search; of the logarithm for `Scale.START`.
     nudge : float
         Where the search starts if the number may vanish.
     size : float
         What a standard error is judged against; 0 for the value itself.
-    floor : float
-        Standard error of the method itself, as a share of the value, for `Scale.TENSION` of the mean tension.
     alike : float
         Factor by which the scatter between blocks understates the error.
     whole : Number, optional
         Number of the undivided tendon that it is.
-    key : str
-        Its place in the scenario, "table.key"; empty where it has none.
     static : StaticParameter, optional
         What the static laws call it.
     may_vanish : bool
         A law may do without it.
-    effect : str
-        What the law gains with it, for names of laws.
-    advice : str
-        What to measure where the data do not identify it; empty for full strokes at several loads.
+
+    Notes
+    -----
+    `floor` is a share of the value, for `Scale.TENSION` of the mean tension. Without an `advice` it is full strokes at
+    several loads.
     """
 
-    unit: str
     role: Role
     scale: Scale = Scale.START
     low: float = 0.0
@@ -84,19 +66,14 @@ class Spec:
     step: float = 0.7
     nudge: float = 0.0
     size: float = 0.0
-    floor: float = 0.0
     alike: float = 1.0
     whole: Number | None = None
-    key: str = ""
     static: StaticParameter | None = None
     may_vanish: bool = False
-    effect: str = ""
-    advice: str = ""
 
 
-_MU: dict[str, Any] = {"unit": "-", "role": Role.CORE, "high": 20.0, "step": 0.2}
+_MU: dict[str, Any] = {"role": Role.CORE, "high": 20.0, "step": 0.2}
 _BIAS: dict[str, Any] = {
-    "unit": "N",
     "role": Role.CONSTANT,
     "scale": Scale.TENSION,
     "low": -1.0,
@@ -113,22 +90,21 @@ _NO_RELAXATION = "the holds show no relaxation beyond the noise; use larger step
 _READINGS = {str(reading): reading for reading in Reading}
 
 
-class Parameter(Entry[Spec], ReprEnum):
+class Parameter(Entry[OfTendon], ReprEnum):
     """The list; values are names of estimates, in the order of the report."""
 
     MU_PULL = (
         "mu_dynamic",
-        Spec(**_MU, floor=0.0005, key="friction.mu_dynamic", static=StaticParameter.PULL),
+        OfTendon(**_MU, floor=0.0005, key="friction.mu_dynamic", static=StaticParameter.PULL),
     )
     MU_RELEASE = (
         "mu_dynamic_release",
-        Spec(**_MU, floor=0.0008, key="friction.mu_dynamic_release", static=StaticParameter.RELEASE),
+        OfTendon(**_MU, floor=0.0008, key="friction.mu_dynamic_release", static=StaticParameter.RELEASE),
     )
     # mu_static/mu_dynamic - 1 in both directions
     STATIC_EXCESS = (
         "static_excess",
-        Spec(
-            unit="-",
+        OfTendon(
             role=Role.SPEED,
             scale=Scale.ABSOLUTE,
             high=3.0,
@@ -141,8 +117,7 @@ class Parameter(Entry[Spec], ReprEnum):
     )
     STRIBECK_VELOCITY = (
         "stribeck_velocity_m_per_s",
-        Spec(
-            unit="m/s",
+        OfTendon(
             role=Role.KEPT,
             high=20.0,
             whole=Number.STRIBECK_VELOCITY,
@@ -151,8 +126,7 @@ class Parameter(Entry[Spec], ReprEnum):
     )
     VISCOUS = (
         "viscous_N_s_per_m",
-        Spec(
-            unit="N s/m",
+        OfTendon(
             role=Role.SPEED,
             scale=Scale.ABSOLUTE,
             high=1e6,
@@ -166,8 +140,7 @@ class Parameter(Entry[Spec], ReprEnum):
     )
     BRISTLE = (
         "soft_bristle_stiffness_N_per_m",
-        Spec(
-            unit="N/m",
+        OfTendon(
             role=Role.CORE,
             floor=0.0025,
             alike=3.0,
@@ -179,8 +152,7 @@ class Parameter(Entry[Spec], ReprEnum):
     )
     ADHESION = (
         "adhesion_N",
-        Spec(
-            unit="N",
+        OfTendon(
             role=Role.CONSTANT,
             scale=Scale.TENSION,
             high=20.0,
@@ -198,8 +170,7 @@ class Parameter(Entry[Spec], ReprEnum):
     )
     LOAD_EXPONENT = (
         "load_exponent",
-        Spec(
-            unit="-",
+        OfTendon(
             role=Role.LOAD,
             scale=Scale.ABSOLUTE,
             low=1e-4,
@@ -216,8 +187,7 @@ class Parameter(Entry[Spec], ReprEnum):
     )
     STIFFNESS = (
         "stiffness_N_per_m",
-        Spec(
-            unit="N/m",
+        OfTendon(
             role=Role.TENDON,
             step=0.2,
             floor=0.0005,
@@ -228,8 +198,7 @@ class Parameter(Entry[Spec], ReprEnum):
     )
     RELAXING = (
         "relaxing_stiffness_N_per_m",
-        Spec(
-            unit="N/m",
+        OfTendon(
             role=Role.TENDON,
             floor=0.001,
             whole=Number.RELAXING_STIFFNESS,
@@ -239,8 +208,7 @@ class Parameter(Entry[Spec], ReprEnum):
     )
     RELAXATION_TIME = (
         "relaxation_time_s",
-        Spec(
-            unit="s",
+        OfTendon(
             role=Role.TENDON,
             floor=0.0025,
             whole=Number.RELAXATION_TIME,
@@ -250,18 +218,17 @@ class Parameter(Entry[Spec], ReprEnum):
     )
     DAMPING = (
         "damping_N_s_per_m",
-        Spec(
-            unit="N s/m",
+        OfTendon(
             role=Role.KEPT,
             whole=Number.DAMPING,
             key="tendon.damping_N_s_per_m",
             advice="it acts on fast changes only; add excitation above 20 Hz",
         ),
     )
-    INPUT_GAIN = "input_gain", Spec(unit="-", role=Role.CELL)
-    OUTPUT_GAIN = "output_gain", Spec(unit="-", role=Role.CELL)
-    INPUT_BIAS = "input_offset_N", Spec(**_BIAS, static=StaticParameter.INPUT_BIAS, effect="input offset")
-    OUTPUT_BIAS = "output_offset_N", Spec(**_BIAS, static=StaticParameter.OUTPUT_BIAS, effect="output offset")
+    INPUT_GAIN = "input_gain", OfTendon(role=Role.CELL)
+    OUTPUT_GAIN = "output_gain", OfTendon(role=Role.CELL)
+    INPUT_BIAS = "input_offset_N", OfTendon(**_BIAS, static=StaticParameter.INPUT_BIAS, effect="input offset")
+    OUTPUT_BIAS = "output_offset_N", OfTendon(**_BIAS, static=StaticParameter.OUTPUT_BIAS, effect="output offset")
 
     @property
     def signed(self) -> bool:
@@ -275,16 +242,8 @@ class Parameter(Entry[Spec], ReprEnum):
 
     def unknown(self, start: float, span_N: float) -> Unknown:
         """Bounds and step of its search, the output tension's range being `span_N`."""
-        spec = self.spec
-        if spec.scale is Scale.START:
-            safe = max(start, 1e-9)
-            return Unknown(
-                name=self, start=safe, low=safe / spec.high, high=safe * spec.high, scale=spec.step, logarithmic=True
-            )
-        if spec.scale is Scale.ABSOLUTE:
-            return Unknown(name=self, start=start, low=spec.low, high=spec.high, scale=max(start, spec.step))
-        low, high, step = (span_N * x for x in (spec.low, spec.high, spec.step))
-        return Unknown(name=self, start=start, low=low, high=high, scale=step)
+        step = max(start, self.spec.step) if self.spec.scale is Scale.ABSOLUTE else None
+        return self.spec.unknown(self, start, step, span_N)
 
     def size(self, value: float, mean_N: float) -> float:
         """Scale of its standard error, the mean output tension being `mean_N`."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import t as student
 
-from tendonff.compensator.identification.answer.estimate import Estimate, is_known
+from tendonff.compensator.identification.answer.estimate import Estimate, is_known, unit_of
 from tendonff.compensator.identification.constants import TUNED, with_torque_constant
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.motors.law import MechanismLaw
@@ -17,14 +17,8 @@ from tendonff.ocp.fits.least_squares import Solution
 
 N = Quantity
 
-DERIVED = {
-    "mu_theta": "-",
-    "tension_over_stiffness_m": "m",
-    "lost_motion_rad": "rad",
-    "drive_torque_N_m": "N m",
-    "motor_friction_N_m": "N m",
-}
-"""Numbers that follow, and their units: a, T/k, half the lost motion of the joint, 2 a T at the motor, and all friction
+DERIVED = ("mu_theta", "tension_over_stiffness_m", "lost_motion_rad", "drive_torque_N_m", "motor_friction_N_m")
+"""Numbers that follow: a, T/k, half the lost motion of the joint, 2 a T at the motor, and all friction
 of a free stroke there, that of the gear included.
 """
 
@@ -140,12 +134,7 @@ def estimates_of(system: System, found: Found, *, described: bool) -> tuple[Esti
 def correlation_of(found: Found) -> Array:
     """Correlation of the values of the mechanism, shape (k, k)."""
     own = [list(found.solution.values).index(name) for name in found.names]
-    covariance = found.covariance[np.ix_(own, own)]
-    deviation = np.sqrt(np.diag(covariance))
-    safe = np.where(np.isfinite(deviation) & (deviation > 0), deviation, np.inf)
-    correlation = np.where(np.isfinite(covariance), covariance, 0.0) / np.outer(safe, safe)
-    np.fill_diagonal(correlation, 1.0)
-    return np.asarray(correlation)
+    return np.asarray(replace(found.solution, covariance=found.covariance).correlation()[np.ix_(own, own)])
 
 
 def _advice(number: Number) -> str:
@@ -171,7 +160,8 @@ def _free(system: System, number: Number, value: float, found: Found, *, describ
     elif at_bound:
         why = f"it ended at a bound of its search; {number.advice or 'longer files'}"
     elif not identifiable:
-        why = f"its standard error is {error:.2g} {number.spec.unit}; {number.advice or 'longer files'}"
+        size = f"{error:.2g} {unit_of(number.name)}".removesuffix(" -")
+        why = f"its standard error is {size}; {number.advice or 'longer files'}"
     elif number.spec.of_force and found.by_torque:
         why += ", as measured by the motor: its interval counts 10 % for the torque constant"
     whole, half = _reached(value, error, found, of_force=number.spec.of_force)

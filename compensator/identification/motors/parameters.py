@@ -7,11 +7,12 @@ and joint has its own, by its place in the scenario.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import ReprEnum, StrEnum
-from typing import TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
 from tendonff.compensator.identification.motors.log import MotorsLog
+from tendonff.compensator.identification.spec import Scale, Spec
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.models.joint.parameters.finger import Finger, Motor
@@ -35,67 +36,52 @@ class Role(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Spec:
-    """Everything that is particular to one number.
+class OfMotors(Spec):
+    """Everything that is particular to one number that motors feel.
 
     Parameters
     ----------
-    unit : str
     role : Role
-    key : str
-        Its place in the scenario, "table.key", joint for that of the driven joint; empty where it has none.
     shared : str
         Factor that scales it on all tendons alike, which may differ in it otherwise.
     apart : bool
         Each tendon, motor and joint has its own where several motors feel them; else it is searched for as a factor.
-    logarithmic : bool
-        Searched by its logarithm.
-    factor : float
-        How far either way, then.
-    low, high : float
-        Bounds of the others.
-    step : float
-        Usual step of the search; of the logarithm for the logarithmic ones.
     start : float
         Where an extra number starts that the scenario does not have.
     prior, prior_apart : float
         Standard deviation that is known before, of the logarithm; 0 for none. The second of each tendon's own.
-    floor : float
-        Standard error of the method itself: a share of what is positive or a force, else in the number's unit.
     floor_of_friction : float
-        The same as a share of the friction of free strokes, beside which it is seen.
+        Floor as a share of the friction of free strokes, beside which it is seen.
     of_force : bool
         It is a force or torque: known as well as the scale of the measured torque.
     cornered : bool
         Its law has a corner at zero, and so no slope.
-    effect : str
-        What the law gains with it, for names of laws.
-    advice, advice_apart : str
-        Which move would identify it; the second for each tendon's or motor's own, by default the first.
+    advice_apart : str
+        Which move would identify each tendon's or motor's own, by default the same.
+
+    Notes
+    -----
+    The table of `key` is joint for that of the driven joint. `floor` is a share of what is positive or a force, else in
+    the number's unit.
     """
 
-    unit: str
     role: Role
-    key: str = ""
-    shared: str = ""
-    apart: bool = True
-    logarithmic: bool = False
-    factor: float = 30.0
+    scale: Scale = Scale.ABSOLUTE
     low: float = -np.inf
     high: float = np.inf
     step: float = 0.2
+    shared: str = ""
+    apart: bool = True
     start: float = 0.0
     prior: float = 0.0
     prior_apart: float = 0.0
-    floor: float = 0.0
     floor_of_friction: float = 0.0
     of_force: bool = False
     cornered: bool = False
-    effect: str = ""
-    advice: str = ""
     advice_apart: str = ""
 
 
+_POSITIVE: dict[str, Any] = {"scale": Scale.START, "high": 30.0}
 _PUSH = "push slowly against a stop until a tendon is slack, and on as far again"
 ANGLE_OR_PUSH = f"log the angle of the joint (joint_rad), or {_PUSH}"
 """Measurement that tells the lost motion of a loop."""
@@ -103,17 +89,16 @@ ANGLE_OR_PUSH = f"log the angle of the joint (joint_rad), or {_PUSH}"
 _STROKES = "add strokes over the whole range, both ways"
 
 
-class Quantity(Entry[Spec], ReprEnum):
+class Quantity(Entry[OfMotors], ReprEnum):
     """The list; values are names of estimates, in the order of the report."""
 
     MU = (
         "mu_dynamic",
-        Spec(
-            unit="-",
+        OfMotors(
             role=Role.CORE,
             key="friction.mu_dynamic",
             shared="mu",
-            logarithmic=True,
+            **_POSITIVE,
             prior_apart=0.7,
             floor=0.008,
             advice=_PUSH,
@@ -122,11 +107,10 @@ class Quantity(Entry[Spec], ReprEnum):
     )
     TENSION = (
         "pretension_N",
-        Spec(
-            unit="N",
+        OfMotors(
             role=Role.CORE,
             key="drive.pretension_N",
-            logarithmic=True,
+            **_POSITIVE,
             floor=0.008,
             of_force=True,
             advice=_PUSH,
@@ -135,12 +119,11 @@ class Quantity(Entry[Spec], ReprEnum):
     )
     STIFFNESS = (
         "stiffness_N_per_m",
-        Spec(
-            unit="N/m",
+        OfMotors(
             role=Role.CORE,
             key="tendon.stiffness_N_per_m",
             shared="stiffness",
-            logarithmic=True,
+            **_POSITIVE,
             prior_apart=0.7,
             floor=0.006,
             of_force=True,
@@ -150,14 +133,13 @@ class Quantity(Entry[Spec], ReprEnum):
     )
     BRISTLE = (
         "soft_bristle_stiffness_N_per_m",
-        Spec(
-            unit="N/m",
+        OfMotors(
             role=Role.CORE,
             key="friction.soft_bristle_stiffness_N_per_m",
             shared="bristle_stiffness",
             apart=False,
-            logarithmic=True,
-            factor=8.0,
+            scale=Scale.START,
+            high=8.0,
             step=0.7,
             prior=1.0,
             floor=0.03,
@@ -167,8 +149,7 @@ class Quantity(Entry[Spec], ReprEnum):
     )
     COULOMB = (
         "coulomb_N_m",
-        Spec(
-            unit="N m",
+        OfMotors(
             role=Role.CORE,
             key="drive.coulomb_N_m",
             low=0.0,
@@ -181,12 +162,11 @@ class Quantity(Entry[Spec], ReprEnum):
     )
     GEAR_SLIP = (
         "gear_slip_rad",
-        Spec(
-            unit="rad",
+        OfMotors(
             role=Role.CORE,
-            logarithmic=True,
+            scale=Scale.START,
             start=GEAR_SLIP_RAD,
-            factor=5.0,
+            high=5.0,
             step=0.5,
             prior=0.7,
             floor=0.3,
@@ -195,8 +175,7 @@ class Quantity(Entry[Spec], ReprEnum):
     )
     GRAVITY = (
         "gravity_N_m",
-        Spec(
-            unit="N m",
+        OfMotors(
             role=Role.CORE,
             key="joint.gravity_N_m",
             step=0.02,
@@ -208,8 +187,7 @@ class Quantity(Entry[Spec], ReprEnum):
     )
     JOINT_STIFFNESS = (
         "joint_stiffness_N_m_per_rad",
-        Spec(
-            unit="N m/rad",
+        OfMotors(
             role=Role.CORE,
             key="joint.stiffness_N_m_per_rad",
             low=0.0,
@@ -221,20 +199,19 @@ class Quantity(Entry[Spec], ReprEnum):
     )
     STOP_HIGH = (
         "stop_high_rad",
-        Spec(unit="rad", role=Role.STOP, key="joint.stop_high_rad", step=0.05, floor=1e-3),
+        OfMotors(role=Role.STOP, key="joint.stop_high_rad", step=0.05, floor=1e-3),
     )
     STOP_LOW = (
         "stop_low_rad",
-        Spec(unit="rad", role=Role.STOP, key="joint.stop_low_rad", step=0.05, floor=1e-3),
+        OfMotors(role=Role.STOP, key="joint.stop_low_rad", step=0.05, floor=1e-3),
     )
     STOP_STIFFNESS = (
         "stop_stiffness_N_m_per_rad",
-        Spec(
-            unit="N m/rad",
+        OfMotors(
             role=Role.STOP,
             key="joint.stop_stiffness_N_m_per_rad",
-            logarithmic=True,
-            factor=4.0,
+            scale=Scale.START,
+            high=4.0,
             step=0.7,
             prior=0.5,
             floor=0.5,
@@ -244,12 +221,11 @@ class Quantity(Entry[Spec], ReprEnum):
     )
     OFFSET = (
         "torque_offset_N_m",
-        Spec(unit="N m", role=Role.EXTRA, step=0.01, of_force=True, effect="offset of the torque"),
+        OfMotors(role=Role.EXTRA, step=0.01, of_force=True, effect="offset of the torque"),
     )
     EFFICIENCY = (
         "gear_efficiency",
-        Spec(
-            unit="-",
+        OfMotors(
             role=Role.EXTRA,
             key="drive.gear_efficiency",
             low=0.3,
@@ -262,8 +238,7 @@ class Quantity(Entry[Spec], ReprEnum):
     )
     JOINT_COULOMB = (
         "joint_coulomb_N_m",
-        Spec(
-            unit="N m",
+        OfMotors(
             role=Role.EXTRA,
             key="joint.coulomb_N_m",
             low=0.0,
@@ -275,8 +250,7 @@ class Quantity(Entry[Spec], ReprEnum):
     )
     ADHESION = (
         "adhesion_N",
-        Spec(
-            unit="N",
+        OfMotors(
             role=Role.EXTRA,
             key="friction.adhesion_N",
             low=0.0,
@@ -288,14 +262,13 @@ class Quantity(Entry[Spec], ReprEnum):
     )
     BACKLASH = (
         "backlash_rad",
-        Spec(unit="rad", role=Role.EXTRA, key="drive.backlash_rad", low=0.0, step=5e-3, effect="backlash of the gear"),
+        OfMotors(role=Role.EXTRA, key="drive.backlash_rad", low=0.0, step=5e-3, effect="backlash of the gear"),
     )
     SECOND_SIDE = (
         "second_side_softer",
-        Spec(
-            unit="-",
+        OfMotors(
             role=Role.EXTRA,
-            logarithmic=True,
+            **_POSITIVE,
             start=1.0,
             step=0.3,
             effect="a softer second tendon, as behind a spring",
@@ -303,8 +276,7 @@ class Quantity(Entry[Spec], ReprEnum):
     )
     RELAXING = (
         "relaxing_share",
-        Spec(
-            unit="-",
+        OfMotors(
             role=Role.EXTRA,
             low=0.0,
             high=20.0,
@@ -316,8 +288,7 @@ class Quantity(Entry[Spec], ReprEnum):
     )
     STIFFENING = (
         "stiffening",
-        Spec(
-            unit="-",
+        OfMotors(
             role=Role.EXTRA,
             key="tendon.stiffening",
             low=1e-3,
@@ -330,11 +301,10 @@ class Quantity(Entry[Spec], ReprEnum):
     )
     RELAXATION_TIME = (
         "relaxation_time_s",
-        Spec(
-            unit="s",
+        OfMotors(
             role=Role.PARTNER,
             key="tendon.relaxation_time_s",
-            logarithmic=True,
+            **_POSITIVE,
             step=0.5,
             prior=1.5,
             floor=0.05,
@@ -342,7 +312,7 @@ class Quantity(Entry[Spec], ReprEnum):
         ),
     )
 
-    TENSION_AT_START = "start", Spec(unit="N", role=Role.START, logarithmic=True)
+    TENSION_AT_START = "start", OfMotors(role=Role.START, **_POSITIVE)
 
     def of(self, mechanism: System) -> float:
         """The mechanism's value, of its first tendon; a start where it has none."""
@@ -396,20 +366,13 @@ class Number:
     of_start: str = ""
 
     @property
-    def spec(self) -> Spec:
+    def spec(self) -> OfMotors:
         """Particulars of its quantity."""
         return self.quantity.spec
 
     def unknown(self, start: float) -> Unknown:
         """Bounds and step of its search."""
-        spec = self.spec
-        if not spec.logarithmic:
-            at = min(max(start, spec.low), spec.high)
-            return Unknown(name=self.name, start=at, low=spec.low, high=spec.high, scale=self.step)
-        at = max(start, 1e-9)
-        return Unknown(
-            name=self.name, start=at, low=at / spec.factor, high=at * spec.factor, scale=self.step, logarithmic=True
-        )
+        return self.spec.unknown(self.name, start, self.step)
 
     def around(self, value: float, share: float) -> tuple[float, float]:
         """Values on either side, within its bounds, so many steps away."""

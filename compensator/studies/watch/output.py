@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.files.writing import atomic_directory, write_csv
+from tendonff.compensator.identification.answer.estimate import unit_of
 from tendonff.compensator.identification.motors.parameters import Quantity
 from tendonff.compensator.reporting.colours import BLUE, GREY, INK, ORANGE, VERMILION
 from tendonff.compensator.reporting.page import (
@@ -250,7 +251,7 @@ def watch_report(found: Watch, figures: dict[str, Figure]) -> Report:
         ),
         rows=[
             (
-                f"{c.drift.label} ({c.drift.number}, {c.drift.number.spec.unit})",
+                f"{c.drift.label} ({c.drift.number}, {unit_of(c.drift.number)})",
                 c.base,
                 100 * (_late(c) - 1),
                 100 * _band(c),

@@ -37,8 +37,7 @@ tf.identify(tf.load_scenario(scenario), [log], **OPTIONS).write(out)
 
 DAMPING = """    JOINT_DAMPING = (
         "joint_damping_N_m_s_per_rad",
-        Spec(
-            unit="N m s/rad",
+        OfMotors(
             role=Role.EXTRA,
             key="joint.damping_N_m_s_per_rad",
             low=0.0,
@@ -51,8 +50,7 @@ DAMPING = """    JOINT_DAMPING = (
 
 INERTIA = """    MASS = (
         "mass_kg",
-        Spec(
-            unit="kg",
+        OfTendon(
             role=Role.SPEED,
             scale=Scale.ABSOLUTE,
             step=0.1,
