@@ -8,6 +8,9 @@ import numpy as np
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.measured import Array
+from tendonff.compensator.identification.motors.law import COARSE_MASSES
+from tendonff.compensator.identification.motors.log import ROW_S
+from tendonff.compensator.identification.pen import COSINE, Pen
 from tendonff.compensator.scenario.driven.joint import JointScenario, sample_joint
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.closed_form import GrossSliding, data_sheet
@@ -16,18 +19,22 @@ from tendonff.models.joint.parameters.finger import Finger
 from tendonff.models.turns import in_turn
 from tendonff.ocp.fits.mechanism import Loop, MotorResponse, MotorRun, respond
 
-ROW_S = 0.01
 TORQUE_SHARE, SPEED_SHARE = 0.8, 0.5
 """Shares of the motor's limits that the routine uses."""
 
 PUSH_TRAVELS, LEAST_PUSH_RAD = 5.0, 0.1
 """Length of a push: so many times the travel from touch to kink, and at least so much, since neither is known yet."""
 
-SMALL = (0.6, 1.2, 2.4)
-"""Small reversals, in travels of the lost motion."""
+SMALL, LEAST_SMALL_RAD = (0.6, 1.2, 2.4), 0.02
+"""Small reversals, in travels of the lost motion, and at least so large: an angle is read in counts."""
 
-STROKE_S, PUSH_S, SMALL_S = 1.4, 2.5, 0.4
-MASSES = 6
+STOP_ROOM = 0.1
+"""Strokes end before a stop, by this share of the range."""
+
+BACK = 3.0
+"""Way back from a stop before a push, in travels of the lost motion: friction has turned over."""
+
+STROKE_S, PUSH_S, SMALL_S, HOLD_S = 1.4, 2.5, 0.4, 0.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -61,31 +68,6 @@ def is_loop(mechanism: Mechanism | Finger) -> bool:
     return isinstance(mechanism, Mechanism) and mechanism.drive.kind is DriveKind.LOOP
 
 
-class _Pen:
-    """Draws smooth moves and holds."""
-
-    def __init__(self, speed_rad_per_s: float) -> None:
-        self._pieces, self.parts, self._speed = [np.zeros(1)], list[str](), speed_rad_per_s
-
-    def note(self, text: str) -> None:
-        self.parts.append(f"{(len(self.motor_rad) - 1) * ROW_S:.4g} s: {text}")
-
-    @property
-    def motor_rad(self) -> Array:
-        return np.concatenate(self._pieces)
-
-    def hold(self, seconds: float) -> None:
-        self._pieces.append(np.full(max(1, round(seconds / ROW_S)), self._pieces[-1][-1]))
-
-    def move(self, to_rad: float, seconds: float) -> None:
-        """Half a cosine, as slow as asked or as the motor's speed demands: where it turns, counts still tell."""
-        start = float(self._pieces[-1][-1])
-        seconds = max(seconds, 1.6 * abs(to_rad - start) / self._speed)  # its top speed is 1.571 of its mean
-        rows = max(2, math.ceil(seconds / ROW_S))
-        s = np.arange(1, rows + 1) / rows
-        self._pieces.append(start + (to_rad - start) * (1 - np.cos(np.pi * s)) / 2)
-
-
 @in_turn
 def suggest_routine(scenario: JointScenario) -> MotorRoutine:
     """Motor angles for a log that identifies the loop of a scenario, within its range and the motor's limits.
@@ -114,21 +96,20 @@ def suggest_routine(scenario: JointScenario) -> MotorRoutine:
     low, high = float(sampled.angle_rad.min()), float(sampled.angle_rad.max())
     law = GrossSliding.of(mechanism, start)
     ratio = abs(law.tendons[0].arm_m) / law.tendons[0].drum_m * mechanism.drive.gear_ratio
-    sheet = data_sheet(law, 0.0)
-    lost = sheet.lost_motion_rad * ratio
+    lost = data_sheet(law, 0.0).lost_motion_rad * ratio
     stops = {1: mechanism.joint.stop_high_rad, -1: mechanism.joint.stop_low_rad}
-    room = 0.1 * (high - low)
+    room = STOP_ROOM * (high - low)
     high = high if stops[1] is None else stops[1] - room
     low = low if stops[-1] is None else stops[-1] + room
     top, bottom = (high - start) * ratio, (low - start) * ratio
-    if not top - bottom > 4 * lost:
+    if not top - bottom > (1 + BACK) * lost:
         raise InputError(
             f"{file}: the range of {high - low:.3g} rad is within the lost motion of {lost:.3g} rad; give a reference "
             "that moves the joint over its range"
         )
-    pen = _Pen(SPEED_SHARE * (mechanism.drive.speed_max_rad_per_s or 20.0))
+    pen = Pen(0.0, ROW_S, shape=COSINE, most_per_s=SPEED_SHARE * (mechanism.drive.speed_max_rad_per_s or math.inf))
     pen.note("rest")
-    pen.hold(0.3)
+    pen.hold(HOLD_S)
     pen.note("full strokes: friction, its share from the tendons, gravity")
     for _ in range(2):
         pen.move(top, STROKE_S)
@@ -138,31 +119,31 @@ def suggest_routine(scenario: JointScenario) -> MotorRoutine:
     pen.note(f"small reversals: gear friction and presliding{hint}")
     pen.move(middle, STROKE_S)
     for size in SMALL:
-        pen.move(middle + max(size * lost, 0.02), SMALL_S)
+        pen.move(middle + max(size * lost, LEAST_SMALL_RAD), SMALL_S)
         pen.move(middle, SMALL_S)
     for way, stop in stops.items():
         if stop is not None:
             touch = (stop - start) * ratio + way * lost
             far = _push(scenario.mechanism, law, ratio, start, touch, way)
             pen.note(f"pushes against the stop at {stop:.3g} rad, until a tendon is slack: mu theta and T/k")
-            pen.move(touch - way * 3 * lost, STROKE_S)
+            pen.move(touch - way * BACK * lost, STROKE_S)
             pen.move(far, PUSH_S)
-            pen.hold(0.3)
-            pen.move(touch - way * 3 * lost, 0.8 * PUSH_S)
+            pen.hold(HOLD_S)
+            pen.move(touch - way * BACK * lost, PUSH_S)
             pen.move(far, PUSH_S)
     pen.note("strokes that judge the law")
     pen.move(middle, STROKE_S)
     pen.move(bottom, STROKE_S)
     pen.move(0.0, STROKE_S)
-    pen.hold(0.3)
-    motor = pen.motor_rad
+    pen.hold(HOLD_S)
+    motor = pen.drawn
     run = MotorRun.of_one(motor, ROW_S, start)
     try:
-        expected = respond(Loop(mechanism=mechanism), run, segments=MASSES)
+        expected = respond(Loop(mechanism=mechanism), run, segments=COARSE_MASSES)
     except ParameterError as error:
         raise InputError(f"{file}: {error}") from None
     return MotorRoutine(
-        time_s=np.arange(len(motor), dtype=np.float64) * ROW_S,
+        time_s=pen.time_s,
         motor_rad=motor,
         parts=tuple(pen.parts),
         expected=expected,
@@ -178,7 +159,12 @@ def _push(mechanism: Mechanism, law: GrossSliding, ratio: float, start: float, t
     most = mechanism.drive.torque_max_N_m
     if most is None:
         return touch + way * wanted
-    ramp = np.concatenate([np.zeros(20), np.linspace(0.0, touch, 200), touch + way * np.linspace(0, wanted, 100)])
-    answer = respond(Loop(mechanism=mechanism), MotorRun.of_one(ramp, ROW_S, start), segments=MASSES)
+    pen = Pen(0.0, ROW_S)
+    pen.hold(HOLD_S)
+    pen.move(touch, STROKE_S)
+    pushed = len(pen.drawn)
+    pen.move(touch + way * wanted, PUSH_S)
+    ramp = pen.drawn
+    answer = respond(Loop(mechanism=mechanism), MotorRun.of_one(ramp, ROW_S, start), segments=COARSE_MASSES)
     over = np.flatnonzero(np.abs(answer.torque_N_m[:, 0]) > TORQUE_SHARE * most)
-    return float(ramp[over[0]]) if over.size and over[0] > 220 else touch + way * wanted
+    return float(ramp[over[0]]) if over.size and over[0] >= pushed else touch + way * wanted

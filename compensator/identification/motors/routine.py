@@ -1,6 +1,5 @@
 """Motor angles that identify several motors: strokes of each joint and of all, at two levels of tension."""
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,6 +8,8 @@ import numpy as np
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.measured import Array
+from tendonff.compensator.identification.motors.log import ROW_S
+from tendonff.compensator.identification.pen import QUINTIC, Pen
 from tendonff.compensator.scenario.driven.finger import SampledFinger
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
@@ -19,7 +20,6 @@ from tendonff.ocp.mechanism.problem import MechanismProblem
 from tendonff.ocp.mechanism.response import MechanismStatus, invert_mechanism
 from tendonff.ocp.mechanism.start import mechanism_problem
 
-ROW_S = 0.01
 STROKE_S, SMALL_S, HOLD_S, TIGHTEN_S = 1.2, 0.4, 0.3, 1.0
 SMALL = 0.08
 """Small reversals, as a share of a joint's range."""
@@ -58,30 +58,6 @@ class MotorsRoutine:
         return (head, *(f"  {part}" for part in self.parts))
 
 
-class _Pen:
-    """Draws smooth moves of all joints."""
-
-    def __init__(self, start: Array) -> None:
-        self._rows, self.parts = [start[None, :]], list[str]()
-
-    @property
-    def rows(self) -> int:
-        return sum(map(len, self._rows))
-
-    @property
-    def angle_rad(self) -> Array:
-        return np.vstack(self._rows)
-
-    def note(self, text: str) -> None:
-        self.parts.append(f"{(self.rows - 1) * ROW_S:.4g} s: {text}")
-
-    def move(self, to_rad: Array, seconds: float) -> None:
-        """A quintic move."""
-        start = self._rows[-1][-1]
-        s = np.arange(1, max(2, math.ceil(seconds / ROW_S)) + 1)[:, None] / max(2, math.ceil(seconds / ROW_S))
-        self._rows.append(start + (to_rad - start) * s**3 * (10 - 15 * s + 6 * s * s))
-
-
 @in_turn
 def suggest_motors(finger: Finger, sampled: SampledFinger, file: str) -> MotorsRoutine:
     """Motor angles for a log that identifies a mechanism, within the range of its reference.
@@ -93,27 +69,25 @@ def suggest_motors(finger: Finger, sampled: SampledFinger, file: str) -> MotorsR
     """
     low, high = sampled.angle_rad.min(axis=0), sampled.angle_rad.max(axis=0)
     start = sampled.angle_rad[0]
-    pen = _Pen(start)
+    pen = Pen(start, ROW_S)
     pen.note("rest")
-    pen.move(start, HOLD_S)
+    pen.hold(HOLD_S)
     _strokes(pen, finger, low, high)
-    tighten = pen.rows
     pen.note("all tendons tighter: stiffness")
     pen.move((low + high) / 2, STROKE_S)
-    pen.move((low + high) / 2, HOLD_S)
-    begin = pen.rows
-    pen.move((low + high) / 2, TIGHTEN_S)
-    end = pen.rows
+    pen.hold(HOLD_S)
+    begin = len(pen.drawn)
+    pen.hold(TIGHTEN_S)
+    end = len(pen.drawn)
     _strokes(pen, finger, low, high)
-    angle = pen.angle_rad
+    angle = pen.drawn
     columns = dict(zip(sampled.motion.names, sampled.motion.angle_rad[0].tolist(), strict=True))
     standing = {name: columns[name] for name in finger.others}
     first, second = (_led(finger, angle, standing, factor, file) for factor in (1.0, TIGHTER))
-    share = np.interp(np.arange(len(angle)), [tighten, begin, end], [0.0, 0.0, 1.0])[:, None]
-    share = share * share * (3 - 2 * share)
+    share = QUINTIC.at(np.interp(np.arange(len(angle)), [begin, end], [0.0, 1.0]))[:, None]
     motor = (1 - share) * first(False) + share * second(True)
     return MotorsRoutine(
-        time_s=np.arange(len(angle), dtype=np.float64) * ROW_S,
+        time_s=pen.time_s,
         motor_rad=motor - motor[0],
         joint_rad=angle,
         names=tuple(m.name for m in finger.motors),
@@ -122,7 +96,7 @@ def suggest_motors(finger: Finger, sampled: SampledFinger, file: str) -> MotorsR
     )
 
 
-def _strokes(pen: _Pen, finger: Finger, low: Array, high: Array) -> None:
+def _strokes(pen: Pen, finger: Finger, low: Array, high: Array) -> None:
     """Full strokes of each joint alone, its small reversals, then of all joints together."""
     middle = (low + high) / 2
     for k, name in enumerate(finger.names):
@@ -140,7 +114,7 @@ def _strokes(pen: _Pen, finger: Finger, low: Array, high: Array) -> None:
     for at in (high, low, high, low):
         pen.move(at, STROKE_S)
     pen.move(middle, STROKE_S)
-    pen.move(middle, HOLD_S)
+    pen.hold(HOLD_S)
 
 
 def _led(
