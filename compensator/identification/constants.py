@@ -2,6 +2,10 @@
 
 Sources: *rigs* are the simulated ones of `benchmarks/identify.py` and `benchmarks/identify_short.py`, *recordings* the
 measured friction loops that the tests read; *method* follows from the numerical method, *rule* is a convention.
+
+Named where they are used instead, with their reasons: what is doubted or mended before a fit (`measured`), plans of
+excitations (`suggest`, `motors.routine`, `motors.loop_routine`), and searches of the mechanism of a joint (`motors`).
+Without a name are sizes of figures, conversions, starts and tolerances of one search, and guards against round-off.
 """
 
 import math

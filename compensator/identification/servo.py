@@ -10,9 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from tendonff.compensator.files.reading import FloatArray, InputError, read_csv
+from tendonff.compensator.files.reading import InputError, read_csv
 from tendonff.compensator.files.tables import table_dialect
 from tendonff.compensator.files.writing import atomic_directory, write_csv, write_json, write_text
+from tendonff.compensator.identification.measured.smoothing import even_times
 from tendonff.models.errors import ParameterError
 from tendonff.ocp.fits.servo import ServoFit, fit_servo, servo_chirp
 
@@ -99,20 +100,15 @@ def identify_servo(files: Sequence[Path], table: str) -> ServoIdentification:
             raise InputError(f"{path.name}: no log of a drive; it needs time_s and one of {PAIRS}")
         data = read_csv(path, ("time_s", *pair))
         time, given, seen = (np.asarray(data[name], dtype=np.float64) for name in ("time_s", *pair))
-        step, even = _even(time, path)
+        if len(time) < 2 or not np.all(np.diff(time) > 0):
+            raise InputError(f"{path.name}: time_s must increase over at least two rows")
+        step = float(np.median(np.diff(time)))
+        even = even_times(time, step)
         try:
             fits[path.name] = fit_servo(np.interp(even, time, given), np.interp(even, time, seen), step)
         except ParameterError as error:
             raise InputError(f"{path.name}: {error}") from None
     return ServoIdentification(fits=fits, table=table)
-
-
-def _even(time: FloatArray, path: Path) -> tuple[float, FloatArray]:
-    if len(time) < 2 or not np.all(np.diff(time) > 0):
-        raise InputError(f"{path.name}: time_s must increase over at least two rows")
-    step = float(np.median(np.diff(time)))
-    even: FloatArray = np.arange(time[0], time[-1] + step / 2, step)
-    return step, even
 
 
 def write_chirp(path: Path, column: str, size: float, middle: float, step_s: float) -> None:

@@ -23,7 +23,7 @@ MOST_ALIKE = 3
 """So many files may each have a line about the same kind of data issue."""
 
 _TREATED = (
-    *(DataIssue.LONG, DataIssue.MISSING, DataIssue.DUPLICATE, DataIssue.OUT_OF_ORDER, DataIssue.GAP, DataIssue.UNEVEN),
+    *(DataIssue.LONG, DataIssue.MISSING, DataIssue.DUPLICATE, DataIssue.OUT_OF_ORDER, DataIssue.GAP),
     *(DataIssue.SPIKE, DataIssue.ONSET, DataIssue.UNITS, DataIssue.DATES),
 )
 """Findings after whose treatment the file is as good as another."""

@@ -19,7 +19,7 @@ from tendonff.compensator.identification.fitting.judging import (
     values_without,
 )
 from tendonff.compensator.identification.measured import Array, Mask
-from tendonff.compensator.identification.measured.cleaning import SHORT_GAP_ROWS, Piece, Record
+from tendonff.compensator.identification.measured.cleaning import SHORT_GAP_STEPS, Piece, Record
 from tendonff.compensator.identification.measured.smoothing import low_pass_piece
 from tendonff.compensator.identification.parameters import Parameter, ParametricChain
 from tendonff.compensator.scenario.measurement import Explain
@@ -80,7 +80,7 @@ def _gap_ends(good: Mask) -> list[int]:
     return [
         int(stop)
         for start, stop in zip(edges[::2], edges[1::2], strict=True)
-        if SHORT_GAP_ROWS < stop - start < len(good) - start
+        if SHORT_GAP_STEPS < stop - start < len(good) - start
     ]
 
 

@@ -8,40 +8,44 @@ import numpy as np
 from scipy.ndimage import median_filter, percentile_filter
 
 from tendonff.compensator.files.reading import InputError
-from tendonff.compensator.identification.measured import Array, Mask
+from tendonff.compensator.identification.measured import LEAST_ROWS, Array, Mask
 from tendonff.compensator.identification.measured.reading import DataIssue, Finding, Findings, RawMeasurement
 from tendonff.compensator.identification.measured.smoothing import (
+    RESOLVED,
     adaptive_low_pass,
+    even_times,
     find_cutoff_Hz,
     low_pass_piece,
     noise_of,
+    thinned,
 )
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.models.path import JointMotion
 
-SHORT_GAP_ROWS = 10
-"""A gap of at most so many rows is bridged by a straight line, a longer one by a polynomial over both sides."""
+SHORT_GAP_STEPS = 10.5
+"""A gap of at most so many steps is bridged by a straight line, a longer one by a polynomial over both sides."""
 
-LONGEST_BRIDGE_S, LONGEST_BRIDGE_ROWS = 1.0, 1000
+LONGEST_BRIDGE_S = 1.0
 """A longer gap splits the file: the history that friction remembers is lost there."""
 
-BRIDGE_DEGREE, BRIDGE_ROOM = 5, 0.1
-"""Degree of the polynomial, and how far it may leave the values on both sides, as a share of their range."""
+BRIDGE_DEGREE, BRIDGE_SIDES, BRIDGE_ROWS, BRIDGE_ROOM = 5, 2.0, 20, 0.1
+"""Degree of the polynomial; how far from the middle of the gap it is fitted, in lengths of the gap; the rows that it
+needs; and how far it may leave their values, as a share of their range."""
 
-SPIKE_SIGMAS, SPIKE_ROWS, SPIKE_RANGE, SPIKE_WINDOW_ROWS = 10.0, 2, 0.02, 101
-"""A spike leaves the running median by so many deviations of its surroundings, for so many rows at most, and by at
-least a share of the range: what rings or chatters for longer is the measurement's own."""
-
-ANTI_ALIASING, LEAST_RESOLUTION = 0.4, 0.2
-"""Corner of the filter before decimation, as a share of the rate; longest step, as a share of the low-pass' period."""
+SPIKE, SPIKE_ROWS, SPIKE_RANGE, SPIKE_WINDOW_ROWS = 15.0, 2, 0.02, 101
+"""A spike leaves the running median by so many times what three of four rows around do, for so many rows at most, and
+by at least a share of the range: what rings or chatters for longer is the measurement's own."""
 
 CHANNELS = {"input_N": "input", "output_N": "output", "input_m": "input position", "output_m": "output position"}
-LEAST_PIECE_S = 0.25
-NOISE_SHARE = 0.005
-"""Readings below zero by less than this share of the range are the scatter of a slack cell around its zero."""
+MISSING = 2.5
+"""Neighbours that are so many steps apart have several rows missing between them."""
 
-SIGNED_SHARE = 0.05
-"""Readings below zero by more than this share of the range are signed data, not a slack cell's offset."""
+NOISE_SHARE, SIGNED_SHARE = 0.005, 0.05
+"""Readings below zero by less than the first share of the range are the scatter of a slack cell around its zero, by
+more than the second signed data, not a slack cell's offset."""
+
+BIASED_PERCENT = 10.0
+"""A cell reads below zero for longer than it overshoots."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,9 +61,7 @@ class Piece:
     output_m: Array | None
     good: Mask  # shape (n,); False where a value was bridged or a spike replaced
     read_N: Array  # shape (n,); the input as it was read; smoothed harder where nothing happens, it drives the models
-    # read_m, read_output_m: the positions as they were read
-    read_m: Array | None
-    read_output_m: Array | None
+    read_m: Array | None  # the input's position as it was read
     motion: JointMotion | None = None  # joint angles after the low-pass, where the path has joints
 
     def travel_m(self, *, as_read: bool = False) -> Array:
@@ -90,9 +92,8 @@ class Piece:
         return replace(self, **cut)
 
     def decimated(self, every: int, step_s: float) -> "Piece":
-        """Every so many rows; the input, which alone has frequencies above the low-pass, without those that fold."""
-        smooth = low_pass_piece(self.input_N, step_s, ANTI_ALIASING / (every * step_s))
-        return replace(self, input_N=smooth).part(slice(None, None, every))
+        """Every so many rows; the input alone has frequencies above the low-pass, which would fold."""
+        return replace(self.part(slice(None, None, every)), input_N=thinned(self.input_N, step_s, every))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,7 +138,7 @@ class Record:
 
     def decimated(self, longest_step_s: float) -> "Record":
         """The record at a multiple of its step, at most this one, that still resolves its low-pass."""
-        every = int(min(longest_step_s, LEAST_RESOLUTION / self.cutoff_Hz) / self.step_s + 1e-6)
+        every = int(min(longest_step_s, RESOLVED / self.cutoff_Hz) / self.step_s * (1 + 1e-9))
         if every < 2:
             return self
         pieces = tuple(p.decimated(every, self.step_s) for p in self.pieces)
@@ -161,14 +162,11 @@ def mean_pose(records: Sequence[Record]) -> dict[str, float]:
 
 def spikes(x: Array) -> Mask:
     """Rows that stand alone, far off their neighbours."""
-    if len(x) < 9:
-        return np.zeros(len(x), dtype=bool)
     off = np.abs(x - median_filter(x, size=2 * SPIKE_ROWS + 1, mode="nearest"))
     low, high = np.percentile(x, [1, 99])
     # The upper quartile: small in quiet surroundings, large where the signal itself rings or jumps.
-    around = 1.4826 * percentile_filter(off, 75, size=min(SPIKE_WINDOW_ROWS, len(x)), mode="nearest")
-    limit = np.maximum(SPIKE_SIGMAS * around, max(SPIKE_SIGMAS * noise_of(x), SPIKE_RANGE * (high - low), 1e-300))
-    return np.asarray(off > limit)
+    around = percentile_filter(off, 75, size=min(SPIKE_WINDOW_ROWS, len(x)), mode="nearest")
+    return np.asarray(off > np.maximum(SPIKE * around, SPIKE_RANGE * (high - low)))
 
 
 def clean(raw: RawMeasurement, how: Measurement) -> Record:
@@ -179,19 +177,18 @@ def clean(raw: RawMeasurement, how: Measurement) -> Record:
     _note_clock(raw, intervals, step, findings)
     starts = sorted({0, *raw.breaks, *(int(k) + 1 for k in np.flatnonzero(intervals > longest_bridge_s(step)))})
     replaced = _spikes_of(raw, starts, findings)
-    least = min(LEAST_PIECE_S, 50 * step)
     short: list[float] = []
     grids: list[tuple[dict[str, Array], Mask]] = []
     for start, stop in zip(starts, [*starts[1:], len(raw.time_s)], strict=True):
         rows = slice(start, stop)
-        if stop - start < 10 or raw.time_s[stop - 1] - raw.time_s[start] < least:
+        if stop - start < LEAST_ROWS:
             short.append(float(raw.time_s[start]))
         else:
             grids.append(_on_grid(raw, rows, replaced[rows], step))
     if short:
         findings.note(DataIssue.SHORT, "too short to use, left out", short)
     if not grids:
-        raise InputError(f"{raw.name}: no piece longer than {least:g} s without a gap; nothing to fit")
+        raise InputError(f"{raw.name}: no piece of {LEAST_ROWS} rows without a gap; nothing to fit")
     longest, _ = max(grids, key=lambda pair: len(pair[1]))
     judged = [longest[name] for name in ("input_N", "output_N") if np.isfinite(longest[name]).all()]
     cutoff = how.cutoff_Hz or find_cutoff_Hz(judged, step)
@@ -233,45 +230,36 @@ def _smoothed(grid: dict[str, Array], good: Mask, motion: JointMotion | None, st
         good=good,
         read_N=grid["input_N"],
         read_m=grid.get("input_m"),
-        read_output_m=grid.get("output_m"),
         motion=motion,
     )
 
 
 def longest_bridge_s(step_s: float) -> float:
     """Longest interval between rows that is bridged [s]."""
-    return max(min(LONGEST_BRIDGE_S, LONGEST_BRIDGE_ROWS * step_s), (SHORT_GAP_ROWS + 0.5) * step_s)
+    return max(LONGEST_BRIDGE_S, SHORT_GAP_STEPS * step_s)
 
 
 def _bridge(grid_time: Array, filled: Array, time: Array, values: Array, longest_line_s: float) -> Array:
     """Replace straight lines across longer gaps by a polynomial that fits what was measured on both sides."""
     for k in np.flatnonzero(np.diff(time) > longest_line_s):
-        start, stop = float(time[k]), float(time[k + 1])
-        width = 1.5 * (stop - start)
-        near = (time >= start - width) & (time <= stop + width)
-        middle, half = (start + stop) / 2, (stop - start) / 2 + width
-        if near.sum() < 4 * BRIDGE_DEGREE:
+        start, stop = time[k], time[k + 1]
+        near = np.abs(time - (start + stop) / 2) <= BRIDGE_SIDES * (stop - start)
+        if near.sum() < BRIDGE_ROWS:
             continue
-        shape = np.polynomial.Polynomial.fit((time[near] - middle) / half, values[near], BRIDGE_DEGREE, domain=[-1, 1])
+        shape = np.polynomial.Polynomial.fit(time[near], values[near], BRIDGE_DEGREE)
         inside = (grid_time > start) & (grid_time < stop)
-        low, high = values[near].min(), values[near].max()
-        room = BRIDGE_ROOM * (high - low)
-        filled[inside] = np.clip(shape((grid_time[inside] - middle) / half), low - room, high + room)
+        room = BRIDGE_ROOM * np.ptp(values[near])
+        filled[inside] = np.clip(shape(grid_time[inside]), values[near].min() - room, values[near].max() + room)
     return filled
 
 
 def _note_clock(raw: RawMeasurement, intervals: Array, step: float, findings: Findings) -> None:
-    line, longest = (SHORT_GAP_ROWS + 0.5) * step, longest_bridge_s(step)
-    bridged = np.flatnonzero((intervals > 1.5 * step) & (intervals <= line))
-    if len(bridged) > 0.02 * len(intervals):
-        action = (
-            f"intervals from {intervals.min():.3g} to {intervals[bridged].max():.3g} s; "
-            f"resampled to {step:g} s by straight lines"
-        )
-        findings.note(DataIssue.UNEVEN, action, count=len(bridged))
-    elif len(bridged):
-        findings.note(DataIssue.GAP, f"up to {SHORT_GAP_ROWS} rows, bridged and not fitted", raw.time_s[bridged])
+    line, longest = SHORT_GAP_STEPS * step, longest_bridge_s(step)
     for wide, action in (
+        (
+            (intervals > (MISSING - 1) * step) & (intervals <= line),
+            "bridged by straight lines, and not fitted where several rows are missing",
+        ),
         ((intervals > line) & (intervals <= longest), "bridged by a smooth curve and not fitted"),
         (intervals > longest, "a new piece starts after each"),
     ):
@@ -297,20 +285,19 @@ def _spikes_of(raw: RawMeasurement, starts: list[int], findings: Findings) -> Ma
 def _on_grid(raw: RawMeasurement, rows: slice, replaced: Mask, step: float) -> tuple[dict[str, Array], Mask]:
     """Channels of one piece on an even grid, and which grid rows lie on measured ones."""
     time, keep = raw.time_s[rows], ~replaced
-    count = int(np.floor((time[-1] - time[0]) / step + 1e-6)) + 1
-    grid_time = time[0] + step * np.arange(count)
+    grid_time = even_times(time, step)
     grid = {"time_s": grid_time}
     for name in CHANNELS:
         values = getattr(raw, name)
         if values is not None:
             line = np.interp(grid_time, time[keep], values[rows][keep])
-            grid[name] = _bridge(grid_time, line, time[keep], values[rows][keep], (SHORT_GAP_ROWS + 0.5) * step)
+            grid[name] = _bridge(grid_time, line, time[keep], values[rows][keep], SHORT_GAP_STEPS * step)
     good_time = time[keep]
     nearest = np.clip(np.searchsorted(good_time, grid_time), 1, len(good_time) - 1)
     width = good_time[nearest] - good_time[nearest - 1]
-    good = np.asarray(width < 2.5 * step)
+    good = np.asarray(width < MISSING * step)
     nearest_row = np.rint((time[replaced] - time[0]) / step).astype(np.int64)
-    good[np.clip(nearest_row, 0, count - 1)] = False
+    good[np.clip(nearest_row, 0, len(good) - 1)] = False
     return grid, good
 
 
@@ -323,10 +310,9 @@ def _judge_signs(pieces: list[Piece], findings: Findings) -> bool:
         below = values < 0
         if not below.any():
             continue
-        span, share = float(np.ptp(values)), 100 * float(below.mean())
-        lowest = float(values.min())
-        signed = -lowest > SIGNED_SHARE * span and share > 1
-        biased = not signed and share > 10 and -lowest > NOISE_SHARE * span
+        span, share, lowest = float(np.ptp(values)), 100 * float(below.mean()), float(values.min())
+        signed = -np.percentile(values, 1) > SIGNED_SHARE * span
+        biased = not signed and share > BIASED_PERCENT and -lowest > NOISE_SHARE * span
         if signed:
             action = f"{share:.2g} % of the {name}, down to {lowest:.4g}: read as signed forces of a pre-tensioned loop"
         elif biased:

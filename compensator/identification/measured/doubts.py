@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 import numpy as np
 
 from tendonff.compensator.files.typeset import typeset
+from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Record, joints_of
 from tendonff.compensator.scenario.doubts import UnitDoubt, angle_doubt, settle, unaccepted
@@ -21,10 +22,11 @@ LIKELY_MILLI, LIKELY_KILO = 150.0, 1000.0
 """From so many times on, mN or kN are likely: readings in mN are 1000 times the tension."""
 
 _LONGEST_STROKE_M = 10.0
+_OVER_TENSION = 10.0  # a motor that states no largest torque pulls so many times the tendon's tension at rest
 _MOST_APART = 300.0  # largest tension of an end over that of the other: beyond what friction does, e^5
 _UNITS_APART = 1e4  # more is a tendon that goes slack
-_ALIKE = 0.8  # correlation of both ends of a taut tendon
 _LEAST_PART = 0.05  # of a recording, that may be in another unit
+_FIRST = 0.8  # of the largest change: later ones count what is left of the recording alone
 
 _FORCES, _LENGTHS = ("kN", "mN", "lbf", "lb", "kg"), ("mm", "cm", "um")
 _FORCE_LIKE, _LENGTH_LIKE = ("Nm", "mNm", "V", "mV", "mA"), ("rad", "deg", "counts")
@@ -158,7 +160,7 @@ def _is_unit(factor: float) -> bool:
 
 def _are_alike(one: Array, other: Array) -> bool:
     """Whether small tensions move together: those of a slack tendon are noise."""
-    return bool(np.std(one) > 0 and np.std(other) > 0 and np.corrcoef(one, other)[0, 1] > _ALIKE)
+    return bool(np.std(one) > 0 and np.std(other) > 0 and np.corrcoef(one, other)[0, 1] > TUNED.alike)
 
 
 def _change(size: Array) -> tuple[int, float]:
@@ -170,7 +172,7 @@ def _change(size: Array) -> tuple[int, float]:
     before = np.maximum.accumulate(size)[least - 1 : -least]
     after = np.maximum.accumulate(size[::-1])[::-1][least : len(size) - least + 1]
     change = np.log((after + floor) / (before + floor))
-    at = int(np.argmax(np.abs(change) > 0.8 * np.abs(change).max()))
+    at = int(np.argmax(np.abs(change) > _FIRST * np.abs(change).max()))
     return at + least, float(np.exp(change[at]))
 
 
@@ -213,9 +215,6 @@ def motor_doubts(
             f"{file}: the torque of {who} reaches {largest:.3g} N m, {what} is {usual:.3g} N m: mN m, or a current in "
             f"mA? Then it is {largest / 1e3:.3g} N m: {way}",
         )
-
-
-_OVER_TENSION = 10.0  # a motor that states no largest torque pulls so many times the tendon's tension at rest
 
 
 def encoder_doubts(file: str, joint: str, angle_rad: Array | None) -> Iterator[UnitDoubt]:

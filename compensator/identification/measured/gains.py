@@ -12,13 +12,12 @@ import numpy as np
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.measured import Array
-from tendonff.compensator.identification.measured.reading import DataIssue, RawMeasurement
+from tendonff.compensator.identification.measured.reading import DataIssue, RawMeasurement, rows_within
 from tendonff.compensator.scenario.measurement import Measurement
 
 PARTS = 5
 """Parts of a time whose scatter tells how well a mean is known."""
 
-LEAST_ROWS = 10
 MOST_OFF = 0.2
 """A gain further off than this is another unit, or a time in which friction acts."""
 
@@ -90,15 +89,7 @@ def gains_of(files: Sequence[RawMeasurement], how: Measurement) -> Gains:
 
 def _means(file: RawMeasurement, channel: str, how: Measurement, key: str) -> Array:
     """Mean tension in each part of a stated time; InputError where it says nothing of a gain."""
-    start, stop = getattr(how, key)
-    values: Array = getattr(file, channel)
-    time = file.time_s - file.time_s[0]
-    rows = np.flatnonzero((time >= start) & (time <= stop))
-    if len(rows) < LEAST_ROWS:
-        raise InputError(
-            f"{file.name}: {len(rows)} samples between {start:g} and {stop:g} s, {LEAST_ROWS} are needed; give {key} a "
-            "longer time within the file"
-        )
+    values: Array = getattr(file, channel)[rows_within(file.time_s, getattr(how, key), key, file.name)]
     stated = how.input_offset_N is not None and how.output_offset_N is not None
     if not (stated or how.tare_s is not None or any(f.issue is DataIssue.OFFSET for f in file.findings)):
         raise InputError(
@@ -107,7 +98,7 @@ def _means(file: RawMeasurement, channel: str, how: Measurement, key: str) -> Ar
         )
     if not file.has_output:
         raise InputError(f"{file.name}: {key} needs the output tension; leave it out without that cell")
-    means = np.array([float(values[part].mean()) for part in np.array_split(rows, PARTS)])
+    means = np.array([float(part.mean()) for part in np.array_split(values, PARTS)])
     if not means.min() > 0:
         raise InputError(f"{file.name}: the tension in {key} is not above zero; choose a time under tension")
     return means

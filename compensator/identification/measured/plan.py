@@ -17,8 +17,8 @@ FIT_S, FIT_S_PER_S = 1.0, 0.12
 LONG_FIT_S = 140.0
 """A fit that takes longer is asked about."""
 
-SLOW_S, SLOWEST_S = 0.05, 0.5
-"""A clock with longer intervals may count milliseconds, in a long file and in any."""
+SLOWEST_S = 0.5
+"""A clock with longer intervals may count milliseconds."""
 
 _REVERSED = 1.1  # an output tension that swings so many times the input is at the driven end
 
@@ -53,21 +53,25 @@ def check_plan(
             f"{file.name}: {len(file.time_s)} samples over {length:.4g} s ({1 / interval:.4g} Hz), input "
             f"{file.input_N.min():.4g} to {file.input_N.max():.4g} N{factors}"
         )
+    guess = f"a sample every {longest:.3g} s: is the time in milliseconds? --scale time=0.001"
+    slow, is_long = longest > SLOWEST_S, fit_s > LONG_FIT_S
     if not static_only:
         say(f"the fit takes about {fit_s:.2g} s")
-    is_long = fit_s > LONG_FIT_S
-    slow = longest > (SLOW_S if is_long else SLOWEST_S)
-    if not slow and (static_only or not is_long):
-        return fit_s
-    guess = "is the time in milliseconds? --scale time=0.001"
-    question = f"the fit takes about {fit_s / 60:.0f} min{f'; {guess}' if slow else ''}"
-    ways = "give --yes to fit all of it, --static for the capstan law alone, or shorter files"
-    if static_only or not is_long:
-        question = f"a sample every {longest:.3g} s: {guess}"
-        ways = 'give --yes if it is not, or for good accept = ["measurement.time_scale"] in [run]'
+    if is_long and not static_only:
+        _ask(
+            confirm,
+            f"the fit takes about {fit_s / 60:.0f} min{f'; {guess}' if slow else ''}",
+            "give --yes to fit all of it, --static for the capstan law alone, or shorter files",
+        )
+    elif slow:
+        _ask(confirm, guess, 'give --yes if it is not, or for good accept = ["measurement.time_scale"] in [run]')
+    return fit_s
+
+
+def _ask(confirm: Callable[[str], bool], question: str, ways: str) -> None:
+    """Raise InputError with the ways out if `confirm` declines."""
     if not confirm(question):
         raise InputError(f"{question}. Not started: {ways}")
-    return fit_s
 
 
 def check_signs(records: Sequence[Record], confirm: Callable[[str], bool]) -> None:
@@ -85,8 +89,7 @@ def check_signs(records: Sequence[Record], confirm: Callable[[str], bool]) -> No
             aside = "" if both else f", {other} is not"
             question = f"{record.name}: {what} below zero in {100 * below[end]:.0f} % of the rows{aside}"
             way = " ".join(f"--scale {each}=-1" for each in (("input", "output") if both else (end,)))
-            if not confirm(question):
-                raise InputError(f"{question}. Not started: {way}, or give --yes to fit it as it is")
+            _ask(confirm, question, f"{way}, or give --yes to fit it as it is")
         ends = (("input", "input_m", record.has_input_position), ("output", "output_m", record.has_positions))
         wrong = [end for end, name, is_there in ends if is_there and _dissipated_share(record, name) < _DRIVEN]
         if not wrong or not record.has_output:
@@ -101,13 +104,12 @@ def check_signs(records: Sequence[Record], confirm: Callable[[str], bool]) -> No
                 "the output tension swings more than the input: if the two are reversed, exchange --input-column and "
                 f"--output-column; else {way}"
             )
-        if not confirm(question):
-            raise InputError(f"{question}. Not started: {way}, or give --yes to fit it as it is")
+        _ask(confirm, question, f"{way}, or give --yes to fit it as it is")
 
 
 def _share_below_zero(record: Record, name: str) -> float:
     """Share of the rows of all pieces in which a tension is below zero."""
-    return float(np.mean(np.concatenate([getattr(piece, name) for piece in record.pieces]) < 0))
+    return float(np.mean(record.joined(name) < 0))
 
 
 def _dissipated_share(record: Record, name: str) -> float:

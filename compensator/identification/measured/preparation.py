@@ -5,17 +5,18 @@ jump of the output that nothing at the input explains.
 """
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
-from tendonff.compensator.identification.measured import Array, Mask
+from tendonff.compensator.identification.measured import LEAST_ROWS, Array, Mask
+from tendonff.compensator.identification.measured.smoothing import LEAST_NOISE, noise_of
 
 NEAR_SHARE = 0.02
 """A slack cell reads less than this share of its range."""
 
-FLAT_SIGMAS, FLAT_SHARE = 4.0, 2e-4
-"""Slack readings scatter by no more than so many deviations of the noise, or than a share of the range."""
+FLAT_SIGMAS = 4.0
+"""Slack readings scatter by no more than so many deviations of the noise."""
 
-LEAST_SHARE, LEAST_ROWS = 0.01, 30
+LEAST_SHARE = 0.01
+"""A tendon that is slack for less of the rows may have passed by zero."""
 
 FIRST_ROWS = 5
 """The jump lies between two of so many first rows."""
@@ -23,9 +24,9 @@ FIRST_ROWS = 5
 LONGEST_S = 1.0
 """Ringing is looked for in so much of the start; what comes later says how large and how quick the output is."""
 
-JUMP_SHARE, INPUT_SHARE = 0.5, 0.5
-"""The jump is larger than the first share of the output's later range; the input moves by less than the second share
-of it. Driven from the near end, the output moves no more than the input, times e^{mu theta} when released."""
+JUMP_SHARE = 0.5
+"""The jump is larger than this share of the output's later range, and the input moves by less than that of it. Driven
+from the near end, the output moves no more than the input, times e^{mu theta} when released."""
 
 RUNG_DOWN, QUIET_S = 0.05, 0.1
 """Ringing is over when for so long no row differs from the next by more than this share of the jump."""
@@ -45,17 +46,12 @@ def slack_rows(input_N: Array, output_N: Array) -> Mask | None:
 
 def _on_the_floor(x: Array) -> Mask:
     """Samples within the noise of the lowest readings, where these are near zero and last."""
-    low, high = np.percentile(x, [0.5, 99.5])
-    span = float(high - low)
-    noise = 1.4826 * float(np.median(np.abs(np.diff(x)))) / np.sqrt(2)
-    width = max(FLAT_SIGMAS * noise, FLAT_SHARE * span)
-    smooth = uniform_filter1d(x, 9, mode="nearest")
-    floor = float(np.percentile(smooth, 0.5))
-    if abs(floor) > NEAR_SHARE * span + width:
+    low, high = np.percentile(x, [0.5, 99.5])  # without spikes
+    width = FLAT_SIGMAS * max(noise_of(x), LEAST_NOISE * (high - low))
+    if abs(low) > NEAR_SHARE * (high - low) + width:
         return np.zeros(len(x), dtype=bool)
-    near = np.abs(smooth - floor) < width
-    level = float(np.median(x[near]))
-    return np.asarray(np.abs(smooth - level) < width)
+    level = float(np.median(x[np.abs(x - low) < width]))
+    return np.asarray(np.abs(x - level) < width)
 
 
 def switched_on_s(time_s: Array, input_N: Array, output_N: Array) -> float:
@@ -72,7 +68,7 @@ def switched_on_s(time_s: Array, input_N: Array, output_N: Array) -> float:
     row = int(np.argmax(change[:FIRST_ROWS]))
     jump, pushed = float(change[row]), float(np.ptp(input_N[: row + 2]))
     stays = abs(float(np.median(output_N[2 * FIRST_ROWS : count])) - float(output_N[0])) > jump / 2
-    if jump <= JUMP_SHARE * float(np.ptp(output_N[~start])) or pushed >= INPUT_SHARE * jump or not stays:
+    if jump <= JUMP_SHARE * float(np.ptp(output_N[~start])) or pushed >= JUMP_SHARE * jump or not stays:
         return 0.0
     loud = np.append(time_s[1 : count + 1][change[:count] > RUNG_DOWN * jump], time_s[0] + LONGEST_S)
     pauses = np.flatnonzero(np.diff(loud) > QUIET_S)

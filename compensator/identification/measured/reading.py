@@ -20,7 +20,7 @@ from tendonff.compensator.files.quantities import (
 )
 from tendonff.compensator.files.reading import InputError, nearest_column, suggestion
 from tendonff.compensator.files.tables import Table, read_table
-from tendonff.compensator.identification.measured import Array, Mask
+from tendonff.compensator.identification.measured import LEAST_ROWS, Array, Mask
 from tendonff.compensator.identification.measured.conditions import condition_of
 from tendonff.compensator.identification.measured.preparation import slack_rows, switched_on_s
 from tendonff.compensator.identification.measured.units import Conversion, conversion
@@ -48,11 +48,6 @@ _OF_A_SIMULATION = {
     "input_position": "actuator_position_m",
     "output_position": "load_position_m",
 }
-
-LEAST_TARE_ROWS = 10
-
-REVERSED_LOG = 0.95
-"""Share of the rows from whose fall on a clock is that of a log in reversed order."""
 
 LEAST_RISING = 0.5
 """A clock that rises in fewer of the rows is none."""
@@ -85,7 +80,6 @@ class DataIssue(StrEnum):
     OUT_OF_ORDER = "time stamps out of order"
     CLOCK_JUMP = "clock jumping back"
     GAP = "gaps"
-    UNEVEN = "uneven clock"
     SPIKE = "spikes"
     NEGATIVE = "negative readings"
     BIAS = "cell with an offset"
@@ -260,15 +254,8 @@ def _zeroed(name: str, data: dict[str, Array], how: Measurement, findings: Findi
     offsets: dict[str, float] = {key: value for key in ends if (value := given[key]) is not None}
     rows, why = None, "as given"
     if how.tare_s is not None:
-        start, stop = how.tare_s
-        time = data["time"] - data["time"][0]
-        rows = (time >= start) & (time <= stop)
-        if rows.sum() < LEAST_TARE_ROWS:
-            raise InputError(
-                f"{name}: {int(rows.sum())} samples between {start:g} and {stop:g} s, {LEAST_TARE_ROWS} are needed to "
-                "set the cells to zero; give --tare a longer time within the file"
-            )
-        why = f"their median from {start:g} to {stop:g} s"
+        rows = rows_within(data["time"], how.tare_s, "--tare", name)
+        why = "their median from {:g} to {:g} s".format(*how.tare_s)
     elif not offsets and len(ends) == 2 and (rows := slack_rows(data["input"], data["output"])) is not None:
         low = f"both cells stay near zero in {rows.sum()} samples"
         why = f"{low}, read as a slack tendon; --offset 0 keeps the readings"
@@ -279,6 +266,18 @@ def _zeroed(name: str, data: dict[str, Array], how: Measurement, findings: Findi
         findings.note(DataIssue.OFFSET, f"subtracted: {shown} ({why})", count=1)
     gains = {"input": how.input_gain or 1.0, "output": how.output_gain or 1.0}
     return {key: (values - offsets.get(key, 0.0)) / gains.get(key, 1.0) for key, values in data.items()}
+
+
+def rows_within(time_s: Array, span_s: tuple[float, float], key: str, file: str) -> Mask:
+    """Rows within a time that counts from the first row [s]; InputError where `key` gives too few."""
+    since = time_s - time_s[np.isfinite(time_s)][0]
+    rows: Mask = (since >= span_s[0]) & (since <= span_s[1])
+    if rows.sum() < LEAST_ROWS:
+        raise InputError(
+            f"{file}: {rows.sum()} samples between {span_s[0]:g} and {span_s[1]:g} s, {LEAST_ROWS} are needed; give "
+            f"{key} a longer time within the file"
+        )
+    return rows
 
 
 def require_channels(how: Measurement, known: Iterable[str]) -> None:
@@ -315,16 +314,15 @@ def read_measurement(path: Path, how: Measurement, joints: Sequence[str] = ()) -
         early = data["time"] < data["time"][0] + how.skip_s
         findings.note(DataIssue.SKIPPED, f"the first {how.skip_s:g} s, as asked", count=int(early.sum()))
         data = {key: values[~early] for key, values in data.items()}
-    if len(data["time"]) > 2 and float(np.mean(np.diff(data["time"]) > 0)) < LEAST_RISING:
-        if float(np.mean(np.diff(data["time"]) < 0)) > REVERSED_LOG:
-            raise InputError(f"{path.name}: {how.time_column} falls from row to row: sort the file by time")
+    if len(data["time"]) > 2 and (rising := float(np.mean(np.diff(data["time"]) > 0))) < LEAST_RISING:
         raise InputError(
-            f"{path.name}: {how.time_column} does not rise from row to row; name the column that holds time"
+            f"{path.name}: {how.time_column} rises in {100 * rising:.0f} % of the rows only; name the column that "
+            "holds time, or sort the file by it"
         )
     keep, time, breaks = _mend_clock(data["time"], findings)
-    if keep.sum() < 10:
+    if keep.sum() < LEAST_ROWS:
         raise InputError(
-            f"{path.name} has {int(keep.sum())} usable rows of {len(bad)}; at least 10 are needed"
+            f"{path.name} has {int(keep.sum())} usable rows of {len(bad)}; at least {LEAST_ROWS} are needed"
             + (f" ({'; '.join(f.text for f in findings)})" if findings else "")
         )
     kept = _zeroed(path.name, {key: np.ascontiguousarray(values[keep]) for key, values in data.items()}, how, findings)
@@ -376,8 +374,6 @@ def _mend_clock(time: Array, findings: Findings) -> tuple[Mask, Array, tuple[int
         ahead = mended[k : k + OUT_OF_ORDER_ROWS + 1]
         if np.any(ahead > mended[k - 1]):
             continue  # a few rows out of order: dropped below
-        if mended[k] >= mended[:k].max():
-            continue  # the rows before were out of order
         jump_times.append(float(mended[k - 1]))
         breaks.append(k)
         mended[k:] += mended[:k].max() + usual - mended[k]

@@ -36,9 +36,9 @@ the motor is quick there.
 MOST_BACK = 0.05
 """Share of the moves between readings that go back where counts show; with noise beside them, many do."""
 
-STAYS, COARSEST, SMALL, WHOLE, MOST_PARTS = 0.1, 0.02, 8.0, 0.1, 0.1
-"""Readings in counts: so many stay as they were, a count is at most this share of the range, and of the gaps of some
-counts between levels no more than a share are further than this from whole ones.
+STAYS, WHOLE, MOST_PARTS = 0.1, 0.1, 0.1
+"""Readings in counts: so many stay as they were, and of the gaps between levels no more than a share are further than
+this from whole ones.
 """
 
 STANDS_S, MOVED, SEEN = 0.25, 2.0, 0.1
@@ -46,7 +46,7 @@ STANDS_S, MOVED, SEEN = 0.25, 2.0, 0.1
 over; counts that are a smaller share of this way tell where it is.
 """
 
-_ORDER, _STEPS, _ENOUGH = 3, 60, 1e-3
+_ORDER, _STEPS, _ENOUGH = 3, 60, 1e-3  # the difference that is jerk; Newton's steps; counts by which the last moves
 
 
 def smooth_angle(read_rad: Array, step_s: float) -> Array:
@@ -69,11 +69,11 @@ def count_of(x: Array) -> float:
     span, moves = float(np.ptp(x)), moved_by(x)
     gaps = np.diff(np.sort(x))
     gaps = gaps[gaps > LEAST_NOISE * span]
-    if not len(moves) or len(moves) > (1 - STAYS) * len(x) or gaps.min() > COARSEST * span:
+    if not len(moves) or len(moves) > (1 - STAYS) * len(x):
         return 0.0
     count = float(gaps[gaps < 1.5 * gaps.min()].mean())  # files round angles: no single step is exact
-    near = gaps[gaps < SMALL * count] / count
-    return count if float((np.abs(near - np.rint(near)) > WHOLE).mean()) <= MOST_PARTS else 0.0
+    off = np.abs(gaps / count - np.rint(gaps / count))
+    return count if float((off > WHOLE).mean()) <= MOST_PARTS else 0.0
 
 
 def ways(counts: Array, rows: int) -> Array:

@@ -8,20 +8,21 @@ import numpy as np
 
 from tendonff.compensator.files.reading import InputError, nearest_column
 from tendonff.compensator.files.tables import read_table
+from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.cleaning import Piece, Record, clean
 from tendonff.compensator.identification.measured.conditions import condition_of
 from tendonff.compensator.identification.measured.doubts import answered, encoder_doubts, motor_doubts
 from tendonff.compensator.identification.measured.reading import (
-    LEAST_TARE_ROWS,
     DataIssue,
     Finding,
     Findings,
     MissingColumnError,
     read_measurement,
     require_channels,
+    rows_within,
 )
-from tendonff.compensator.identification.measured.smoothing import low_pass_piece, noise_of
+from tendonff.compensator.identification.measured.smoothing import even_times, noise_of, thinned
 from tendonff.compensator.identification.motors.columns import (
     TIME,
     find,
@@ -55,11 +56,12 @@ STROKE_SHARE = 0.3
 BACK_SHARE = 0.2
 """Share of that stroke which the motor of a loop goes back after it, before its rows count."""
 
-LEAST_NOISE = 2e-3
+NOISE_FLOOR = 2e-3
 """Noise of a torque that counts at least, as a share of its range."""
 
 LONGEST_GAP_S = 0.2
-LEAST_ROWS = 200
+"""Of several motors: where a joint turned back in a gap is not known."""
+
 LOOP = "motor"
 """Name of the motor of a loop."""
 
@@ -245,8 +247,7 @@ def _log(piece: Piece, record: Record, start_rad: float) -> MotorsLog:
     as_read = piece.travel_m(as_read=True)
     motor, read = smooth_angle(as_read, step)[::every], as_read[::every]
     torque, at_joint = (
-        low_pass_piece(x, step, 0.4 / (step * every))[::every] if np.isfinite(x).all() else None
-        for x in (piece.input_N, piece.output_N)
+        thinned(x, step, every) if np.isfinite(x).all() else None for x in (piece.input_N, piece.output_N)
     )
     if torque is None:
         raise InputError(f"{record.name}: the motor's torque is no number in some rows; repair the column")
@@ -262,7 +263,7 @@ def _log(piece: Piece, record: Record, start_rad: float) -> MotorsLog:
         joint_torque_N_m=at_joint,
         counted=_counted(motor[:, None]),
         gear_known=gear_known(as_read, step)[::every, None],
-        noise_N_m=np.array([max(record.input_noise_N, LEAST_NOISE * float(np.ptp(torque)))]),
+        noise_N_m=np.array([max(record.input_noise_N, NOISE_FLOOR * float(np.ptp(torque)))]),
         findings=record.findings,
         started_s=record.started_s,
         zero_rad=float(motor[0]),
@@ -270,31 +271,23 @@ def _log(piece: Piece, record: Record, start_rad: float) -> MotorsLog:
 
 
 def _counted(motor_rad: Array) -> Mask:
-    """Rows after every motor that moves has made a stroke and turned back, of several after a third at most."""
+    """Rows after every motor that moves has made a stroke and turned back; after a third where one does not, and of
+    several motors at most.
+    """
     rows, motors = motor_rad.shape
     back = BACK_SHARE if motors == 1 else 1.0  # of several, each goes on where another has turned
     turned = max(_turned(angle, back) for angle in motor_rad.T)
-    found: Mask = np.arange(rows) >= (turned if motors == 1 else min(turned, rows // 3))
-    return found
+    return np.asarray(np.arange(rows) >= (min(turned, rows // 3) if motors > 1 or turned == rows else turned))
 
 
 def _turned(motor_rad: Array, back: float) -> int:
-    """Row at which a motor has gone back by a share of its first full stroke."""
+    """Row at which a motor has gone back by a share of its first full stroke; their number where it has not."""
     wide = STROKE_SHARE * float(np.ptp(motor_rad))
-    if wide == 0:
-        return 0
-    low = high = since = motor_rad[0]
-    way = 0
-    for row, at in enumerate(motor_rad):
-        low, high = min(low, at), max(high, at)
-        if way == 0:
-            if high - low >= wide:
-                way, since = (1 if at == high else -1), at
-            continue
-        since = max(since, at) if way > 0 else min(since, at)
-        if way * (since - at) >= back * wide:
-            return row
-    return len(motor_rad) // 5
+    high = np.maximum.accumulate(motor_rad)
+    stroke = int(np.argmax(high - np.minimum.accumulate(motor_rad) >= wide))
+    after = motor_rad[stroke:] if motor_rad[stroke] == high[stroke] else -motor_rad[stroke:]
+    gone = np.flatnonzero(np.maximum.accumulate(after) - after >= back * wide)
+    return stroke + int(gone[0]) if gone.size else len(motor_rad)
 
 
 def read_several(finger: Finger, files: Sequence[Path], start_rad: Array, how: Measurement) -> list[MotorsLog]:
@@ -349,8 +342,10 @@ def _read_several(finger: Finger, file: Path, start_rad: Array, how: Measurement
     felt, cells = felt_columns(table, finger.motors, file, named)
     for own in felt:
         read = [column.of(table) for column in own]
-        tared = [x if how.tare_s is None else _tared(x, time, how.tare_s, file.name) for x in read]
-        found.append(np.sum(tared, axis=0))
+        if how.tare_s is not None:  # their motors are not loaded there
+            rest = rows_within(time, how.tare_s, "--tare", file.name)
+            read = [x - np.nanmedian(x[rest]) for x in read]
+        found.append(np.sum(read, axis=0))
     seen, bent = ([find(table, channel, file, named) for channel in some] for some in (joints, others))
     measured = {n: column.of(table) for n, column in zip(finger.others, bent, strict=True) if column is not None}
     standing = condition_of(file.name, finger.others, measured, how)
@@ -365,8 +360,8 @@ def _read_several(finger: Finger, file: Path, start_rad: Array, how: Measurement
             findings.note(DataIssue.UNITS, column.note, count=1)
     if (left_out := int((~good).sum())) > 0:
         findings.note(DataIssue.MISSING, "no number, a clock that does not rise, or skipped: left out", count=left_out)
-    if good.sum() < LEAST_ROWS:
-        raise InputError(f"{file.name}: {good.sum()} usable rows, at least {LEAST_ROWS} are needed; log longer")
+    if good.sum() < TUNED.least_drive_rows:
+        raise InputError(f"{file.name}: {good.sum()} usable rows, {TUNED.least_drive_rows} are needed; log longer")
     time, values = time[good], np.column_stack([*found, *encoders])[good]
     if (gap := float(np.diff(time).max())) > LONGEST_GAP_S:
         at = float(time[int(np.argmax(np.diff(time)))])
@@ -379,32 +374,19 @@ def _read_several(finger: Finger, file: Path, start_rad: Array, how: Measurement
     return replace(log, run=run, gear_known=log.gear_known | cells)  # cells do not feel the gear
 
 
-def _tared(torque: Array, time: Array, tare_s: tuple[float, float], file: str) -> Array:
-    """A torque less its median over a time in which its motor is not loaded."""
-    since = time - time[np.isfinite(time)][0]
-    rows = (since >= tare_s[0]) & (since <= tare_s[1]) & np.isfinite(torque)
-    if rows.sum() < LEAST_TARE_ROWS:
-        raise InputError(
-            f"{file}: {rows.sum()} samples between {tare_s[0]:g} and {tare_s[1]:g} s, {LEAST_TARE_ROWS} are needed to "
-            "set the torques to zero; give --tare a longer time within the file"
-        )
-    zeroed: Array = torque - float(np.median(torque[rows]))
-    return zeroed
-
-
 def _sampled(
     finger: Finger, name: str, time: Array, values: Array, start_rad: Array, findings: tuple[Finding, ...]
 ) -> MotorsLog:
     """Even rows, thinned; motors smoothed by what is noise, torques by one low-pass."""
     own = float(np.median(np.diff(time)))
-    even = np.arange(int((time[-1] - time[0]) / own + 1e-6) + 1) * own + time[0]
+    even = even_times(time, own)
     rows = np.column_stack([np.interp(even, time, column) for column in values.T])
     every, count = max(1, round(ROW_S / own)), len(finger.motors)
     step = own * every
     motor = np.column_stack([smooth_angle(x, own)[::every] for x in rows[:, :count].T])
-    torque = np.column_stack([low_pass_piece(x, own, 0.4 / step)[::every] for x in rows[:, count : 2 * count].T])
-    noise = [max(noise_of(x), LEAST_NOISE * float(np.ptp(x))) for x in rows[:, count : 2 * count].T]
-    joint = np.column_stack([low_pass_piece(x, own, 0.4 / step)[::every] for x in rows[:, 2 * count :].T])
+    torque = np.column_stack([thinned(x, own, every) for x in rows[:, count : 2 * count].T])
+    noise = [max(noise_of(x), NOISE_FLOOR * float(np.ptp(x))) for x in rows[:, count : 2 * count].T]
+    joint = np.column_stack([thinned(x, own, every) for x in rows[:, 2 * count :].T])
     first = np.median(joint[:3], axis=0)
     if not np.ptp(motor, axis=0).any():
         raise InputError(f"{name}: no motor ever moves, so there is nothing to identify")

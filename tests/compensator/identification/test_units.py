@@ -103,7 +103,9 @@ def test_one_column_cannot_be_two_channels(strokes):
 
 
 def test_a_column_that_does_not_rise_is_no_clock(strokes):
-    with pytest.raises(InputError, match="input_tension_N does not rise from row to row"):
+    with pytest.raises(
+        InputError, match=r"input_tension_N rises in \d+ % of the rows only; name the column that holds time"
+    ):
         read_measurement(strokes, Measurement(time_column="input_tension_N", input_column="time_s"))
 
 

@@ -12,8 +12,8 @@ from tendonff.compensator.files.writing import atomic_directory, write_json, wri
 from tendonff.compensator.reporting.colours import BLUE, GREY, ORANGE, VERMILION
 from tendonff.compensator.reporting.plots import figure_style, legend_below, new_figure, save_figure
 
-_MASSES_A_RADIAN = 3
-_LONGEST_M = 50.0
+_MASSES_A_RADIAN, _LEAST_MASSES = 3, 6
+_LONGEST_M = 50.0  # a longer path is in millimetres
 _UNSURE = 0.1  # of the angle: an uncertainty above that is worth a word
 
 
@@ -110,7 +110,7 @@ class Centreline:
     def toml(self) -> str:
         """The table [path] of a scenario."""
         arcs = sum(each.angle_rad > 0 for each in self.stretches)
-        segments = max(6, arcs, round(_MASSES_A_RADIAN * self.angle_rad))
+        segments = max(_LEAST_MASSES, arcs, round(_MASSES_A_RADIAN * self.angle_rad))
         lines = [
             f"# wrap angle {self.angle_rad:.4g} +- {self.uncertainty_rad:.2g} rad (95 %), from {self.file}",
             "[path]",

@@ -19,11 +19,12 @@ AXES = tuple(
 JUMP_SHARE = 0.25
 """Steps to and fro of so much of the points' extent are no noise: the order of the points is not that of the path."""
 
-_FEWEST = 8
-_DRAWS = 40
+TOLERANCE_RAD = 0.05
+_FEWEST = 8  # points: the spline has seven coefficients at least
+_DRAWS = 40  # of new noise: their mean and spread are known to a tenth
 
 
-def read_centreline(file: str | os.PathLike[str], *, tolerance_rad: float = 0.05) -> Centreline:
+def read_centreline(file: str | os.PathLike[str], *, tolerance_rad: float = TOLERANCE_RAD) -> Centreline:
     """Sections of the path whose points a file holds.
 
     Parameters
@@ -54,7 +55,7 @@ def read_centreline(file: str | os.PathLike[str], *, tolerance_rad: float = 0.05
     """
     path = Path(file)
     if not tolerance_rad > 0:
-        raise InputError(f"tolerance_rad must be > 0, got {tolerance_rad:g}; 0.05 is a good start")
+        raise InputError(f"tolerance_rad must be > 0, got {tolerance_rad:g}; {TOLERANCE_RAD:g} is a good start")
     read = read_quantities(path, AXES[:2], optional=AXES[2:], rises=False)
     x, y = (read.values[axis.name] for axis in AXES[:2])
     points = np.column_stack([x, y, read.values.get("z_m", np.zeros(len(x)))])
@@ -81,7 +82,7 @@ def read_centreline(file: str | os.PathLike[str], *, tolerance_rad: float = 0.05
     return replace(found, notes=read.notes)
 
 
-def centreline_of(points_m: FloatArray, *, file: str = "points", tolerance_rad: float = 0.05) -> Centreline:
+def centreline_of(points_m: FloatArray, *, file: str = "points", tolerance_rad: float = TOLERANCE_RAD) -> Centreline:
     """Sections of the path through points, shape (n, 3), in their order from the actuator to the load.
 
     Noise turns a curve to and fro and so adds to its angle. How much is seen on curves with known angle: the smooth one

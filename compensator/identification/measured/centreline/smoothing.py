@@ -10,14 +10,15 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import BSpline
 from scipy.linalg import eigh
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 from scipy.optimize import minimize_scalar
 
 from tendonff.compensator.files.reading import FloatArray
 
 _DEGREE, _ORDER = 5, 3
-_MOST_COEFFICIENTS = 120
+_MOST_COEFFICIENTS = 120  # sharper bends than a hundredth of the path are none of a tendon's
 _PLACES = 401
+_WIDEST = 25.0  # logarithm of the weight over its usual one: from a spline through the points to a parabola
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,9 +62,8 @@ class SmoothCurve:
             determinant = float(np.log(kept[_ORDER:]).sum()) + len(rough) * log_weight
             return float(dimensions * ((count - _ORDER) * np.log(left) - determinant))
 
-        grid = -np.log(np.median(rough)) + np.linspace(-25, 25, 51)
-        best = int(np.clip(np.argmin([likelihood(x) for x in grid]), 1, len(grid) - 2))
-        found = minimize_scalar(likelihood, bounds=(grid[best - 1], grid[best + 1]), method="bounded")
+        middle = -np.log(np.median(rough))
+        found = minimize_scalar(likelihood, bounds=(middle - _WIDEST, middle + _WIDEST), method="bounded")
         return replace(self, points_m=points_m, weight=float(np.exp(found.x)))
 
     def _loads(self, points_m: FloatArray) -> FloatArray:
@@ -107,9 +107,7 @@ def _places_of(points_m: FloatArray) -> FloatArray:
     """About the length along the curve of each point: chords, smoothed, since jitter lengthens them."""
     chords = np.linalg.norm(np.diff(points_m, axis=0), axis=1)
     half = max(1, len(chords) // 20)
-    padded = np.pad(chords, half, mode="reflect")
-    smooth = np.convolve(padded, np.full(2 * half + 1, 1 / (2 * half + 1)), mode="valid")
-    return np.concatenate([[0.0], np.cumsum(smooth)])
+    return np.concatenate([[0.0], np.cumsum(uniform_filter1d(chords, 2 * half + 1, mode="mirror"))])
 
 
 def smooth_curve(points_m: FloatArray) -> SmoothCurve:
