@@ -105,20 +105,21 @@ def counted(problem: Problem) -> tuple[Sample[Transmission], ...]:
     """Transmissions beside the nominal one whose errors the search makes small; none where nothing else counts.
 
     For the worst case: the corner of all intervals that is worst for the exact inverse, and the opposite one. For the
-    mean: all samples. Of a position drive the nominal one alone, since the search is for a force, and the same command
-    gives every chain another.
+    mean: all samples. For both another law that the measurements do not exclude. Of a position drive the nominal one
+    alone, since the search is for a force, and the same command gives every chain another.
     """
     position = problem.transmission.actuator.drive is Drive.POSITION
     if not problem.is_robust or position:
         return ()
     doubt, reference = problem.doubt, problem.reference
+    by_other = () if doubt.other is None else (doubt.other,)
     if problem.uncertainty.objective is Objective.MEAN:
-        return doubt.samples[1:]
+        return (*doubt.samples[1:], *by_other)
     profile = Profile(force_N=problem.limited(problem.inversion.force_N))
     ends = doubt.samples[: 1 + 2 * len(doubt.spreads)]
     found = [Plant(end.system, problem.level).respond(profile, reference).delivered(reference) for end in ends]
     corner = Superposition.of(doubt, np.array(found) - reference.wanted).worst_corner()
-    return doubt.at(corner), doubt.at([-place for place in corner])
+    return doubt.at(corner), doubt.at([-place for place in corner]), *by_other
 
 
 def _purpose(problem: Problem) -> tuple[str, ...]:

@@ -115,9 +115,12 @@ class Sweep(Result):
             )
         file = as_argument(self.scenario.source)
         then = next_step(self.expectation, file, f"tendonff export-c {file} --out c")
+        other, law = self.expectation.bands[best].other, ""
+        if other is not None:
+            law = f"No unit has the law of [robust.other_law]: {two_digits(other.rmse_percent_of_range)} % with it. "
         return (
             f"95 % of {len(self.rows)} units drawn from the uncertainty have an RMS error below {two_digits(most)} % "
-            f"of range with the {label}, {100 * self.yield_of(best, 1.0):.0f} % below 1 %. "
+            f"of range with the {label}, {100 * self.yield_of(best, 1.0):.0f} % below 1 %. {law}"
             f"{self.expectation.headline(label, then)}"
         )
 

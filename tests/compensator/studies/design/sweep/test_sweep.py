@@ -27,7 +27,7 @@ from tendonff.compensator.studies.design.sweep import run
 from tendonff.compensator.studies.design.sweep.plan import Axis, random_keys, random_units, varied
 from tendonff.compensator.studies.design.sweep.run import sweep
 from tendonff.models.parameters.drive import Motor
-from tendonff.models.parameters.uncertainty import Uncertainty
+from tendonff.models.parameters.uncertainty import OtherLaw, Uncertainty
 
 EXAMPLES = Path(__file__).resolve().parents[5] / "examples"
 NAMES = ("none", "inverse")
@@ -173,6 +173,17 @@ def test_the_first_sentence_is_that_of_a_design_and_no_unit_is_worse(unsure: Sce
     assert f"({two_digits(min(worst.values()))} % of range)" in result.headline
     for k, name in enumerate(NAMES):
         assert max(row.percent[k] for row in result.rows) <= 1.02 * worst[name]
+    assert "other_law" not in result.headline
+
+
+def test_a_law_that_no_unit_has_is_named_with_its_error(unsure: Scenario, tmp_path: Path) -> None:
+    other = OtherLaw(keys=("friction.mu_dynamic",), values=(0.3,))
+    result = sweep(
+        replace(unsure, robust=replace(unsure.robust, other_law=other)), tmp_path / "s", samples=2, compensators=NAMES
+    )
+    error = result.expectation.best.other.rmse_percent_of_range
+    assert f"No unit has the law of [robust.other_law]: {two_digits(error)} % with it." in result.headline
+    assert error > max(result.percent(result.expectation.recommended))
 
 
 @pytest.mark.slow
