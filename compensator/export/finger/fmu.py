@@ -51,7 +51,7 @@ def build_finger_fmu(
     each = list(zip(joints, *columns, strict=True))
     torques = task.sampled.effort_N_m[0, : len(joints)].tolist()
     motors = described["motors"]
-    turned = [_motor(name, "present" if observes else "commanded") for name in motors]
+    turned = [_motor(name, "present (behind its drive)" if observes else "commanded") for name in motors]
     wanted = [angle("angle", "angle of the joint" if observes else "reference angle of the joint", one) for one in each]
     given, outputs = (turned, wanted) if observes else (wanted, turned)
     if observes:

@@ -110,7 +110,7 @@ def build_joint_fmu(
     if adaptive or kind is Kind.FEEDBACK:
         extras.append(angle("measured", "last measurement of the joint's angle"))
     elif observes:
-        given, *more = [motor(f"motor{end}", "present") for end in winders]
+        given, *more = [motor(f"motor{end}", "present (behind its drive)") for end in winders]
         outputs, extras = [angle("angle", "angle of the joint"), *_asked(winders)], [*extras, *more]
     elif looks_up:
         low, high = float(sampled.angle_rad.min()), float(sampled.angle_rad.max())
