@@ -196,7 +196,8 @@ def _check_no_worse(before: _Fitted, after: _Fitted) -> None:
     """Raise SolveError where a law explains much less than it did.
 
     Values that are right leave what the noise of the input is rectified to, and others take it for friction: where the
-    error grew, both are compared by their errors behind the input that each of them implies.
+    error grew, both are compared by their errors behind the input that each of them implies, and by their misfit. One
+    that is no worse by either is kept: extremes that moved with the input spoil the first, large moves the second.
     """
     both = (before, after)
     sizes = [_size(found.residuals) for _, found in both]
@@ -204,7 +205,9 @@ def _check_no_worse(before: _Fitted, after: _Fitted) -> None:
         sizes = [_size(residuals_of(with_implied_input(task, found), found.values)) for task, found in both]
     grown = sizes[1] / max(sizes[0], 1e-300)
     if grown > TUNED.nearly_as_good:
-        raise SolveError(f"the error of the law grew by a factor of {grown:.2g}")
+        mine, its = _misfits(both)
+        if its - mine > TUNED.decisive:
+            raise SolveError(f"the error of the law grew by a factor of {grown:.2g}")
 
 
 def _size(residuals: Residuals) -> float:

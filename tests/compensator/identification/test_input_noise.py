@@ -154,6 +154,18 @@ def test_laws_are_compared_behind_the_input_that_they_imply(nominal, tmp_path):
     assert np.linalg.norm(left[1]) < 1.05 * np.linalg.norm(left[0])
 
 
+@pytest.mark.parametrize(("its", "taken"), [(160.0, True), (500.0, False)])
+def test_where_the_error_grew_both_ways_the_misfit_decides(nominal, tmp_path, monkeypatch, its, taken):
+    """A noisy input hides much friction in the values: the error of right ones may well be twice as large."""
+    task, plain, joint = fitted(nominal, tmp_path, 0, 0.006)
+    again = second_look.SecondLook(law="another law", task=task, solution=joint)
+    sizes = iter((1.0, 2.0, 1.0, 2.0))  # as measured, and behind the input that both imply
+    monkeypatch.setattr(second_look, "_looked_again", lambda *_: again)
+    monkeypatch.setattr(second_look, "_size", lambda _: next(sizes))
+    monkeypatch.setattr(second_look, "_misfits", lambda _: [170.0, its])
+    assert (look_again("the law", task, plain, 1.0, offsets=False) is again) == taken
+
+
 @pytest.mark.parametrize(
     ("true", "falls"), [({"adhesion_N": 1.5}, False), ({"load_exponent": 0.2, "reference_tension_N": 40.0}, True)]
 )
