@@ -92,7 +92,7 @@ def _force_source(chain: Chain) -> str:
 
 
 def _source(chain: Chain, laws: ElementLaws) -> str:
-    templates = ("kernel.c.j2", "weigh.c.j2", "tangent.c.j2", "tangent_run.c.j2")
+    templates = ("kernel.c.j2", "pieces.c.j2", "weigh.c.j2", "tangent.h.j2", "tangent.c.j2", "tangent_run.c.j2")
     return host_source(chain, (*laws.simulation(), *laws.tangent()), templates)
 
 

@@ -15,10 +15,11 @@ from tendonff.compensator.export.repeat import FLOAT_SHARE, Compared, repeated_r
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.scenario.settings import Adaptation
 from tendonff.ocp.adaptation.code import TunedChain
-from tendonff.ocp.adaptation.target import inverse_numbers, tuner_code
+from tendonff.ocp.adaptation.target import tuned_numbers, tuner_code
 from tendonff.ocp.adaptation.tuner import INTEGRAL, REALS, SelfTuner, SimulatedRig
 from tendonff.ocp.adaptation.tuning import Sensor, Tunable
 from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.step.target import ChainCode, Tuned
 
 _RIGS = (1.1, 1.03, 1.01)
 """Factors on friction of the rig behind the golden vectors: the first whose vectors the tuner repeats."""
@@ -61,9 +62,10 @@ class AdaptiveGolden:
         return np.stack([reference_N, self.measured + sign * rounding], axis=1)
 
 
-def tuned_numbers(problem: Problem, settings: Adaptation) -> tuple[str, ...]:
-    """Numbers of the chain that the tuner changes in the inverse."""
-    return inverse_numbers(tuned_chain(problem, tuning_of(problem, settings)))
+def tuned_part(problem: Problem, settings: Adaptation) -> Tuned:
+    """What the tuner needs of the chain."""
+    tuning = tuning_of(problem, settings)
+    return tuned_numbers(tuned_chain(problem, tuning), tuning)
 
 
 def adaptive_code(
@@ -71,13 +73,12 @@ def adaptive_code(
     settings: Adaptation,
     precision: Precision,
     prefix: str,
-    bounds: Certified | None,
-    taken: tuple[str, ...],
+    beside: ChainCode,
 ) -> dict[str, object]:
-    """Values for the templates of tuner and interval; the exact inverse takes the numbers `taken` as arguments."""
+    """Values for the templates of the tuner, beside the chain's own code."""
     tuning = tuning_of(problem, settings)
     tuned = tuned_chain(problem, tuning)
-    code = tuner_code(tuned, tuning, f"{prefix}_adaptive", precision, taken=taken)
+    code = tuner_code(tuned, tuning, f"{prefix}_adaptive", precision, beside=beside)
     load = problem.transmission.load
     tunes_load = Tunable.LOAD_STIFFNESS in settings.parameters
     return {
@@ -100,7 +101,6 @@ def adaptive_code(
         "tunes_load": tunes_load,
         "load_index": settings.parameters.index(Tunable.LOAD_STIFFNESS) if tunes_load else -1,
         "load_stiffness_N_per_m": load.stiffness_N_per_m,
-        **({} if bounds is None else _bounds(bounds)),
     }
 
 
@@ -136,7 +136,7 @@ def _bounds_tolerance_N(golden: AdaptiveGolden, course: Course, precision: Preci
     return min(_BOUNDS_ROUNDING * float(golden.high_N.max(initial=1.0)), FLOAT_SHARE * scale_of(course.reference_N))
 
 
-def _bounds(bounds: Certified) -> dict[str, object]:
+def bounds_code(bounds: Certified) -> dict[str, object]:
     """Values for the templates of the interval; a path that joints move has no total angle to make one of."""
     interval = bounds.interval
     low, high = interval.low_law, interval.high_law

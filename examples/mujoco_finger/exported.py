@@ -41,12 +41,12 @@ void start(double tension, const double *joint_rad)
 }
 unsigned step(double force, const double *joint_rad, double *tension)
 {
-    const tff_chain_place place = { &self.path, self.contact };
+    const tff_chain_place place = { &self.chain.path, self.chain.contact };
     int i;
     tff_plant_step(&self, force, joint_rad);
     tff_chain_spread(&place, &work);
-    tff_chain_link_starts(&instant, TFF_PLANT_COUNT, work.ratio, self.x, work.start, work.gain);
-    tff_chain_tensions(&instant, TFF_PLANT_COUNT, work.gain, work.drift, self.x, &work);
+    tff_chain_link_starts(&instant, TFF_PLANT_COUNT, work.ratio, self.chain.x, work.start, work.gain);
+    tff_chain_tensions(&instant, TFF_PLANT_COUNT, work.gain, work.drift, self.chain.x, &work);
     for (i = 0; i <= TFF_PLANT_COUNT; i++) {
         tension[i] = work.force[i];
     }

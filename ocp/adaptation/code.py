@@ -1,13 +1,13 @@
 """The tuner in C: its laws from the symbolic models, its template, and the library of the host."""
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import casadi as ca
 
 from tendonff.models.fidelity import Level
-from tendonff.models.layout import fields_of
+from tendonff.models.layout import INPUT_NAMES, fields_of
 from tendonff.models.parameters import Transmission
 from tendonff.models.parameters.transmission import LARGEST_EXPONENT
 from tendonff.models.tendon.chain import Chain
@@ -178,7 +178,7 @@ def tuner_context(
 ) -> dict[str, object]:
     """Values for the template `tuner.c.j2`; `past` samples are remembered."""
     chain, (law, names) = tuned.chain, tuned.retuned_numbers()
-    slopes, layout = rest_on_spring(chain, 1.0) - rest_on_spring(chain, 0.0), chain.layout
+    layout = chain.layout
     return {
         "prefix": prefix,
         "upper": f"{prefix.upper()}_TUNER",
@@ -224,7 +224,6 @@ def tuner_context(
         ),
         "q_a": layout.part("q_a").start,
         "q_l": layout.part("q_l").start,
-        "rest": lambda array: rest_statements(slopes, precision, array),
         "moving": chain.moving,
         "types": "",
         "far_driven": chain.far_joint is not None,
@@ -267,15 +266,18 @@ def _host_text(tuned: TunedChain, nuisances: tuple[Nuisance, ...]) -> str:
     chain, precision = tuned.chain, Precision.DOUBLE
     laws = ElementLaws.of(chain, folded=True)
     every = (*laws.simulation(), *laws.inverse(), *laws.tangent())
-    templates = ("kernel.c.j2", "inverse.c.j2", "weigh.c.j2", "tangent.c.j2")
+    templates = ("kernel.c.j2", "pieces.c.j2", "inverse.c.j2", "weigh.c.j2", "tangent.h.j2", "tangent.c.j2")
     scheme = host_source(chain, every, templates, ways_differ=True)  # as they may in a rig
     printer = PartialEvaluator(prefix=PREFIX, precision=precision, parameters={})
     own = {law.name: printer.fold(law) for law in tuner_laws(tuned, nuisances)}
-    slopes = chain.rest_state(1.0).vector() - chain.rest_state(0.0).vector()
     gain_arguments = ", ".join(f"c->{symbol.name()}" for symbol in laws.link_gain().inputs)
     context = tuner_context(tuned, nuisances, precision, prefix=PREFIX, past=MAX_DELAY) | {
         "model": PREFIX,
         "inverse": PREFIX,
+        "record_of": {PREFIX: f"{PREFIX}_weights"},
+        "ends": [{"near_force_N": "force", "far_force_N": "self->tension"}.get(n, "0.0") for n in INPUT_NAMES],
+        "most": 0,
+        "directions": 0,
         "model_rows": f"{PREFIX.upper()}_ROWS",
         "kinds": 2,
         "inverse_rows": 4,
@@ -284,7 +286,8 @@ def _host_text(tuned: TunedChain, nuisances: tuple[Nuisance, ...]) -> str:
         "inverse_chain": "self->inverse, ",
         "inverse_numbers": (),
         "shifted": False,
-        "inverse_rest": lambda array: rest_statements(slopes, precision, array),
+        "rest": _at_rest(lambda tension_N: rest_on_spring(chain, tension_N), "self->x"),
+        "inverse_rest": _at_rest(lambda tension_N: chain.rest_state(tension_N).vector(), "self->inverse_x"),
         "gain_calls": {PREFIX: f"{PREFIX}_link_gain({gain_arguments}, &rows[k].gain)"},
         "work_argument": f", {precision} *memory",
         "work_declaration": f"{PREFIX}_work work_area = {PREFIX}_work_of(memory, {PREFIX.upper()}_TUNER_COUNT);",
@@ -295,6 +298,12 @@ def _host_text(tuned: TunedChain, nuisances: tuple[Nuisance, ...]) -> str:
         context |= _moving_context(tuned, own["own_slopes"]) | {"inverse_argument": ", double *inverse_memory"}
     parts = [render_tuner(name, context) for name in ("tuner.h.j2", "tuner.c.j2", "tuner_host.c.j2")]
     return "\n".join([scheme, *(law.code for law in own.values()), *parts])
+
+
+def _at_rest(state: Callable[[float], Array], x: str) -> str:
+    """Statements for a state at rest that follows a tension, as that of two steps; an int j must be there."""
+    statements = rest_statements(state(1.0) - state(0.0), Precision.DOUBLE, x)
+    return f"{statements}\n    for (j = 0; j < {len(state(0.0))}; j++) {{\n        {x}_old[j] = {x}[j];\n    }}"
 
 
 def _moving_context(tuned: TunedChain, own_slopes: FoldedLaw) -> dict[str, object]:

@@ -144,7 +144,7 @@ _LIBRARIES: dict[object, ctypes.CDLL] = {}
 
 def _step_source(chain: Chain) -> str:
     laws = ElementLaws.of(chain, folded=True)
-    templates = ("kernel.c.j2", "inverse.c.j2", "weigh.c.j2", "run.c.j2", "invert_run.c.j2")
+    templates = ("kernel.c.j2", "pieces.c.j2", "inverse.c.j2", "weigh.c.j2", "run.c.j2", "invert_run.c.j2")
     return host_source(chain, (*laws.simulation(), *laws.inverse()), templates)
 
 

@@ -137,6 +137,8 @@ class StepCode:
     precision: Precision
     record_type: str = ""  # C type of the record of coefficients; default: `<prefix>_weights`
     solver: str = ""  # prefix of the C functions that solve its linear equations; default: `prefix`
+    shared: bool = False  # other files call its steps too
+    directions: int = 0  # of its sensitivities; 0: as many as the caller says
     layout: StateLayout  # its count does not matter
     laws: Mapping[str, FoldedLaw]
     # count, size: C text of the number of masses, in functions and where arrays are declared
@@ -247,6 +249,8 @@ class StepCode:
             record_type=record_type,
             solver=self.solver or self.prefix,
             solver_kind="static " if self.host else "",
+            kind="" if self.shared else "static ",
+            directions=self.directions,
             upper=self.prefix.upper(),
             real=real,
             fabs="fabsf" if precision is Precision.FLOAT else "fabs",

@@ -1,7 +1,9 @@
 """The chain in C for a controller: element laws with the parameters folded in, and the scheme around them."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+
+import casadi as ca
 
 from tendonff.models.layout import INPUT_NAMES, fields_of
 from tendonff.models.tendon.chain import Chain
@@ -21,8 +23,8 @@ from tendonff.ocp.step.folding import (
     weighted_sum,
 )
 from tendonff.ocp.step.joints import Joints
-from tendonff.ocp.step.laws import ElementLaws, end_mass, far_velocity, near_force
-from tendonff.ocp.step.render import Compliances, Limits, OnJoints, StepCode
+from tendonff.ocp.step.laws import ElementLaws, end_mass, end_mass_tangent, far_velocity, near_force
+from tendonff.ocp.step.render import Compliances, Limits, OnJoints, StepCode, law_calls
 from tendonff.ocp.step.scheme import RESIDUAL_ROUNDING, RESIDUAL_TOLERANCE_N
 from tendonff.ocp.step.target_joints import Contact, contact_code
 
@@ -42,6 +44,14 @@ _OF_WEIGHTS = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Tuned:
+    """What a tuner of a chain needs of its time step."""
+
+    numbers: tuple[str, ...]  # that it changes at run time, named as in `Chain.numbers`
+    directions: int  # sensitivities
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SchemeCode:
     """Parts of a C file about one of the schemes of a chain."""
 
@@ -54,6 +64,10 @@ class SchemeCode:
     free: tuple[str, ...] = ()  # numbers of the chain that the inverse takes as arguments
     reweigh: str = ""  # function that gives the rows for a step of any length; of the inverse
     inputs: tuple[str, ...] = ()  # names of the inputs of a time step, in their order
+    # gain, gain_call: law of the slope of a link's force, and the statement that renews it in `rows[k]`, for a tendon
+    # that is tuned
+    gain: str = ""
+    gain_call: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,6 +76,7 @@ class ChainCode:
 
     record: str  # type of the record of coefficients
     values: str  # its rows, one per weight of the scheme
+    count: int  # of all rows
     kinds: int  # rows of one weight
     links: str  # laws of the links, for a header
     solver: str  # functions for the tridiagonal equations of a time step
@@ -111,21 +126,22 @@ def chain_code(
     *,
     inverse: bool = True,
     forward: Chain | None = None,
-    tuned: tuple[str, ...] = (),
+    tuned: Tuned | None = None,
 ) -> ChainCode:
     """A chain in C: its exact inverse, whose friction the caller can set, and the time step of `forward`, if any.
 
     `forward` differs from the chain in its ends only. The input of its time step says whether a tension cell stands in
     for the near end (`led_by_tension`); the rest position of the load's spring is an input too, where no joint moves
-    the far end. Further numbers that are `tuned`, named as in `Chain.numbers`, are arguments of the inverse too.
+    the far end. Where a tuner runs the time step too, with its sensitivities, `tuned` numbers are fields of the record,
+    and but for those of the tendon arguments of the inverse.
     """
-    weights, coefficients = scheme_rows(step_s), dict[str, tuple[float, ...]]()
+    weights = scheme_rows(step_s, 0 if tuned is None else controller_limits(precision).splits)
+    coefficients = dict[str, tuple[float, ...]]()
     contact = None
     if chain.moving:
         contact = contact_code(chain, Joints.of(chain), prefix, precision, settable=True, types=prefix, shared=True)
 
-    def folder_of(chain: Chain, scheme: str, free: tuple[str, ...] = (), *, whole: bool = True) -> PartialEvaluator:
-        floors = {name: COEFFICIENT_FLOOR if name.startswith("friction_") else 0.0 for name in free}
+    def folder_of(chain: Chain, scheme: str, free: tuple[str, ...], floor: float, *, whole: bool) -> PartialEvaluator:
         return chain_evaluator(
             chain,
             weights,
@@ -133,28 +149,31 @@ def chain_code(
             precision,
             contact,
             free,
-            floors=floors,
+            floors={name: floor if name.startswith("friction_") else 0.0 for name in free},
             whole=whole,
             record=f"{prefix}_weights",
             coefficients=coefficients,
         )
 
-    settable = SETTABLE if contact is None else ("piece_adhesion_N",)
-    left = tuple(dict.fromkeys((*settable, *tuned)))
-    folder = folder_of(chain, "inverse", left)
+    settable, own = SETTABLE if contact is None else ("piece_adhesion_N",), () if tuned is None else tuned.numbers
+    left = tuple(dict.fromkeys((*settable, *(name for name in own if not name.startswith("link_")))))
+    folder = folder_of(chain, "inverse", left, COEFFICIENT_FLOOR, whole=True)
     laws = ElementLaws.of(chain, folded=True) if contact is None else contact.laws
     links = folded_links(chain, replace(folder, prefix=prefix, shared=True), laws)
     back = _inverse_code(chain, folder, laws, links, contact, left) if inverse else None
+    columns = {name: (chain.numbers()[name],) * folder.weights for name in own}
+    if any(name.startswith("link_") for name in own) and contact is None:
+        columns["gain"] = folder.parameters["gain"]
     ahead = None
     if forward is not None:
-        folder = folder_of(forward, "chain", whole=False)
-        ahead = _plant_code(
-            forward, folder, ElementLaws.of(forward) if contact is None else contact.laws, links, contact
-        )
-    record, rows = _record(folder, weights)
+        folder = folder_of(forward, "chain", own, 0.0, whole=False)
+        laws = ElementLaws.of(forward, folded=True) if contact is None else contact.laws
+        ahead = _plant_code(forward, folder, laws, links, contact, tuned)
+    record, rows = _record(folder, weights, columns)
     return ChainCode(
         record=record,
         values=rows,
+        count=folder.weights,
         kinds=folder.weights // len(weights),
         links="\n".join(law.code for law in links),
         solver=step_code(chain, prefix, precision, ()).render("tridiagonal.c.j2"),
@@ -206,44 +225,96 @@ def _plant_code(
     laws: ElementLaws,
     links: tuple[FoldedLaw, ...],
     contact: Contact | None,
+    tuned: Tuned | None,
 ) -> SchemeCode:
     """The time step."""
-    near, cell, far = {"pull": -1.0}, {"pull": -1.0, "x_c": 0.0}, {"f_c": 0.0, "pull": 1.0}
-    if chain.far_joint is not None:
-        far["x_c"] = 0.0
-    if not chain.near.stiffness_N_per_m:
-        near["x_c"] = 0.0
+    near, far = _ends(chain, tuned)
+    free = () if tuned is None else tuned.numbers
+    cell = _end(chain.led_by_tension(), "near") | {"pull": -1.0, "x_c": 0.0}
     ends = {
-        "near": folder.fold(end_mass(chain.near), "end_mass_near", fixed=_end(chain, "near") | near),
-        "far": folder.fold(end_mass(), "end_mass_far", fixed=_end(chain, "far") | far),
-        "cell": folder.fold(end_mass(), "end_mass_cell", fixed=_end(chain.led_by_tension(), "near") | cell),
+        "near": folder.fold(end_mass(chain.near), "end_mass_near", fixed=near),
+        "far": folder.fold(end_mass(), "end_mass_far", fixed=far),
+        "cell": folder.fold(end_mass(), "end_mass_cell", fixed=cell),
     }
+    linked, gain, call = any(name.startswith("link_") for name in free), "", ""
+    if linked:  # those of the inverse know all numbers
+        links = folded_links(chain, folder, laws)
+    if linked and contact is None:  # else links ask for it
+        law = folder.fold(laws.link_gain())
+        gain, call = law.code, law_calls({law.name: law})("link_gain", {"gain": "&rows[k].gain"})
     folded = (
         *links,
         folder.fold(laws.link_force()),
         folder.fold(laws.path_mass()),
         *ends.values(),
         *((folder.fold(laws.link_gain()),) if contact else ()),
+        *(() if tuned is None else _tangent_laws(chain, folder, laws, contact, tuned)),
     )
-    types = folder.prefix.rpartition("_")[0]
+    types, shared = folder.prefix.rpartition("_")[0], tuned is not None
     code = step_code(
         chain,
         folder.prefix,
         folder.precision,
         folded,
-        limits=plant_limits(folder.precision),
+        limits=_split_limits(folder.precision) if shared else plant_limits(folder.precision),
         contact=contact,
+        tuned=shared,
         solver=types,
     )
     split = {name: name.split("_", 1) for name in INPUT_NAMES}
     taken = tuple(name for name, (end, what) in split.items() if _ARGUMENTS[what] in ends[end].inputs)
-    code = replace(code, record_type=folder.weights_type, inputs=taken)
+    code = replace(code, record_type=folder.weights_type, inputs=taken, shared=shared)
+    code = replace(code, directions=0 if tuned is None else tuned.directions)
+    header = ("types.h.j2", "target.h.j2", *(("place.h.j2",) if contact else ()), *(("steps.h.j2",) if shared else ()))
+    body = (*(("moving_target.c.j2",) if contact else ()), "kernel.c.j2")
+    body += ("pieces.c.j2", "tangent.c.j2") if shared else ()
     return SchemeCode(
-        header=code.render("types.h.j2") + code.render("target.h.j2"),
+        header="\n".join(map(code.render, header)),
         laws=_own(folder, folded),
-        body=(code.render("moving_target.c.j2") if contact else "") + code.render("kernel.c.j2"),
+        body="\n".join(map(code.render, body)),
         inputs=code.inputs,
+        gain=gain,
+        gain_call=call,
     )
+
+
+def _tangent_laws(
+    chain: Chain, folder: PartialEvaluator, laws: ElementLaws, contact: Contact | None, tuned: Tuned
+) -> tuple[FoldedLaw, ...]:
+    """Laws of the sensitivities of a time step."""
+    near, far = _ends(chain, tuned)
+    if contact is not None:  # slopes over every number, as those of the host; numbers that equal another have none
+        laws = replace(laws, friction_symbols=_every_symbol(laws))
+    return (
+        folder.fold(laws.link_tangent()),
+        folder.fold(laws.path_mass_tangent()),
+        folder.fold(end_mass_tangent(chain.near), "end_mass_tangent_near", fixed=near),
+        folder.fold(end_mass_tangent(), "end_mass_tangent_far", fixed=far),
+    )
+
+
+def _split_limits(precision: Precision) -> Limits:
+    """Those of a plant, whose steps a tuner splits."""
+    return replace(plant_limits(precision), splits=controller_limits(precision).splits)
+
+
+def _ends(chain: Chain, tuned: Tuned | None) -> tuple[dict[str, float], dict[str, float]]:
+    """What is known of the ends; a tuner's load is held by a force, so that it starts at zero."""
+    free = () if tuned is None else tuned.numbers
+    near, far = _end(chain, "near", free) | {"pull": -1.0}, _end(chain, "far", free) | {"pull": 1.0}
+    if tuned is None:
+        far["f_c"] = 0.0
+    if chain.far_joint is not None:
+        far["x_c"] = 0.0
+    if not chain.near.stiffness_N_per_m:
+        near["x_c"] = 0.0
+    return near, far
+
+
+def _every_symbol(laws: ElementLaws) -> tuple[ca.SX, ...]:
+    known = {s.name(): s for s in laws.friction_symbols}
+    names = [f"friction_{field.name}" for field in fields(laws.friction)]  # type: ignore[arg-type]
+    return tuple(known[name] if name in known else ca.SX.sym(name) for name in names)
 
 
 def folded_links(chain: Chain, folder: PartialEvaluator, laws: ElementLaws) -> tuple[FoldedLaw, ...]:
@@ -354,16 +425,16 @@ def _travel(chain: Chain, precision: Precision, prefix: str) -> str:
         return _position(chain, precision, compliances, prefix)
     if compliances is None:
         slope = literal(chain.rest_state(1.0).near_position_m, precision)
-        return f"    travel = self->x[{layout.part('q_a').start}] - (self->start * {slope});"
+        return f"    travel = self->chain.x[{layout.part('q_a').start}] - (self->start * {slope});"
     of_link = "(((i == 0) || (i == n)) ? {1} : {0})".format(*compliances["e"])
     lines = (
         "    {",
         f"        const int32_t n = {upper}_COUNT;",
         f"        {precision} tension = self->past.reference;",
         "        int32_t i;",
-        f"        travel = self->x[{layout.part('q_l').start}] + ({more} * {compliances['q_l']});",
+        f"        travel = self->chain.x[{layout.part('q_l').start}] + ({more} * {compliances['q_l']});",
         "        for (i = n; i >= 0; i--) {",
-        f"            travel += self->x[{layout.part('e').start} + i] + ({more} * {of_link});",
+        f"            travel += self->chain.x[{layout.part('e').start} + i] + ({more} * {of_link});",
         f"            tension += (i > 0) ? self->past.drop[i - 1] : {literal(0.0, precision)};",
         "        }",
         "    }",
@@ -375,20 +446,20 @@ def _position(chain: Chain, precision: Precision, compliances: Compliances | Non
     """The same on a path in sections, but for a constant; what the path gains takes the end back."""
     layout, types, joints = chain.layout, prefix.rpartition("_")[0], Joints.of(chain)
     if compliances is None:
-        return f"    travel = self->x[{layout.part('q_a').start}];"
-    link = f"self->path.link[{types}_path_link_of[i]]"
+        return f"    travel = self->chain.x[{layout.part('q_a').start}];"
+    link = f"self->chain.path.link[{types}_path_link_of[i]]"
     stretched = f"(self->past.tension[i] * {link}.length) * {compliances['e'][0]}"
-    far = f"self->x[{layout.part('q_l').start}] + (self->past.reference * {compliances.get('q_l')})"
+    far = f"self->chain.x[{layout.part('q_l').start}] + (self->past.reference * {compliances.get('q_l')})"
     lines = [
         "    {",
         f"        const int32_t n = {prefix.upper()}_COUNT;",
         "        int32_t i;",
         f"        travel = {literal(0.0, precision) if chain.far_joint else far};",
         "        for (i = n; i >= 0; i--) {",
-        f"            travel += self->x[{layout.part('e').start} + i] + ({stretched});",
+        f"            travel += self->chain.x[{layout.part('e').start} + i] + ({stretched});",
         "        }",
         *(
-            f"        travel += self->path.joint[{k}] * {literal(gained, precision)};"
+            f"        travel += self->chain.path.joint[{k}] * {literal(gained, precision)};"
             for k, gained in enumerate(joints.near_m)
             if gained
         ),
@@ -402,12 +473,13 @@ def _end(chain: Chain, which: str, free: Sequence[str] = ()) -> dict[str, float]
     return {name: value for name, value in known.items() if name.replace("end", which, 1) not in free}
 
 
-def _record(folder: PartialEvaluator, weights: Weights) -> tuple[str, str]:
+def _record(folder: PartialEvaluator, weights: Weights, more: Mapping[str, tuple[float, ...]]) -> tuple[str, str]:
     kinds = folder.weights // len(weights)
     columns = {
         "H": tuple(w for w, _ in weights for _ in range(kinds)),
         "carry": tuple(carry for _, carry in weights for _ in range(kinds)),
         **folder.coefficients,
+        **more,
     }
     comment = "\n".join(_OF_LINKS if kinds == _KINDS else _OF_WEIGHTS)
     record, rows = record_code(folder, columns)

@@ -1,6 +1,7 @@
 """The chain in C for a controller where the path moves or has sections: friction of each bend, and the schemes."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import zip_longest
@@ -56,15 +57,13 @@ def contact_code(
     precision: Precision,
     *,
     settable: bool = False,
-    slopes: bool = False,
     types: str = "",
     shared: bool = False,
 ) -> Contact:
     """Friction of the bends.
 
-    Where it is settable, coefficients carry factors that are known at run time only; with `slopes` the record also
-    holds how these change with it, `SLOPE_OF` in front of their names. `types` is the prefix of the C names of the
-    path; default: `prefix` without its last word. `shared`: those of a step stand in a header.
+    Where it is settable, coefficients carry factors that are known at run time only. `types` is the prefix of the C
+    names of the path; default: `prefix` without its last word. `shared`: those of a step stand in a header.
     """
     types = types or prefix.rpartition("_")[0]
     twins = twins_of(chain, ways_differ=settable)
@@ -73,34 +72,7 @@ def contact_code(
     known["piece_mass_kg"] = _of_masses(chain, chain.elements.piece.mass_kg)
     known = {name: values[[b.first for b in joints.bends]] for name, values in known.items()}
     known |= {n: np.maximum(values, COEFFICIENT_FLOOR) for n, values in known.items() if n.startswith(_COEFFICIENTS)}
-    printer = PartialEvaluator(
-        prefix=prefix,
-        precision=precision,
-        shared=shared,
-        parameters={},
-        reorder=True,
-        functions={ca.OP_TANH: "short_tanh"},
-        steady=("pull", "release"),
-    )
-    printed: dict[tuple[str, ...], str] = {}
-    texts, renewed = [], set()
-    calls: dict[bool, dict[int, str]] = {False: {}, True: {}}  # and where the factors of both ways are the same
-    for k, bend in enumerate(joints.bends):
-        if bend.joint < 0 and not settable:
-            continue
-        for alike in (False, True) if settable and bend.joint >= 0 else (False,):
-            factors = ("pull", "pull" if alike else "release") if settable else ()
-            law = _contact_law(chain, bend.first, twins, factors, slopes=slopes)
-            renewed |= set(law.outputs)
-            key = tuple(str(e) for e in law.outputs.values())  # bends with the same coefficients share a function
-            if key not in printed:
-                printed[key] = f"contact_{len(printed) + 1}"
-                texts.append(printer.fold(law, printed[key]).code)
-            results = ca.vertcat(*law.outputs.values())
-            given = [s.name() for s in law.inputs if ca.depends_on(results, s)]
-            given = [f"path->angle[{k}]" if name == "angle_rad" else name for name in given]
-            arguments = [*given, *(f"&contact[{k}].{name}" for name in law.outputs)]
-            calls[alike][k] = f"    {prefix}_{printed[key]}({', '.join(arguments)});"
+    texts, calls, renewed = _renewals(chain, joints, _printer(prefix, precision, shared), twins, settable=settable)
     own = tuple(
         name
         for name, values in known.items()
@@ -131,7 +103,6 @@ def contact_code(
         ),
         *_function("Friction at the start.", f"{rare} {prefix}_contact_init", f"{prefix}_contact *contact", init),
     ]
-    fields = (*own, *sorted(name for name in renewed if name.startswith(SLOPE_OF)))
     everything = {**chain.numbers(), **{name: float(values[0]) for name, values in known.items()}}
     return Contact(
         types=types,
@@ -140,12 +111,78 @@ def contact_code(
         own=own,
         constants={name: value for name, value in everything.items() if name not in own},
         floors={name: COEFFICIENT_FLOOR for name in own if name.startswith(_COEFFICIENTS)},
-        record="typedef struct { /* friction of one mass of a bend */\n"
-        + "".join(f"    {precision} {name};\n" for name in fields)
-        + f"}} {prefix}_contact;\n",
+        record=_bend_record("friction of one mass of a bend", precision, own, f"{prefix}_contact"),
         functions="\n".join(functions if shared else [*inline, *functions]),
         inline="\n".join(inline) if shared else "",
     )
+
+
+def slopes_code(chain: Chain, joints: Joints, prefix: str, precision: Precision) -> tuple[str, tuple[str, ...]]:
+    """Change of settable friction with its factors: a record, the function that fills it, and its fields.
+
+    Fields are numbers of friction with `SLOPE_OF` in front; the path's C names have the prefix without its last word.
+    """
+    twins, printer = twins_of(chain, ways_differ=True), _printer(prefix, precision, shared=False)
+    texts, calls, fields = _renewals(chain, joints, printer, twins, settable=True, slopes=True)
+    names = tuple(sorted(fields))
+    real = precision.value
+    head = f"const {prefix.rpartition('_')[0]}_path *path, {prefix}_slopes *contact, {real} pull, {real} release"
+    lines = [
+        _bend_record("change of friction of one mass of a bend with a factor", precision, names, f"{prefix}_slopes"),
+        _helper(chain, prefix, precision, "static"),
+        *texts,
+        *_function("The same everywhere.", f"static void {prefix}_slopes_all", head, [*calls[False].values()]),
+    ]
+    return "\n".join(lines), names
+
+
+def _bend_record(comment: str, precision: Precision, names: Sequence[str], name: str) -> str:
+    fields = "".join(f"    {precision} {field};\n" for field in names)
+    return f"typedef struct {{ /* {comment} */\n{fields}}} {name};\n"
+
+
+def _printer(prefix: str, precision: Precision, shared: bool) -> PartialEvaluator:
+    return PartialEvaluator(
+        prefix=prefix,
+        precision=precision,
+        shared=shared,
+        parameters={},
+        reorder=True,
+        functions={ca.OP_TANH: "short_tanh"},
+        steady=("pull", "release"),
+    )
+
+
+def _renewals(
+    chain: Chain,
+    joints: Joints,
+    printer: PartialEvaluator,
+    twins: dict[str, str],
+    *,
+    settable: bool,
+    slopes: bool = False,
+) -> tuple[list[str], dict[bool, dict[int, str]], set[str]]:
+    """Functions of bends, calls by bend and by whether both ways have one factor, and the fields that they fill."""
+    printed: dict[tuple[str, ...], str] = {}
+    texts, renewed = [], set[str]()
+    calls: dict[bool, dict[int, str]] = {False: {}, True: {}}
+    for k, bend in enumerate(joints.bends):
+        if bend.joint < 0 and not settable:
+            continue
+        for alike in (False, True) if settable and bend.joint >= 0 and not slopes else (False,):
+            factors = ("pull", "pull" if alike else "release") if settable else ()
+            law = _contact_law(chain, bend.first, twins, factors, slopes=slopes)
+            renewed |= set(law.outputs)
+            key = tuple(str(e) for e in law.outputs.values())  # bends with the same coefficients share a function
+            if key not in printed:
+                printed[key] = f"contact_{len(printed) + 1}"
+                texts.append(printer.fold(law, printed[key]).code)
+            results = ca.vertcat(*law.outputs.values())
+            given = [s.name() for s in law.inputs if ca.depends_on(results, s)]
+            given = [f"path->angle[{k}]" if name == "angle_rad" else name for name in given]
+            arguments = [*given, *(f"&contact[{k}].{name}" for name in law.outputs)]
+            calls[alike][k] = f"    {printer.prefix}_{printed[key]}({', '.join(arguments)});"
+    return texts, calls, renewed
 
 
 def _either(calls: dict[bool, list[str]], types: str) -> list[str]:
@@ -256,7 +293,7 @@ def _contact_law(chain: Chain, mass: int, twins: dict[str, str], factor_names: t
     if slopes:
         over = ca.vertcat(*symbols.values())
         tuned = [name for name in outputs if ca.depends_on(there[name], over)]
-        outputs |= {SLOPE_OF + name: ca.sum2(ca.jacobian(there[name], over)) for name in tuned}
+        outputs = {SLOPE_OF + name: ca.sum2(ca.jacobian(there[name], over)) for name in tuned}
     return Law(
         name="contact",
         comment="Friction of a mass for a wrap angle [rad], eqs. (8), (9).",

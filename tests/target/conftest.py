@@ -231,7 +231,7 @@ def _bench(folder: Path, kinds: tuple[str, ...]) -> list[str | Path]:
 
 def _objects(compiler: tuple[str, ...], source: Path, kinds: tuple[str, ...]) -> list[Path]:
     """Compiled modules: all, or one alone and what it needs."""
-    more = {"stream": "inverse", "plant": "chain", "observer": "chain"}.get(kinds[0])
+    more = {"stream": "inverse", "plant": "chain", "observer": "chain", "adaptive": "chain"}.get(kinds[0])
     needed = ("parameters", "limits", "path", "state", *((more,) if more else ()))
     modules = MODULES if kinds == KINDS else (*needed, *kinds)
     return [compiled(compiler, made) for name in modules if (made := source / f"tff_{name}.c").exists()]

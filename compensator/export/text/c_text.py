@@ -17,7 +17,7 @@ from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.stream import RE_ENTRY_S, RE_ENTRY_SHARE, SLACK, StreamDesign
 from tendonff.compensator.compensators.table import BuiltTable, accepted_range
 from tendonff.compensator.compensators.tuning import Certified, certified
-from tendonff.compensator.export.adaptive import adaptive_code, tuned_numbers
+from tendonff.compensator.export.adaptive import adaptive_code, bounds_code, tuned_part
 from tendonff.compensator.export.joint_jumps import FACTOR as JUMP_FACTOR
 from tendonff.compensator.export.joint_jumps import largest_starts_rad
 from tendonff.compensator.export.modules import (
@@ -92,8 +92,8 @@ def c_sources(
     if bounds is None and BOUNDS in modules:
         bounds = certified(problem)
     servo, shared = actuator.servo_stiffness_N_per_m or 0.0, shared_sources(problem, names)
-    settings = scenario.adaptation if {m.name for m in ADAPTIVE_MODULES} & set(names) else None
-    inverts, taken = bool({"inverse", ADAPTIVE.name} & set(names)), tuple[str, ...]()
+    settings = scenario.adaptation if ADAPTIVE.name in names else None
+    inverts = bool({"inverse", ADAPTIVE.name} & set(names))
     forward = chain.with_end_stiffness(servo, chain.far.stiffness_N_per_m)
     if "state" in shared:
         made = chain_code(
@@ -103,24 +103,25 @@ def c_sources(
             precision,
             inverse=inverts,
             forward=forward if "chain" in shared else None,
-            tuned=() if settings is None else tuned_numbers(problem, settings),
+            tuned=None if settings is None else tuned_part(problem, settings),
         )
         code["state"] = {
             name: getattr(made, name)
-            for name in ("record", "values", "kinds", "links", "solver", "rest", "contact", "touch", "touch_all")
+            for name in ("record", "values", "links", "solver", "rest", "contact", "touch", "touch_all")
         }
+        code["state"]["count_of_rows"] = made.count
         code["state"]["inverts"] = inverts
-        code["state"]["solves"] = "chain" in shared or ADAPTIVE.name in names
+        code["state"]["solves"] = "chain" in shared
         if made.inverse is not None:
-            taken = made.inverse.free
             code["inversion"] = {"laws": made.inverse.laws, "body": made.inverse.body}
             code["inverse"] = settable_inverse(problem, made.inverse, precision, prefix) | {"kinds": made.kinds}
         if made.plant is not None:
-            code |= {"chain": asdict(made.plant), "plant": {"inputs": made.plant.inputs}}
-            code["observer"] = {"inputs": made.plant.inputs}
-    if settings is not None:
-        printed = adaptive_code(problem, settings, precision, prefix, bounds, taken)
-        code |= dict.fromkeys((m.name for m in ADAPTIVE_MODULES), printed)
+            code["chain"] = asdict(made.plant) | {"tuned": settings is not None}
+            code["plant"] = code["observer"] = {"inputs": made.plant.inputs}
+        if settings is not None:
+            code[ADAPTIVE.name] = adaptive_code(problem, settings, precision, prefix, made)
+    if bounds is not None:
+        code[BOUNDS.name] = bounds_code(bounds)
     if "observer" in names:
         design: ObserverDesign = further.get("observed") or ObserverDesign(problem=problem)
         code["observer"] = code.get("observer", {}) | observer_code(design)
@@ -140,8 +141,9 @@ def c_sources(
 def shared_sources(problem: Problem, names: Collection[str]) -> tuple[str, ...]:
     """Sources that modules of these names share, without prefix: parameters, limits, path, state, the forward chain."""
     runs = PLANT.name in names or (OBSERVER.name in names and CapstanLaw.of(problem.transmission).plays is None)
+    runs = runs or ADAPTIVE.name in names
     path = ("path",) if problem.chain.moving else ()
-    state = ("state",) if runs or {"inverse", STREAM.name, ADAPTIVE.name} & set(names) else ()
+    state = ("state",) if runs or {"inverse", STREAM.name} & set(names) else ()
     return ("parameters", "limits", *path, *state, *(("chain",) if runs else ()))
 
 
@@ -324,11 +326,11 @@ def _context(
     free = 1 if joints else free
     state = {
         "inverse": _padded(
-            output + (2 * reals + (6 if ramp else 5) + free + past) * size + entry + 4 + path[True], size
+            output + _chain_bytes(chain, size, path[True]) + ((6 if ramp else 5) + free + past) * size + entry, size
         ),
         "capstan": _padded(output + (5 if law.plays is None else 4 + 3 * PLAYS) * size + entry, size),
         "table": _padded(output + 4 * size + entry + 4, size),
-        "plant": _padded((2 * reals + (3 if servo else 2)) * size + 16 + path[False], size),
+        "plant": _padded(_chain_bytes(chain, size, path[False]) + (2 if servo else 1) * size + 12, size),
         "observer": _observer_bytes(chain, law, size, path[False]),
         "profile": _padded(output + 4, size),
         "bounds": _padded(4 * size + 4, size),
@@ -457,7 +459,12 @@ def _observer_bytes(chain: Chain, law: CapstanLaw, size: int, path: int) -> int:
     if law.plays is not None:
         return _padded(common + PLAYS * size + 4, size)
     far = 0 if chain.far_joint is not None else 3 * size + 4
-    return _padded(common + path + 2 * chain.layout.size * size + far + 12, size)
+    return _padded(common + _chain_bytes(chain, size, path) + far + 8, size)
+
+
+def _chain_bytes(chain: Chain, size: int, path: int) -> int:
+    """State of a chain, with its path [bytes]."""
+    return _padded(path + 2 * chain.layout.size * size + 4, size)
 
 
 def _rated(joints: Joints) -> list[bool]:

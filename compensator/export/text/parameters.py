@@ -87,7 +87,7 @@ def settable_numbers(problem: Problem) -> tuple[str, ...]:
     if problem.chain.moving:
         joints = Joints.of(problem.chain)
         own = contact_code(problem.chain, joints, "tff_inverse", Precision.DOUBLE, settable=True).own
-        contact = (f"contact[{k}].{name}" for k in range(len(joints.bends)) for name in own)
+        contact = (f"chain.contact[{k}].{name}" for k in range(len(joints.bends)) for name in own)
         return ("own.piece_adhesion_N", "pull", "release", *contact)
     alike = {f"friction_{name}" for name in problem.chain.friction.aliases()}
     return tuple(f"own.{name}" for name in SETTABLE if name not in alike)

@@ -221,7 +221,7 @@ def test_it_is_exported_as_c(generic: Transmission, tmp_path: pathlib.Path) -> N
         }}
         double run_plant(double force, int fresh, double *x, double *x_old) {{
             tff_chain_work w;
-            tff_chain_report r = {{ 0 }};
+            tff_chain_report r = {{ .most = 60 }};
             const tff_chain_input u = {{ force, 0.0, 0 }};
             tff_chain_step(tff_rows, &u, fresh, x, x_old, &w, &r);
             return r.converged ? w.force[TFF_CHAIN_COUNT] : -1.0;

@@ -788,22 +788,22 @@ static void test_inverse(void)
         same = is_near((double)other.output.force, 43.116841313780071) && (other.output.status == TFF_OK);
         same = same && is_near((double)other.start, 30.0);
         for (k = 0; k < TFF_INVERSE_COUNT; k++) {
-            friction += (double)other.x[22 + k];
+            friction += (double)other.chain.x[22 + k];
         }
         same = same && (fabs(friction - (13.116841313780071)) <= (1e2 * ROUNDING * 44.116841313780071));
         for (k = 0; k <= TFF_INVERSE_COUNT; k++) {
-            stretched += other.x[8 + k];
+            stretched += other.chain.x[8 + k];
         }
-        same = same && (fabs((other.x[28] - other.x[29]) - stretched) <= (1e2 * ROUNDING * stretched));
+        same = same && (fabs((other.chain.x[28] - other.chain.x[29]) - stretched) <= (1e2 * ROUNDING * stretched));
         for (k = 0; k < TFF_INVERSE_REALS; k++) {
-            same = same && is_near((double)other.x[k], (double)other.x_old[k]);
+            same = same && is_near((double)other.chain.x[k], (double)other.chain.x_old[k]);
         }
         expect("inverse: a start in motion takes force less tension for friction, and the tendon hangs together", same);
         tff_inverse_init_at(&other, 30.0, 30.0);
         tff_inverse_init(&self, 30.0);
         same = 1;
         for (k = 0; k < TFF_INVERSE_REALS; k++) {
-            same = same && is_near((double)self.x[k], (double)other.x[k]);
+            same = same && is_near((double)self.chain.x[k], (double)other.chain.x[k]);
         }
         expect("inverse: a start in motion without friction is one at rest", same && (other.entry.lost == 0));
     }
@@ -1243,7 +1243,7 @@ static void test_plant(void)
     good = is_near((double)tff_plant_step(&plant, (tff_real)NAN), (double)tension) && (plant.status == TFF_INPUT_HELD);
     good = good && is_near((double)tff_plant_step(&plant, (tff_real)INFINITY), (double)tension) && (plant.status == TFF_INPUT_HELD);
     expect("plant: bad forces hold the last tension and say so", good && ((plant.seen & TFF_INPUT_HELD) != 0u));
-    plant.x[0] = (tff_real)NAN; /* no step can be solved from here */
+    plant.chain.x[0] = (tff_real)NAN; /* no step can be solved from here */
     good = is_near((double)tff_plant_step(&plant, golden_plant_force[0]), (double)tension) && (plant.status == TFF_FAILED) && (plant.evaluations == 22);
     expect("plant: a step without a solution holds the last tension and says so", good);
     tff_plant_init(&plant, (tff_real)NAN);
@@ -1343,7 +1343,7 @@ static void test_observer(void)
     tff_observer_init_at(&self, 30.0, 43.116841313780071);
     before = 0.0;
     for (k = 0; k < TFF_OBSERVER_COUNT; k++) {
-        before += (double)self.x[22 + k];
+        before += (double)self.chain.x[22 + k];
     }
     expect("observer: a start in motion takes the difference for friction", (fabs(before - (13.116841313780071)) <= (1e2 * ROUNDING * 44.116841313780071)) && encloses(&self.output, 30.0));
     {
@@ -1376,7 +1376,7 @@ static void test_observer(void)
     report("observer: golden vectors of a far end that is moved", error, 8.6000000000000002e-07);
     expect("observer: a far end that is moved is flagged, and any history admitted", wide && ((self.output.seen & TFF_OBSERVER_FAR_MOVED) != 0u));
     before = (double)self.output.tension;
-    self.x[0] = (tff_real)NAN; /* no step can be solved from here */
+    self.chain.x[0] = (tff_real)NAN; /* no step can be solved from here */
     held = is_near((double)tff_observer_step(&self, seen_input[0], (tff_real)NAN), before) && (self.output.status == TFF_FAILED) && (self.evaluations == 22);
     expect("observer: a step without a solution holds the last tension and says so", held && ((double)self.output.low <= 0.0));
     held = 0; /* a start that is far from the tension before may fail once more */

@@ -7,36 +7,6 @@
  */
 #include "tff_chain.h"
 
-/* Time step of the tendon chain: two end masses, N masses on the path, N + 1 links.
- *
- * Positive is towards the actuator (pulling); tensions are positive. SI units throughout.
- * State x: v, e, z, f_s, q_a, q_l.
- */
-
-typedef struct {
-    int converged;            /* 0: the step failed */
-    double residual_N;
-    long iterations;          /* linear solves, accumulated */
-    long evaluations;         /* of the balances, accumulated */
-} tff_chain_report;
-/* Work area of one step, on the stack. */
-typedef struct {
-    double base[((4 * TFF_CHAIN_COUNT) + 6)];
-    double start[TFF_CHAIN_COUNT + 1];
-    double force[TFF_CHAIN_COUNT + 1];
-    double slope[TFF_CHAIN_COUNT + 1];
-    double new_f_s[TFF_CHAIN_COUNT];
-    double v[TFF_CHAIN_COUNT + 2];
-    double trial[TFF_CHAIN_COUNT + 2];
-    double residual[TFF_CHAIN_COUNT + 2];
-    double lower[TFF_CHAIN_COUNT + 2];
-    double diag[TFF_CHAIN_COUNT + 2];
-    double upper[TFF_CHAIN_COUNT + 2];
-    double move[TFF_CHAIN_COUNT + 2];
-    double middle; /* reciprocal pivot where both ends meet */
-} tff_chain_work;
-
-
 /* Tension of a link [N] and its slope over the rate of elongation [N s/m]; a tendon cannot push. */
 static void tff_chain_link_force(
     const tff_weights *w, double rate, double start, double *force, double *slope)
@@ -246,6 +216,13 @@ static double tff_chain_evaluate(const tff_weights *c, const tff_chain_input *u,
     return tff_largest(n + 2, w->residual);
 }
 
+/* The same for the step from w->base and the velocities in w->v. */
+static double tff_chain_largest_balance(const tff_weights *c, const tff_chain_input *u, int n, tff_chain_work *w)
+{
+    tff_chain_link_starts(c, n, w->base, w->start);
+    return tff_chain_evaluate(c, u, n, w->v, w);
+}
+
 /* Largest balance that counts as solved: the rounding of link forces and of momenta adds to the tolerance. */
 static double tff_chain_tolerance(const tff_weights *c, int n, const tff_chain_work *w)
 {
@@ -277,13 +254,13 @@ static double tff_chain_newton(
     int k;
     int halving;
 
-    for (k = 0; (k < TFF_CHAIN_MAX_ITERATIONS) && !(now <= tolerance) && (report->evaluations < TFF_CHAIN_MAX_EVALUATIONS); k++) {
+    for (k = 0; (k < TFF_CHAIN_MAX_ITERATIONS) && !(now <= tolerance) && (report->evaluations < report->most); k++) {
         double t = 1.0;
         double next = now;
         tff_factorise(n + 2, w->lower, w->diag, w->upper, &w->middle);
         tff_newton_move(n + 2, w->residual, w->lower, w->diag, w->upper, w->middle, w->move);
         report->iterations++;
-        for (halving = 0; (halving < TFF_CHAIN_MAX_HALVINGS) && (report->evaluations < TFF_CHAIN_MAX_EVALUATIONS); halving++) {
+        for (halving = 0; (halving < TFF_CHAIN_MAX_HALVINGS) && (report->evaluations < report->most); halving++) {
             for (i = 0; i <= (n + 1); i++) {
                 w->trial[i] = w->v[i] + (t * w->move[i]);
             }
@@ -313,9 +290,8 @@ static void tff_chain_solve(const tff_weights *c, const tff_chain_input *u, int 
     double tolerance;
     int moves;
 
-    tff_chain_link_starts(c, n, w->base, w->start);
+    norm = tff_chain_largest_balance(c, u, n, w);
     tolerance = tff_chain_tolerance(c, n, w);
-    norm = tff_chain_evaluate(c, u, n, w->v, w);
     report->evaluations++;
     norm = tff_chain_newton(c, u, n, norm, tolerance, w, report, &moves);
     report->converged = 0;
@@ -340,9 +316,9 @@ static void tff_chain_finish(const tff_weights *c, int n, const tff_chain_work *
     }
 }
 
-/* Advance x by one step; x_old holds the state one step earlier and becomes the state before this step.
- * Second-order backward differences (BDF2, the second row of weights); implicit Euler where there is no earlier state
- * (fresh, the first row). */
+/* Advance x by one step in one piece; where that fails, x is as before. x_old holds the state one step earlier and becomes
+ * the state before this step. Second-order backward differences (BDF2, the second row of weights); implicit Euler where
+ * there is no earlier state (fresh, the first row). */
 static void tff_chain_step(
     const tff_weights *rows, const tff_chain_input *u, int fresh,
     double *x, double *x_old, tff_chain_work *w, tff_chain_report *report)
@@ -361,9 +337,9 @@ static void tff_chain_step(
         x_old[j] = x[j];
     }
     report->converged = 0;
-    for (guess = 0; (guess < 2) && (report->converged == 0) && (report->evaluations < TFF_CHAIN_MAX_EVALUATIONS); guess++) { /* extrapolated, then at rest */
+    for (guess = 0; (guess < 2) && (report->converged == 0) && (report->evaluations < report->most); guess++) { /* extrapolated, then at rest */
         for (j = 0; (guess > 0) && (j <= (n + 1)); j++) {
-            w->v[j] = (guess == 1) ? 0.0 : x[j];
+            w->v[j] = 0.0;
         }
         tff_chain_solve(c, u, n, w, report);
     }
@@ -372,16 +348,17 @@ static void tff_chain_step(
     }
 }
 
-int32_t tff_chain_advance(const tff_chain_input *input, int32_t fresh, tff_real *x, tff_real *x_old, tff_real *tension, int32_t *evaluations)
+int32_t tff_chain_advance(tff_state *self, const tff_chain_input *input, tff_real *tension, int32_t *evaluations)
 {
     tff_chain_work work;
-    tff_chain_report report = { 0, 0.0, 0, 0 };
+    tff_chain_report report = { 0, 0.0, 0, 0, TFF_CHAIN_MAX_EVALUATIONS };
     int32_t solved = 0;
 
-    tff_chain_step(tff_rows, input, (int)fresh, x, x_old, &work, &report);
+    tff_chain_step(tff_rows, input, (self->fresh != 0) ? 1 : 0, self->x, self->x_old, &work, &report);
     *evaluations += (int32_t)report.evaluations;
     if (report.converged != 0) {
         *tension = work.force[TFF_CHAIN_COUNT];
+        self->fresh = 0;
         solved = 1;
     }
     return solved;

@@ -25,9 +25,41 @@ typedef struct {
     int32_t led; /* 1: the force is the tension that a cell at the near end measures; else the actuator's */
 } tff_chain_input;
 
-/* Advance by a sample; `fresh`: there is no earlier state. Returns 1, then x_old is what x was and `tension` the one at the
- * far end [N], or 0 where there is no solution, then x is as before. `evaluations` of the balances are added up. */
-int32_t tff_chain_advance(const tff_chain_input *input, int32_t fresh, tff_real *x, tff_real *x_old, tff_real *tension, int32_t *evaluations);
+/* Time step of the tendon chain: two end masses, N masses on the path, N + 1 links.
+ *
+ * Positive is towards the actuator (pulling); tensions are positive. SI units throughout.
+ * State x: v, e, z, f_s, q_a, q_l.
+ */
+
+typedef struct {
+    int converged;            /* 0: the step failed */
+    double residual_N;
+    long iterations;          /* linear solves, accumulated */
+    long evaluations;         /* of the balances, accumulated */
+    long most;                /* of these, after which a step fails */
+} tff_chain_report;
+
+/* Work area of one step, on the stack. */
+typedef struct {
+    double base[((4 * TFF_CHAIN_COUNT) + 6)];
+    double start[TFF_CHAIN_COUNT + 1];
+    double force[TFF_CHAIN_COUNT + 1];
+    double slope[TFF_CHAIN_COUNT + 1];
+    double new_f_s[TFF_CHAIN_COUNT];
+    double v[TFF_CHAIN_COUNT + 2];
+    double trial[TFF_CHAIN_COUNT + 2];
+    double residual[TFF_CHAIN_COUNT + 2];
+    double lower[TFF_CHAIN_COUNT + 2];
+    double diag[TFF_CHAIN_COUNT + 2];
+    double upper[TFF_CHAIN_COUNT + 2];
+    double move[TFF_CHAIN_COUNT + 2];
+    double middle; /* reciprocal pivot where both ends meet */
+} tff_chain_work;
+
+
+/* Advance by a sample. Returns 1, then `tension` is the one at the far end [N], or 0 where there is no
+ * solution, then the state is as before. `evaluations` of the balances are added up. */
+int32_t tff_chain_advance(tff_state *self, const tff_chain_input *input, tff_real *tension, int32_t *evaluations);
 
 #ifdef __cplusplus
 }

@@ -81,10 +81,9 @@ void tff_inverse_init(tff_inverse *self, tff_real initial_tension)
 {
     const tff_real tension = tff_begin(&self->output, &self->entry, initial_tension, TFF_REFERENCE_MIN_N, TFF_REFERENCE_MAX_N);
 
-    tff_state_rest(self->x, self->x_old, tension);
+    tff_state_init(&self->chain, tension);
     self->start = tension;
     self->least = tension;
-    self->fresh = 2;
     self->samples = 0.0;
     self->own.piece_adhesion_N = 0.0;
     self->own.friction_mu_dynamic_pull = 0.052312080781770152;
@@ -130,7 +129,7 @@ void tff_inverse_init_at(tff_inverse *self, tff_real tension, tff_real force)
 {
     tff_inverse_init(self, tension);
     if (tff_begin_at(&self->output, &self->entry, self->start, force) != 0) {
-        tff_state_carry(self->x, self->x_old, self->start, force);
+        tff_state_carry(self->chain.x, self->chain.x_old, self->start, force);
     }
 }
 
@@ -144,8 +143,7 @@ static tff_real tff_inverse_after(tff_inverse *self, tff_real samples, tff_real 
 {
     if (tff_is_within(reference, TFF_REFERENCE_MIN_N, TFF_REFERENCE_MAX_N) == 0) {
         (void)tff_lose(&self->output, &self->entry, reference);
-    } else if ((self->fresh == 2) && (tff_is_within(reference, self->start, self->start) != 0)) {
-        self->fresh = 1; /* the sample at t = 0: at rest */
+    } else if (tff_state_begins(&self->chain, reference, self->start) != 0) {
         (void)tff_output_set(&self->output, self->output.force);
     } else {
         const tff_real followed = tff_entry_take(&self->entry, reference);
@@ -154,7 +152,7 @@ static tff_real tff_inverse_after(tff_inverse *self, tff_real samples, tff_real 
         int fresh = 1;
         tff_real exact;
 
-        if (self->fresh == 0) {
+        if (self->chain.fresh == 0) {
             fresh = 0;
         }
         if ((tff_is_within(samples, 1.0, 1.0) == 0) || ((fresh == 0) && (tff_is_within(self->samples, 1.0, 1.0) == 0))) {
@@ -163,8 +161,8 @@ static tff_real tff_inverse_after(tff_inverse *self, tff_real samples, tff_real 
             fresh = 1; /* the first of these rows */
         }
         exact = tff_inverse_invert_step(
-            rows, followed, fresh, self->own.piece_adhesion_N, self->own.friction_mu_dynamic_pull, self->own.friction_mu_dynamic_release, self->x, self->x_old, &self->least);
-        self->fresh = 0;
+            rows, followed, fresh, self->own.piece_adhesion_N, self->own.friction_mu_dynamic_pull, self->own.friction_mu_dynamic_release, self->chain.x, self->chain.x_old, &self->least);
+        self->chain.fresh = 0;
         self->samples = samples;
         (void)tff_output_set(&self->output, exact);
         if (self->least <= 0.0) {

@@ -28,8 +28,7 @@ typedef struct {
 /* State; owned by the caller. */
 typedef struct {
     tff_output output;
-    tff_real x[TFF_INVERSE_REALS];     /* velocity, elongation, relaxed elongation, bristle force, ends */
-    tff_real x_old[TFF_INVERSE_REALS]; /* one sample earlier */
+    tff_state chain;
     tff_real start;     /* tension at rest before the first sample [N] */
     tff_real least;     /* smallest tension on the path [N] */
     tff_entry entry;    /* last reference, and the way back to one that was lost */
@@ -37,7 +36,6 @@ typedef struct {
     tff_real mu;        /* mu_dynamic when pulling [-] */
     tff_real adhesion;  /* [N] */
     tff_real samples;   /* length of the last step, in samples */
-    int32_t fresh;           /* 2: no call yet; 1: no sample has moved it; 0: in motion */
 } tff_inverse;
 
 /* At rest under a uniform tension [N]. One outside the accepted range is replaced by its nearest end and flagged. */

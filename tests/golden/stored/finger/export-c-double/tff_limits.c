@@ -212,30 +212,37 @@ tff_real tff_resume(tff_output *output, tff_entry *entry, const tff_pause *pause
     return answer;
 }
 
-tff_span tff_span_of(tff_real waiting, tff_real dt_s)
+tff_span tff_span_of(tff_entry *entry, tff_real dt_s)
 {
-    tff_span found = { 0.0, 0.0, -1, 0 };
+    tff_span span = { dt_s, 0.0, -1, 0, 0.0 };
 
     if (tff_is_within(dt_s, 0.0, TFF_LARGEST_N) != 0) {
         const int32_t missed = tff_paused(dt_s * 1000.0);
-        const tff_real since = (missed > 0) ? TFF_STEP_S : (waiting + dt_s);
+        const tff_real since = (missed > 0) ? TFF_STEP_S : (entry->waiting + dt_s);
         const tff_real fit = (since * 1000.0) + 9.9999999999999995e-07;
 
-        found.dt_s = dt_s;
-        found.samples = (int32_t)fit;
-        found.missed = missed;
-        found.left = since - ((tff_real)found.samples * TFF_STEP_S);
+        span.samples = (int32_t)fit;
+        span.missed = missed;
+        span.left = since - ((tff_real)span.samples * TFF_STEP_S);
+        entry->waiting = (span.left > 0.0) ? span.left : 0.0;
     }
-    return found;
+    return span;
 }
 
-tff_real tff_span_rest(const tff_span *since, int32_t k)
+int32_t tff_span_next(tff_span *self)
 {
-    const tff_real whole = (tff_real)k * TFF_STEP_S;
-    const tff_real back = whole + since->left;
-    const tff_real least = since->dt_s * 9.9999999999999995e-07;
+    int32_t comes = 0;
 
-    return ((since->missed > 0) || (back <= least)) ? 0.0 : (back / since->dt_s);
+    if (self->samples > 0) {
+        const tff_real least = self->dt_s * 9.9999999999999995e-07;
+        tff_real back;
+
+        self->samples--;
+        back = ((tff_real)self->samples * TFF_STEP_S) + self->left;
+        self->rest = ((self->missed > 0) || (back <= least)) ? 0.0 : (back / self->dt_s);
+        comes = 1;
+    }
+    return comes;
 }
 
 tff_real tff_on_the_way(tff_real reference, tff_real before, tff_real rest)

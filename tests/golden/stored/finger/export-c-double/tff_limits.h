@@ -19,6 +19,14 @@ static inline int32_t tff_is_within(tff_real value, tff_real low, tff_real high)
     return ((value >= low) && (value <= high)) ? 1 : 0;
 }
 
+/* Memory of a play (backlash) operator that is pushed along between two values. */
+static inline tff_real tff_play(tff_real memory, tff_real least, tff_real most)
+{
+    const tff_real raised = (memory > least) ? memory : least;
+
+    return (raised < most) ? raised : most;
+}
+
 /* Status of a value that is not taken: RANGE for a number, INPUT_HELD for what is none. */
 static inline uint32_t tff_held(tff_real value)
 {
@@ -105,18 +113,20 @@ tff_pause tff_pause_of(tff_output *output, tff_entry *entry, tff_real dt_s);
 /* After that step: rate and way back are what they were. Returns the output. */
 tff_real tff_resume(tff_output *output, tff_entry *entry, const tff_pause *pause, tff_real answer);
 
-/* A time since the last call [s] as whole samples. */
+/* A time since the last call [s] as whole samples, one after the other. */
 typedef struct {
     tff_real dt_s;
-    tff_real left;  /* time that waits for the next call [s] */
-    int32_t samples;      /* -1: the time is no number */
+    tff_real rest;  /* share of the way that is left from here to what is passed now */
+    int32_t samples;      /* to come; -1: the time is no number */
     int32_t missed;       /* samples of a pause before them */
+    tff_real left;  /* time that waits for the next call [s] */
 } tff_span;
 
-tff_span tff_span_of(tff_real waiting, tff_real dt_s);
+/* What is left waits in the entry. */
+tff_span tff_span_of(tff_entry *entry, tff_real dt_s);
 
-/* Share of the way that is left to what was passed last, when `k` samples are to come. */
-tff_real tff_span_rest(const tff_span *since, int32_t k);
+/* On to the next sample: 0 where none is to come. */
+int32_t tff_span_next(tff_span *self);
 
 /* What to follow with that share left. */
 tff_real tff_on_the_way(tff_real reference, tff_real before, tff_real rest);

@@ -13,13 +13,6 @@
 #define TFF_OBSERVER_MOST_M 0.40900753650317923      /* largest error that is believed [m] */
 #define TFF_OBSERVER_SLACK_M_PER_N 8.0500000000000005e-05 /* what a stiffness that is off explains */
 
-static tff_real tff_observer_play(tff_real memory, tff_real least, tff_real most)
-{
-    const tff_real raised = (memory > least) ? memory : least;
-
-    return (raised < most) ? raised : most;
-}
-
 /* Nothing good has arrived for so many samples: the output may be anything that a tendon carries. */
 static void tff_observer_lose(tff_observer *self, int32_t samples)
 {
@@ -44,8 +37,8 @@ static void tff_observer_enclose(tff_observer *self, tff_real tension, int32_t a
         self->low_memory = least;
         self->high_memory = most;
     } else {
-        self->low_memory = tff_observer_play(self->low_memory, least, lifted * 1.6531041517617928);
-        self->high_memory = tff_observer_play(self->high_memory, lifted * 0.60492256276427092, most);
+        self->low_memory = tff_play(self->low_memory, least, lifted * 1.6531041517617928);
+        self->high_memory = tff_play(self->high_memory, lifted * 0.60492256276427092, most);
     }
     self->blind = 0;
     low = self->low_memory;
@@ -62,12 +55,11 @@ void tff_observer_init(tff_observer *self, tff_real initial_tension)
     const tff_real tension = tff_tension_of(initial_tension, 0.0, TFF_OBSERVER_INPUT_MAX_N, TFF_REFERENCE_MIN_N, &self->output.status);
 
     self->output.seen = self->output.status;
-    tff_state_rest(self->x, self->x_old, tension);
-    self->home = self->x[28];
+    tff_state_init(&self->chain, tension);
+    self->home = self->chain.x[28];
     self->start = tension;
     self->far = 0.0;
     self->homed = 1;
-    self->fresh = 2;
     self->evaluations = 0;
     tff_entry_init(&self->entry, tension);
     self->force = tension;
@@ -90,7 +82,7 @@ void tff_observer_init_at(tff_observer *self, tff_real output_tension, tff_real 
         tff_observer_lose(self, TFF_RE_ENTRY);
     } else {
         if (tension > 0.0) {
-            tff_state_carry(self->x, self->x_old, tension, input_tension);
+            tff_state_carry(self->chain.x, self->chain.x_old, tension, input_tension);
         }
         self->force = input_tension;
         self->entry.last = input_tension;
@@ -111,7 +103,7 @@ static void tff_observer_start_over(tff_observer *self, tff_real tension)
     const int32_t evaluations = self->evaluations;
 
     tff_observer_init_at(self, (held > 0.0) ? held : tension, tension);
-    self->fresh = 1;
+    self->chain.fresh = 1;
     self->evaluations = evaluations;
     self->entry.waiting = waiting;
     self->output.tension = held;
@@ -126,7 +118,7 @@ void tff_observer_missed(tff_observer *self, int32_t samples)
 /* What the position [m] says beyond the chain: something else moves the far end. */
 static int32_t tff_observer_compare(tff_observer *self, tff_real position, int32_t steps)
 {
-    const tff_real near = self->x[28];
+    const tff_real near = self->chain.x[28];
     int32_t moved = 0;
 
     if (tff_is_within(position, -TFF_OBSERVER_MOST_M, TFF_OBSERVER_MOST_M) != 0) {
@@ -160,13 +152,8 @@ static uint32_t tff_observer_advance(tff_observer *self, int32_t steps, tff_real
         const tff_real share = (k < steps) ? ((tff_real)k * part) : 1.0;
         const tff_real force = from + ((tension - from) * share);
         const tff_chain_input now = { force, self->far, 1 };
-        int32_t fresh = 1;
 
-        if (self->fresh == 0) {
-            fresh = 0;
-        }
-        if (tff_chain_advance(&now, fresh, self->x, self->x_old, &self->output.tension, &self->evaluations) != 0) {
-            self->fresh = 0;
+        if (tff_chain_advance(&self->chain, &now, &self->output.tension, &self->evaluations) != 0) {
             self->force = force;
             if (self->output.tension <= 0.0) {
                 status |= TFF_WOULD_PUSH;
@@ -184,29 +171,37 @@ static void tff_observer_say(tff_observer *self, uint32_t status)
     self->output.seen |= status;
 }
 
+/* Follow an input tension [N] that is good. */
+static uint32_t tff_observer_follow(tff_observer *self, int32_t steps, tff_real tension, tff_real position)
+{
+    int32_t any = self->blind;
+    uint32_t status = tff_observer_advance(self, steps, tff_entry_take(&self->entry, tension));
+
+    if (status == TFF_FAILED) {
+        tff_observer_start_over(self, tension);
+        tff_observer_lose(self, 1);
+    } else {
+        if (tff_observer_compare(self, position, steps) != 0) {
+            status |= TFF_OBSERVER_FAR_MOVED;
+            any = 1;
+        }
+        tff_observer_enclose(self, tension, any);
+    }
+    return status;
+}
+
 static tff_real tff_observer_after(tff_observer *self, int32_t steps, tff_real input_tension, tff_real input_position)
 {
     const tff_real tension = (input_tension > 0.0) ? input_tension : 0.0;
     uint32_t status = TFF_OK;
-    int32_t any = self->blind;
 
     self->evaluations = 0;
     if (tff_is_within(input_tension, -TFF_OBSERVER_INPUT_MAX_N, TFF_OBSERVER_INPUT_MAX_N) == 0) {
         status = TFF_INPUT_HELD;
         tff_observer_lose(self, 1);
-    } else if ((self->fresh == 2) && (tff_is_within(tension, self->force, self->force) != 0)) {
-        self->fresh = 1; /* the sample at t = 0: at rest */
     } else {
-        status = tff_observer_advance(self, steps, tff_entry_take(&self->entry, tension));
-        if (status == TFF_FAILED) {
-            tff_observer_start_over(self, tension);
-            tff_observer_lose(self, 1);
-        } else {
-            if (tff_observer_compare(self, input_position, steps) != 0) {
-                status |= TFF_OBSERVER_FAR_MOVED;
-                any = 1;
-            }
-            tff_observer_enclose(self, tension, any);
+        if (tff_state_begins(&self->chain, tension, self->force) == 0) {
+            status = tff_observer_follow(self, steps, tension, input_position);
         }
     }
     tff_observer_say(self, status);

@@ -41,8 +41,7 @@ typedef struct {
 /* State; owned by the caller. */
 typedef struct {
     tff_observed output;
-    tff_real x[TFF_OBSERVER_REALS];     /* velocity, elongation, relaxed elongation, bristle force, ends */
-    tff_real x_old[TFF_OBSERVER_REALS]; /* one sample earlier */
+    tff_state chain;
     tff_real home;    /* near end of the chain where the measured position is 0 [m] */
     tff_real start;   /* input tension there [N] */
     tff_real far;     /* how far something else has moved the far end's spring [m] */
@@ -52,7 +51,6 @@ typedef struct {
     tff_real high_memory;
     int32_t blind;         /* the history is not known */
     int32_t homed;         /* 0: the next position says where the near end is */
-    int32_t fresh;         /* 2: no call yet; 1: no sample has moved it; 0: in motion */
     int32_t evaluations;   /* of the balances, in the last step */
 } tff_observer;
 

@@ -13,10 +13,8 @@ void tff_plant_init(tff_plant *self, tff_real initial_tension)
     const tff_real tension = tff_tension_of(initial_tension, 0.0, TFF_PLANT_INPUT_MAX_N, TFF_REFERENCE_MIN_N, &self->status);
 
     self->seen = self->status;
-    tff_state_rest(self->x, self->x_old, tension);
+    tff_state_init(&self->chain, tension);
     self->tension = tension;
-    self->force = tension;
-    self->fresh = 2;
     self->evaluations = 0;
 }
 
@@ -25,18 +23,12 @@ static void tff_plant_advance(tff_plant *self, tff_real force)
 {
     const tff_chain_input now = { force, 0.0, 0 };
 
-    if (tff_chain_advance(&now, (self->fresh != 0) ? 1 : 0, self->x, self->x_old, &self->tension, &self->evaluations) != 0) {
-        self->fresh = 0;
-        self->force = force;
+    if (tff_chain_advance(&self->chain, &now, &self->tension, &self->evaluations) != 0) {
         if (self->tension <= 0.0) {
             self->status = TFF_WOULD_PUSH;
         }
-    } else { /* stopped where it was before this step: from rest the next one has a solution */
-        int32_t j;
-        for (j = 0; j < TFF_PLANT_REALS; j++) {
-            self->x[j] = (j <= (TFF_PLANT_COUNT + 1)) ? 0.0 : self->x_old[j];
-        }
-        self->fresh = 1;
+    } else {
+        tff_state_stop(&self->chain);
         self->status = TFF_FAILED;
     }
 }
@@ -48,9 +40,7 @@ tff_real tff_plant_step(tff_plant *self, tff_real force)
     if (tff_is_within(force, -TFF_PLANT_INPUT_MAX_N, TFF_PLANT_INPUT_MAX_N) == 0) {
         self->status = TFF_INPUT_HELD;
     } else {
-        if ((self->fresh == 2) && (tff_is_within(force, self->force, self->force) != 0)) {
-            self->fresh = 1; /* the sample at t = 0: at rest */
-        } else {
+        if (tff_state_begins(&self->chain, force, self->tension) == 0) {
             tff_plant_advance(self, force);
         }
     }
@@ -60,10 +50,10 @@ tff_real tff_plant_step(tff_plant *self, tff_real force)
 
 tff_real tff_plant_actuator_position(const tff_plant *self)
 {
-    return self->x[TFF_PLANT_REALS - 2];
+    return self->chain.x[TFF_PLANT_REALS - 2];
 }
 
 tff_real tff_plant_load_position(const tff_plant *self)
 {
-    return self->x[TFF_PLANT_REALS - 1];
+    return self->chain.x[TFF_PLANT_REALS - 1];
 }

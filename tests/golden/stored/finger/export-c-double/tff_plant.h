@@ -19,11 +19,8 @@ extern "C" {
 
 /* State; owned by the caller. */
 typedef struct {
-    tff_real x[TFF_PLANT_REALS];     /* velocity, elongation, relaxed elongation, bristle force, ends */
-    tff_real x_old[TFF_PLANT_REALS]; /* one sample earlier */
+    tff_state chain;
     tff_real tension; /* output tension [N], last good one */
-    tff_real force;   /* force of the last sample [N] */
-    int32_t fresh;         /* 2: no call yet; 1: no sample has moved it; 0: in motion */
     int32_t evaluations;   /* of the balances, in the last step */
     uint32_t status;       /* bits of the last step */
     uint32_t seen;         /* bits since init */

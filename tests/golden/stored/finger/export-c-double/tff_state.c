@@ -118,6 +118,22 @@ void tff_state_rest(tff_real *x, tff_real *x_old, tff_real tension)
     }
 }
 
+void tff_state_init(tff_state *self, tff_real tension)
+{
+    tff_state_rest(self->x, self->x_old, tension);
+    self->fresh = 2;
+}
+
+void tff_state_stop(tff_state *self)
+{
+    int32_t j;
+
+    for (j = 0; j < TFF_STATE_REALS; j++) {
+        self->x[j] = (j <= (TFF_STATE_COUNT + 1)) ? 0.0 : self->x_old[j];
+    }
+    self->fresh = 1;
+}
+
 /* What slip cannot hold is left out; below it each mass has its share of full slip. */
 void tff_state_rub(tff_real *x, tff_real *x_old, tff_real rest, tff_real force)
 {

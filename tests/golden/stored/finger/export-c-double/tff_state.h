@@ -79,7 +79,32 @@ void tff_factorise(int rows, tff_real *lower, tff_real *diag, tff_real *upper, t
 void tff_newton_move(
     int rows, const tff_real *residual, const tff_real *lower, const tff_real *diag, const tff_real *upper, tff_real middle, tff_real *move);
 
+/* State of a chain; owned by the caller as part of a record. */
+typedef struct {
+    tff_real x[TFF_STATE_REALS];     /* velocity, elongation, relaxed elongation, bristle force, ends */
+    tff_real x_old[TFF_STATE_REALS]; /* one sample earlier */
+    int32_t fresh;         /* 2: no call yet; 1: no sample has moved it; 0: in motion */
+} tff_state;
+
 /* At rest under a uniform tension [N]. */
+void tff_state_init(tff_state *self, tff_real tension);
+
+/* After a step without a solution: stopped where it was before it, from where the next one has one. */
+void tff_state_stop(tff_state *self);
+
+/* Returns 1 in the first call where the input is that of the rest: the sample at t = 0, in which nothing moves. */
+static inline int32_t tff_state_begins(tff_state *self, tff_real input, tff_real rest)
+{
+    int32_t begins = 0;
+
+    if ((self->fresh == 2) && (tff_is_within(input, rest, rest) != 0)) {
+        self->fresh = 1;
+        begins = 1;
+    }
+    return begins;
+}
+
+/* States at rest under a uniform tension [N]. */
 void tff_state_rest(tff_real *x, tff_real *x_old, tff_real tension);
 
 /* In motion: friction of each mass, when the end is pulled by a force [N] and the output is under the tension at rest [N]. */

@@ -135,20 +135,14 @@ tff_real tff_stream_step(tff_stream *self, tff_real reference)
 
 tff_real tff_stream_step_dt(tff_stream *self, tff_real dt_s, tff_real reference)
 {
-    const tff_span span = tff_span_of(self->entry.waiting, dt_s);
+    tff_span span = tff_span_of(&self->entry, dt_s);
     tff_real answer = self->output.force;
 
-    if (span.samples >= 0) {
-        const tff_real before = self->passed;
-        int32_t k;
-
-        tff_stream_missed(self, span.missed);
-        for (k = span.samples - 1; k >= 0; k--) { /* so many are to come */
-            const tff_real rest = tff_span_rest(&span, k);
-            const tff_real followed = tff_on_the_way(reference, before, rest);
-            answer = tff_stream_sample(self, followed);
-        }
-        self->entry.waiting = (span.left > 0.0) ? span.left : 0.0;
+    tff_stream_missed(self, span.missed);
+    while (tff_span_next(&span) != 0) {
+        answer = tff_stream_sample(self, tff_on_the_way(reference, self->passed, span.rest));
+    }
+    if (span.samples == 0) {
         tff_stream_pass(self, reference);
     } else {
         (void)tff_output_hold(&self->output, TFF_INPUT_HELD);
