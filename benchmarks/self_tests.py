@@ -129,8 +129,8 @@ def _self_tuning(chance: np.random.Generator, tension_N: float, travel_m: float)
 
 
 GOLDEN = re.compile(
-    r"(?P<what>\w+: golden (?:vectors|bounds)[a-z ]*)(?P<means>, means of \d+)?"
-    r"(?:, (?P<rows>\d+) of (?P<all>\d+) rows)?, .* at most (?P<N>\S+) N"
+    r"(?P<what>\w+: golden vectors[a-z ]*)(?P<means>, means of \d+)?"
+    r"(?:, (?P<rows>\d+) of (?P<all>\d+) rows)?, largest difference of .* at most (?P<N>\S+)"
 )
 
 

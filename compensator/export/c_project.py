@@ -27,8 +27,19 @@ from tendonff.compensator.export.host import compile_on_host, run_on_host
 from tendonff.compensator.export.judgement import Judged, chosen, judge, judge_stream, profiles_of, score_lines
 from tendonff.compensator.export.modules import ADAPTIVE, BOUNDS, OBSERVER, c_modules, check_prefix
 from tendonff.compensator.export.observer import ObserverDesign, ObserverGolden, observer_golden
-from tendonff.compensator.export.repeat import FLOAT_SHARE, InFloat, compared
-from tendonff.compensator.export.self_test import FloatLoss, float_losses, loss_warnings, self_test_context
+from tendonff.compensator.export.repeat import FLOAT_SHARE, InFloat
+from tendonff.compensator.export.script import Script
+from tendonff.compensator.export.self_test import (
+    FloatLoss,
+    check_tension,
+    float_losses,
+    loss_warnings,
+    observer_test,
+    tension_test,
+)
+from tendonff.compensator.export.tension.estimating import ObserverTest
+from tendonff.compensator.export.tension.modules import record_helper
+from tendonff.compensator.export.tension.subject import TensionTest
 from tendonff.compensator.export.text.c_text import (
     c_sources,
     drive_text,
@@ -38,11 +49,12 @@ from tendonff.compensator.export.text.c_text import (
     table_bytes,
     table_context,
 )
+from tendonff.compensator.export.text.parameters import parameters_of
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.feedback.tension import tension_task
 from tendonff.compensator.files.writing import write_folder
 from tendonff.compensator.scenario.scenario import Scenario, scenario_hash
-from tendonff.compensator.scenario.settings import Stream
+from tendonff.compensator.scenario.settings import Adaptation, Stream
 from tendonff.models.capstan import CapstanLaw
 from tendonff.models.fidelity import Level
 from tendonff.models.turns import in_turn
@@ -152,23 +164,20 @@ def export_project(
     judged = (*judged, judge_stream(judged, choice, problem))
     modules, faults = chosen(judged, c_modules(scenario, stream is not None), force_export=force_export)
     expectation = expect_live(problem)
+    names, script = [module.name for module in modules], Script(precision=precision, prefix=prefix)
+    test = tension_test(problem, table, profile_N, golden, stream, script, names, found)
+    own = observer_test(seen, FLOAT_SHARE * scale_of(tension), precision, found)
+    checked, notes = _checked(test, own, settings, tuned, found)
     further: dict[str, object] = {
         **numbers,
+        **checked,
         "headline": live_headline(expectation, scenario),
-        **self_test_context(problem, table, profile_N, golden, precision, found),
-        **_observer_test(seen, FLOAT_SHARE * scale_of(tension), precision, found),
         "measured": measured(precision),
         "judged": judged,
         "choice": choice,
         "losses": losses,
     }
-    notes: tuple[str, ...] = ()
-    if settings is not None and tuned is not None:
-        notes = learnt(problem, tuning_of(problem, settings)).sentences()
-        answers = [answer for run in found for answer in run.tuner]
-        if ADAPTIVE in modules:  # not where the inverse that it tunes is left out
-            further["adaptive"] = adaptive_test(problem, settings, golden.course, precision, tuned, answers)
-    texts = _texts(scenario, problem, modules, precision, prefix, further)
+    texts = _texts(scenario, problem, modules, precision, prefix, further, script)
     texts["design.json"] = _design_json(
         scenario,
         problem,
@@ -194,6 +203,23 @@ def export_project(
     )
 
 
+def _checked(
+    test: TensionTest,
+    observer: ObserverTest,
+    settings: Adaptation | None,
+    tuned: AdaptiveGolden | None,
+    found: Sequence[InFloat],
+) -> tuple[dict[str, object], tuple[str, ...]]:
+    """Make all checks; values for the templates, and what the tuner can identify."""
+    notes, own = tuple[str, ...](), None
+    if settings is not None and tuned is not None:
+        problem, answers = test.problem, [answer for run in found for answer in run.tuner]
+        notes = learnt(problem, tuning_of(problem, settings)).sentences()
+        if ADAPTIVE.name in test.names:  # not where the inverse that it tunes is left out
+            own = adaptive_test(problem, settings, test.golden.course, test.script.precision, tuned, answers)
+    return {"adaptive": own, "fewer": check_tension(test, observer, own)}, notes
+
+
 def _texts(
     scenario: Scenario,
     problem: Problem,
@@ -201,6 +227,7 @@ def _texts(
     precision: Precision,
     prefix: str,
     further: Mapping[str, object],
+    script: Script,
 ) -> dict[str, str]:
     """Every file but design.json, by name; without a C compiler the self test does not call modules at random."""
     fed = _feedback(scenario, problem, modules, precision, prefix)
@@ -209,7 +236,15 @@ def _texts(
     drive = drive_text(scenario, problem, modules, precision, prefix, further)
     code = compile_on_host(sources, host_text(drive, prefix, [module.name for module in modules]), precision)
     tested = test_text(drive, prefix, None if code is None else drive_on_host(code, precision))
-    return sources | fed | folder_files(scenario, problem, modules, precision, prefix, {**further, "drive": tested})
+    headers = [f"{prefix}_{module.name}.h" for module in modules]
+    headers += [f"{prefix}_table_data.h"] if "table" in {module.name for module in modules} else []
+    test = script.text(
+        headers,
+        provenance_of(scenario, problem.level, precision, prefix),
+        helpers=record_helper(prefix, [parameter.name for parameter in parameters_of(problem)]),
+        drive=tested,
+    )
+    return sources | fed | test | folder_files(scenario, problem, modules, precision, prefix, further)
 
 
 def _feedback(
@@ -230,25 +265,6 @@ def _late(problem: Problem) -> tuple[str, ...]:
         return ()
     text = f"the drive is late by {1e3 * late:.3g} ms (lag, delay and hold), and the output of modules that read a "
     return (text + "reference live with it; the module profile runs ahead of it",)
-
-
-def _observer_test(
-    seen: ObserverGolden, most_N: float, precision: Precision, found: Sequence[InFloat]
-) -> dict[str, object]:
-    """Values for the self test of the observer; there are no answers of the exported code where it was not run."""
-    for run in found:
-        seen = seen.as_far_as(run.course[OBSERVER.name][: len(seen.output_N)], most_N)
-    answered = [run.course[OBSERVER.name][: len(seen.output_N)] for run in found]
-    far = [run.far.get(OBSERVER.name, np.empty(0))[: len(seen.far_output_N)] for run in found]
-    scale = float(seen.input_N.max())
-    rows = compared(seen.output_N, scale, most_N, precision, answered)
-    of_bounds = 3 * rows.tolerance
-    return {
-        "seen": seen,
-        "seen_far_compared": compared(seen.far_output_N, 10 * scale, most_N, precision, far),
-        "seen_compared": rows,
-        "seen_bounds_tolerance_N": min(of_bounds, most_N) if answered else of_bounds,
-    }
 
 
 def _run_in_float(

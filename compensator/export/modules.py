@@ -20,7 +20,7 @@ ADAPTIVE = CModule(name="adaptive", content="exact inverse that tunes itself to 
 BOUNDS = CModule(name="bounds", content="certified interval of the output tension")
 ADAPTIVE_MODULES = (ADAPTIVE, BOUNDS)  # what is exported for a scenario with [adaptation]
 
-FOLDER_FILES = ("self_test.c", "example_main.c", "Makefile", "CMakeLists.txt", "README.md")
+FOLDER_FILES = ("example_main.c", "Makefile", "CMakeLists.txt", "README.md")
 """Files of every exported folder beside its sources; their templates stand with those of a kind, or in `library`."""
 
 STATIC = ("capstan", "table")  # modules without the chain's states: they answer with a force and cannot tell a command

@@ -1,12 +1,9 @@
-"""Data of the shipped self test: sequences with their results, tolerances, bounds and checksums.
-
-Limits, status bits and checksums are computed apart from the C.
-"""
+"""The shipped self test of a tension's modules: sequences with their results, tolerances, and what is lost in float."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from enum import IntFlag
+from typing import Any
 
 import numpy as np
 
@@ -14,102 +11,25 @@ from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.lookup_table import LookupTable
 from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.compensators.score import scale_of
+from tendonff.compensator.compensators.stream import StreamDesign
 from tendonff.compensator.compensators.table import accepted_range
-from tendonff.compensator.export.golden import LONGER, Course, Golden, respond, servo_of
-from tendonff.compensator.export.repeat import InFloat, compared_modules, largest_error
+from tendonff.compensator.export.golden import Course, Golden, respond, servo_of
+from tendonff.compensator.export.modules import BOUNDS, OBSERVER
+from tendonff.compensator.export.observer import ObserverGolden
+from tendonff.compensator.export.repeat import InFloat, compared, compared_modules, largest_error
+from tendonff.compensator.export.script import Script
+from tendonff.compensator.export.tension.checks import check_all
+from tendonff.compensator.export.tension.data import limit_cases
+from tendonff.compensator.export.tension.estimating import ObserverTest, check_adaptive, check_bounds, check_observer
+from tendonff.compensator.export.tension.following import Status
+from tendonff.compensator.export.tension.subject import TensionTest
 from tendonff.compensator.export.text.parameters import settable_numbers
-from tendonff.compensator.export.text.table_index import share_index
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.capstan.spread_bounds import PLAYS
+from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.codegen.precision import Precision
-from tendonff.ocp.codegen.printer import literal
 from tendonff.ocp.tendon.inverse import invert
 from tendonff.ocp.tendon.simulate import Simulation
-
-_FNV_START, _FNV_PRIME, _MASK = 2166136261, 16777619, 0xFFFFFFFF
-
-
-class Status(IntFlag):
-    """Status bits of the exported modules."""
-
-    OK = 0
-    INPUT_HELD = 1
-    FORCE_LIMITED = 2
-    RATE_LIMITED = 4
-    WOULD_PUSH = 8
-    FAILED = 16
-    ENDED = 32
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LimitCase:
-    """Call of the limiter."""
-
-    # before_N, wanted_N: last output, and the force that is asked for [N]
-    before_N: float
-    wanted_N: float
-    force_N: float  # what must come out [N]
-    status: Status
-
-
-def limit_cases(low_N: float, high_N: float, change_N: float, precision: Precision) -> list[LimitCase]:
-    """Calls of the limiter that reach each of its branches, with the right answers.
-
-    The range is that of the force, the change the largest per sample. The last output is set by hand, so that the rate
-    binds also where no course of forces could make it.
-    """
-    real = np.float32 if precision is Precision.FLOAT else np.float64
-    given = (float(np.clip(v, -1e30, 1e30)) for v in (low_N, high_N, change_N))
-    low, high, change = (real(float(literal(v, precision).rstrip("f"))) for v in given)  # as the header is read
-    span = high - low
-    middle = low + real(0.5) * span
-    small = real(0.25) * min(change, span)
-    far = [low - real(8) * change, high + real(8) * change]
-    wanted = [middle, middle + small, middle - small, low, high, low - small, high + small, real(1e29), real(-1e29)]
-    wanted += [real(v) for v in (np.nan, np.inf, -np.inf, 3e30, -3e30)]
-    cases = []
-    for before in (middle, low, high, *far):
-        if not abs(before) < real(1e29):
-            continue
-        for want in wanted:
-            force, status = _limited(before, want, low, high, change)
-            if abs(force - before) < change * real(0.999) or status & (Status.RATE_LIMITED | Status.FAILED):
-                cases.append(
-                    LimitCase(before_N=float(before), wanted_N=float(want), force_N=float(force), status=status)
-                )
-    return cases
-
-
-def _limited(
-    before: np.floating, wanted: np.floating, low: np.floating, high: np.floating, change: np.floating
-) -> tuple[np.floating, Status]:
-    """The rules of the limiter, stated apart from the template that prints them."""
-    if not abs(wanted) <= 1e30:
-        force, status = before, Status.FAILED
-    else:
-        force = min(max(wanted, low), high)
-        status = Status.OK if force == wanted else Status.FORCE_LIMITED
-    within = min(max(force, before - change), before + change)
-    return within, status if within == force else status | Status.RATE_LIMITED
-
-
-def checksum(values: Iterable[float], precision: Precision) -> int:
-    """FNV-1a over the bytes of numbers as C reads their literals, least significant byte first."""
-    kind = "<f4" if precision is Precision.FLOAT else "<f8"
-    read = [float(literal(float(value), precision).rstrip("f")) for value in values]
-    return _fnv(np.asarray(read, dtype=kind).tobytes())
-
-
-def integer_checksum(values: Iterable[int]) -> int:
-    """FNV-1a over integers below 65536 as two bytes each, least significant first."""
-    return _fnv(np.asarray(list(values), dtype="<u2").tobytes())
-
-
-def _fnv(data: bytes) -> int:
-    value = _FNV_START
-    for byte in data:
-        value = ((value ^ byte) * _FNV_PRIME) & _MASK
-    return value
 
 
 def seen(force_N: FloatArray, limited_N: FloatArray, low_N: float, high_N: float) -> Status:
@@ -176,19 +96,21 @@ def loss_warnings(losses: Sequence[FloatLoss]) -> tuple[str, ...]:
     )
 
 
-def self_test_context(
+def tension_test(
     problem: Problem,
     table: LookupTable | None,
     profile_N: FloatArray,
     golden: Golden,
-    precision: Precision,
+    stream: StreamDesign | None,
+    script: Script,
+    names: Sequence[str],
     found: Sequence[InFloat],
-) -> dict[str, object]:
-    """Values for the template of the self test.
+) -> TensionTest:
+    """The self test of the modules of these names, before its checks are made.
 
     There are no answers of the exported code where it was not run.
     """
-    actuator, step = problem.transmission.actuator, problem.reference.step_s
+    actuator, step, precision = problem.transmission.actuator, problem.reference.step_s, script.precision
     course, jumps, live, other = golden.course, golden.jumps, golden.live, golden.other
     start = float(course.reference_N[0])
     force = course.plant_force_N[: len(course.columns["plant"])]
@@ -200,7 +122,7 @@ def self_test_context(
     slack = len(pushed.tension_N) > _SLACK_ROWS and float(pushed.output_tension_N[-1]) <= 0
     stiffness = min(problem.transmission.load.stiffness_N_per_m, problem.transmission.tendon.stiffness_N_per_m)
     span = scale_of(problem.reference.tension_N)
-    compared = {
+    rows = {
         "course": compared_modules(course, precision, [run.course for run in found], unit, span),
         "jumps": compared_modules(jumps, precision, [run.jumps for run in found], unit, span, neighbours=1),
         "live": {} if live is None else compared_modules(live, precision, [run.live for run in found], unit, span),
@@ -215,40 +137,95 @@ def self_test_context(
     least, most = actuator.force_min_N, actuator.force_max_N
     exact = invert(jumps.chain, jumps.reference_N, step, initial_tension_N=float(jumps.reference_N[0]))
     limited_N = problem.limits.apply(exact.force_N, step, float(jumps.reference_N[0]))  # columns may be commands [m]
-    high, low_end = float(course.reference_N.max()), 1.02 * accepted_range(problem)[0]
-    dropped = (np.array([high, drop, drop]) for drop in (low_end, 2 * low_end))  # the second: beyond doubt
-    pushes = all((invert(still, fall, step, initial_tension_N=high).least_tension_N <= 0).any() for fall in dropped)
     change = actuator.force_rate_max_N_per_s * step
     ramps = live is not None and bool(np.any(np.abs(np.diff(live.plant_force_N)) > 0.999 * change))
     far = float(course.reference_N[np.argmax(np.abs(course.reference_N - start))])
-    return {
-        "golden": golden,
-        "compared": compared,
-        "longer": LONGER,
-        "led_to": far if abs(far - start) > 1e-3 * start else None,
-        "start_force_N": _start_force_N(problem, start),
-        "live_ramps": ramps and servo_of(problem) is None,
-        "limit_cases": limit_cases(least, most, change, precision),
-        "checksums": {
-            "profile": checksum(profile_N, precision),
-            **({} if table is None else _table_checksums(table, precision)),
-        },
-        "tolerances": {
-            "position": max(compared["course"]["plant"].tolerance, of_plant_N) / stiffness + _summed_m(ends, precision),
-        },
-        "jump_bits": {
+    off_N = max(rows["course"]["plant"].tolerance, of_plant_N)
+    return TensionTest(
+        problem=problem,
+        names=names,
+        script=script,
+        golden=golden,
+        compared=rows,
+        table=table,
+        profile_N=profile_N,
+        stream=stream,
+        limit_cases=limit_cases(least, most, change, precision),
+        jump_bits={
             name: int(seen(exact.force_N, limited_N, least, most)) if name == "inverse" else 0 for name in jumps.columns
         },
-        "plant_ends": (float(ends.near_position_m[-1]), float(ends.far_position_m[-1])),
-        "settable": {
+        led_to_N=far if abs(far - start) > 1e-3 * start else None,
+        narrow_N=(least + 0.25 * (min(most, 1e6) - least), least + 0.75 * (min(most, 1e6) - least)),
+        push_N=_push_N(problem, course, still),
+        start_force_N=_start_force_N(problem, start),
+        live_ramps=ramps and servo_of(problem) is None,
+        plant_ends_m=(float(ends.near_position_m[-1]), float(ends.far_position_m[-1])),
+        position_m=off_N / stiffness + _summed_m(ends, precision),
+        slack_rows=_SLACK_ROWS if slack else 0,
+        slack_drive=lowest,
+        settable={
             "capstan": (*_bounds(CapstanLaw.of(problem.transmission)), "adhesion"),
             "inverse": ("mu", "adhesion", *settable_numbers(problem)),
         },
-        "narrow_N": (least + 0.25 * (min(most, 1e6) - least), least + 0.75 * (min(most, 1e6) - least)),
-        "push_N": (high, low_end) if pushes else None,
-        "slack_rows": _SLACK_ROWS if slack else 0,
-        "slack_drive": lowest,
+    )
+
+
+def observer_test(seen: ObserverGolden, most_N: float, precision: Precision, found: Sequence[InFloat]) -> ObserverTest:
+    """Golden vectors of the observer; there are no answers of the exported code where it was not run."""
+    for run in found:
+        seen = seen.as_far_as(run.course[OBSERVER.name][: len(seen.output_N)], most_N)
+    answered = [run.course[OBSERVER.name][: len(seen.output_N)] for run in found]
+    far = [run.far.get(OBSERVER.name, np.empty(0))[: len(seen.far_output_N)] for run in found]
+    scale = float(seen.input_N.max())
+    rows = compared(seen.output_N, scale, most_N, precision, answered)
+    of_bounds = 3 * rows.tolerance
+    return ObserverTest(
+        golden=seen,
+        compared=rows,
+        far=compared(seen.far_output_N, 10 * scale, most_N, precision, far),
+        bounds_N=min(of_bounds, most_N) if answered else of_bounds,
+    )
+
+
+def check_tension(test: TensionTest, observer: ObserverTest, adaptive: Mapping[str, Any] | None) -> list[str]:
+    """Make all checks of the exported modules; sequences of which only some rows are compared, in words."""
+    check_all(test)
+    if OBSERVER.name in test.names:
+        check_observer(test, observer)
+    if adaptive is not None:
+        check_adaptive(test, adaptive)
+        if BOUNDS.name in test.names:
+            check_bounds(test, adaptive)
+    return _fewer_rows(test, observer, adaptive)
+
+
+def _fewer_rows(test: TensionTest, observer: ObserverTest, adaptive: Mapping[str, Any] | None) -> list[str]:
+    """Sequences of which the self test compares only some rows, in words."""
+    courses = {"course": "", "jumps": " on jumps", "other": " with other friction", "live": ""}
+    every = {
+        f"{name}{words}": rows
+        for course, words in courses.items()
+        for name, rows in test.compared[course].items()
+        if name in test.names
     }
+    if OBSERVER.name in test.names:
+        every |= {"observer": observer.compared, "observer with a far end that is moved": observer.far}
+    every |= {} if adaptive is None else {"adaptive": adaptive["compared"]}
+    means = {name: f" as means of {rows.mean_of} rows" if rows.mean_of > 1 else "" for name, rows in every.items()}
+    return [
+        f"{rows.rows} of {len(rows.expected)} rows of {name}{means[name]}" for name, rows in every.items() if rows.words
+    ]
+
+
+def _push_N(problem: Problem, course: Course, still: Chain) -> tuple[float, float, int] | None:
+    """References of a fall that no tendon follows, and the sample after it in which it pushes most."""
+    high, low_end = float(course.reference_N.max()), 1.02 * accepted_range(problem)[0]
+    falls = [
+        invert(still, np.array([high, drop, drop]), problem.reference.step_s, initial_tension_N=high).least_tension_N
+        for drop in (low_end, 2 * low_end)  # the second: beyond doubt
+    ]
+    row = int(np.argmin(falls[1][1:]))
+    return (high, low_end, row) if all(fall[1 + row] <= 0 for fall in falls) else None
 
 
 def _summed_m(run: Simulation, precision: Precision) -> float:
@@ -278,10 +255,3 @@ def _bounds(law: CapstanLaw) -> tuple[str, ...]:
     if law.plays is None:
         return "pull", "release"
     return tuple(f"{side}[{k}]" for side in ("low", "high") for k in (0, PLAYS - 1))
-
-
-def _table_checksums(table: LookupTable, precision: Precision) -> dict[str, int]:
-    """Of shares and ratios of each branch in the order of the C arrays, and of the cells that the C looks up."""
-    numbers = {b.value: checksum([*table.branch(b).share, *table.ratio(b).ravel()], precision) for b in Branch}
-    cells = {f"{b}_cell": integer_checksum(share_index(table.branch(b).share, precision).cell) for b in Branch}
-    return numbers | cells

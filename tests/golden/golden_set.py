@@ -13,6 +13,7 @@ on one machine, stores everything in full and compares tables and data to 1e-12,
 import csv
 import difflib
 import io
+import itertools
 import json
 import math
 import re
@@ -58,9 +59,12 @@ _ARRAY = re.compile(
     r"(?P<name>\w+)(?P<head>(?:\[[^\]]*\])+ = \{|\s*: ARRAY\[[^\]]*\] OF \w+ := \[)"
     r"(?P<body>[-+\d.eEfF,\s{}]*)(?=[}\]];)"
 )
+# Columns of numbers of a self test: what they are, and the numbers themselves.
+_COLUMN = re.compile(r" {4}/\* (?P<name>[^*]*: [^*]*) \*/\n(?P<body>[^/;{]*)\n")
+# Where a self test has its numbers, and which lines of its scripts go to which of them: equal columns are stored once.
+_SCRIPT = re.compile(r"(static const \w+ test_(?:lines|numbers)\[\] = \{)[^;]*\};")
 # What a self test asks of its drive at random: answers of the machine that exports, not of the model.
 _DRIVEN = re.compile(r"static const \w+ drive_(?:expected|tolerance|status)\[[^;]*;\n")
-_CHECKSUM = re.compile(r"(?<=sum == UINT32_C\()\d+")
 
 Leaf = tuple[str, str, object]  # place, column, value
 Tolerance = Callable[[str], float]  # share of the scale, by the place
@@ -167,17 +171,18 @@ class Form:
         return re.sub(r" *\b\d(\.\d+)?e-(09|[1-9]\d)\b", " tiny", text)
 
     def code(self, text: str) -> str:
-        """An exported text without its arrays and their checksums."""
+        """An exported text without its arrays, and without the lines of a self test that say where they are."""
         text = _DRIVEN.sub("", without_version(text))
         if self._exact:
             return text
-        return _CHECKSUM.sub("CHECKSUM", _ARRAY.sub(lambda m: f"{m['name']}{m['head']} NUMBERS ", text))
+        return _ARRAY.sub(lambda m: f"{m['name']}{m['head']} NUMBERS ", _SCRIPT.sub(r"\1 NUMBERS };", text))
 
     def arrays(self, folder: Path) -> str:
         """Every array of numbers in the exported code of a folder: count, totals, every k-th number."""
         found: dict[str, object] = {}
         for file in sorted(f for f in folder.rglob("*") if f.suffix in {".c", ".h", ".st"}):
-            for match in _ARRAY.finditer(_DRIVEN.sub("", file.read_text(encoding="utf-8"))):
+            text = _DRIVEN.sub("", file.read_text(encoding="utf-8"))
+            for match in itertools.chain(_ARRAY.finditer(text), _COLUMN.finditer(text)):
                 values = [float(cell) for cell in _NUMBER.findall(match["body"])]
                 name = f"{file.name} {match['name']}"
                 while name in found:  # the same name in another function

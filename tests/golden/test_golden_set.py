@@ -64,7 +64,8 @@ def code(values, scalar="0.25", checksum=12345):
     body = ",\n    ".join(map(repr, map(float, values)))
     return (
         f"#define GAIN {scalar}\nstatic const double profile[N] = {{\n    {body}\n}};\n"
-        f"if (sum == UINT32_C({checksum})) ok();\n"
+        f"static const test_line test_lines[] = {{\n    {{ TEST_SUM, {checksum}u }},\n}};\n"
+        f"static const tff_real test_numbers[] = {{\n    /* inverse, golden vectors: answer */\n    {body}\n}};\n"
     )
 
 
@@ -86,6 +87,8 @@ def test_exported_arrays_are_numbers_and_the_text_around_them_is_text(tmp_path):
     assert of_codes(tmp_path, code(FORCE_N), code(FORCE_N[:-1])) != []
     assert of_codes(tmp_path, code(FORCE_N), code(FORCE_N, scalar="0.26")) != []
     assert "static const double profile[N] = {" in FORM.code(code(FORCE_N))
+    shifted = code(FORCE_N).replace("answer */\n    ", "answer */\n    1.0 + ")
+    assert of_codes(tmp_path, code(FORCE_N), shifted) != []
     assert FULL.code(code(FORCE_N)) == code(FORCE_N)
 
 

@@ -83,7 +83,7 @@ class Content:
 class Module:
     """A module whose output is a command of every motor; `MotorTask.without` says who has none.
 
-    Header, test, README, build files and the unit for co-simulation are made from this record; the fixed text of its
+    Header, README, build files and the unit for co-simulation are made from this record; the fixed text of its
     functions is `core/tff_NAME.c`, that of its record `core/tff_NAME_record.h`.
 
     Attributes
@@ -146,7 +146,6 @@ class Exports:
         names = [module.name for module in self.modules]
         return context | {
             "modules": [*context["modules"], *names],
-            "tested": [*context.get("tested", ()), *names],
             "headers": [*context["headers"], *(name for name in self.files if name.endswith(".h"))],
             "further": [
                 {"name": m.name, "content": m.content, "call": m.call, "error": self.errors.get(m.name, "")}

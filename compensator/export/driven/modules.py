@@ -1,16 +1,14 @@
 """The one list of modules beside the inverse in exports of driven joints, and their text."""
 
 from collections.abc import Sequence
-from importlib.resources import files
 
-import numpy as np
-
-from tendonff.compensator.export.driven.module import ENDED, Content, Designed, Exports, Module, tolerance_rad
+from tendonff.compensator.export.driven.module import ENDED, Content, Designed, Exports, Module
+from tendonff.compensator.export.driven.module_checks import check_module
 from tendonff.compensator.export.driven.profile import PROFILE
 from tendonff.compensator.export.driven.table import TABLE
 from tendonff.compensator.export.motors import JudgedJoint, rms_of
-from tendonff.compensator.files.reading import FloatArray
-from tendonff.ocp.codegen.precision import Precision
+from tendonff.compensator.export.script import Script
+from tendonff.compensator.export.text.fixed import core_file
 from tendonff.ocp.codegen.printer import literal
 from tendonff.ocp.codegen.templates import environment
 from tendonff.ocp.joint.target import ConstantData
@@ -26,7 +24,7 @@ def modules_beside(
     judged: Sequence[JudgedJoint],
     *,
     prefix: str,
-    precision: Precision,
+    script: Script,
     include: str,
     provenance: str,
 ) -> Exports:
@@ -39,7 +37,8 @@ def modules_beside(
     judged : sequence of JudgedJoint
         Errors of their inverse and of the ratio alone.
     prefix : str
-    precision : Precision
+    script : Script
+        Takes their checks.
     include : str
         Header of their inverse.
     provenance : str
@@ -51,7 +50,7 @@ def modules_beside(
     for module in MODULES:
         if module.name in refused:
             continue
-        data = ConstantData(f"{prefix}_{module.name}", precision)
+        data = ConstantData(f"{prefix}_{module.name}", script.precision)
         contents = [module.build(each, data) for each in designed]
         stated, reason = _stated(designed, contents, judged)
         if reason:
@@ -60,6 +59,7 @@ def modules_beside(
             continue
         errors |= {module.name: stated} if stated else {}
         kept.append(module)
+        check_module(script, module, contents, prefix)
         written |= module_files(module, contents, data, prefix, include, provenance)
     return Exports(files=written, modules=tuple(kept), refused=refused, errors=errors, harmful=tuple(harmful))
 
@@ -78,16 +78,6 @@ def _stated(designed: Sequence[Designed], contents: Sequence[Content], every: Se
     return ", ".join(found), ""
 
 
-def prefixed(text: str, prefix: str) -> str:
-    """Fixed text of C under another prefix."""
-    return text.replace("tff_", f"{prefix}_").replace("TFF_", f"{prefix.upper()}_")
-
-
-def core_file(name: str, prefix: str) -> str:
-    """Fixed text of a module."""
-    return prefixed(files("tendonff.compensator.export").joinpath(f"core/tff_{name}").read_text("utf-8"), prefix)
-
-
 def module_files(
     module: Module, contents: Sequence[Content], data: ConstantData, prefix: str, include: str, provenance: str
 ) -> dict[str, str]:
@@ -104,7 +94,6 @@ def module_files(
         "ended": ENDED,
         "number": len(contents),
         "num": lambda value: literal(float(value), precision),
-        "courses": [_course(content, precision) for content in contents],
     }
     top = f"/* Numbers of the {module.name}.\n *\n{provenance}\n */\n"
     head = f"{prefix}_{module.name}"
@@ -112,22 +101,4 @@ def module_files(
         f"{head}.h": _TEMPLATES.get_template("module.h.j2").render(context),
         f"{head}.c": core_file(f"{module.name}.c", prefix),
         f"{head}_data.h": f"{top}{core_file(f'{module.name}_record.h', prefix)}\n" + "\n".join(data.lines) + "\n",
-        f"{head}_test.c": _TEMPLATES.get_template("module_test.c.j2").render(context),
-    }
-
-
-def _course(content: Content, precision: Precision) -> dict[str, object]:
-    """Golden vectors as text."""
-
-    def numbers(values: FloatArray) -> str:
-        text = [literal(float(v), precision) for v in np.ravel(values)]
-        return ",\n".join("    " + ", ".join(text[k : k + 5]) for k in range(0, len(text), 5))
-
-    return {
-        "rows": len(content.command_rad),
-        "motors": content.command_rad.shape[1],
-        "given": numbers(content.given),
-        "status": ", ".join(f"{bits}u" for bits in content.status),
-        "command_rad": numbers(content.command_rad),
-        "tolerance": tolerance_rad(content, precision),
     }

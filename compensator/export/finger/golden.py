@@ -1,6 +1,7 @@
 """Golden vectors of a finger: what exported C must answer, by the Python model; and what it does answer."""
 
 import ctypes
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -10,7 +11,10 @@ import numpy as np
 from tendonff.compensator.compensators.motors.drive import commanded
 from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.export.drive import Driven, drive_on_host, host_text
+from tendonff.compensator.export.driven.checks import Bounds, DrivenTest, Status
+from tendonff.compensator.export.finger.checks import check_finger, tested_finger
 from tendonff.compensator.export.host import compile_on_host
+from tendonff.compensator.export.script import Script
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.models.path import JointMotion
@@ -24,7 +28,8 @@ _LOAD = 2.0
 """Of the load at the end of a golden course, in torques that the tendons give at the start: loops then hang loose."""
 _BEYOND = 0.05
 """Of the range of the course: how far a drive at random goes beyond it."""
-_SLACK_BIT, _SPEED_BIT, _TORQUE_BIT = 32, 4, 2
+_PAUSE_RAD = 0.02
+"""Jump of a command that passes after a pause."""
 _DOUBLE_RAD, _DOUBLE_N = 1e-9, 1e-5
 _UNMEASURED_RAD, _UNMEASURED_N = 2e-4, 0.05
 """Largest differences from the model that pass: in double, and in float where it was not measured."""
@@ -187,13 +192,15 @@ def largest_departure(courses: Sequence[FingerCourse], found: Sequence[FingerAns
     )
 
 
-def golden_context(
-    task: FingerTask, course: FingerCourse, found: FingerAnswers | None, precision: Precision
-) -> dict[str, Any]:
-    """Values for the self test's template; what float loses is taken from the compiled code's answers."""
+def add_checks(
+    script: Script, task: FingerTask, course: FingerCourse, found: FingerAnswers | None, context: Mapping[str, Any],
+    place: int,
+) -> None:  # fmt: skip
+    """Check a finger, number `place` of the exported ones; what float loses is by the compiled code's answers."""
     rad, command, newton = _DOUBLE_RAD, 4 * _DOUBLE_RAD, _DOUBLE_N
     drives = [motor.drive for motor in task.finger.motors]
-    if precision is Precision.FLOAT:
+    single = script.precision is Precision.FLOAT
+    if single:
         # A reversal that rounding tells a sample later crosses the play that much later.
         rad, newton = _UNMEASURED_RAD, _UNMEASURED_N
         command = 4 * _UNMEASURED_RAD + max(drive.play_rad for drive in drives)
@@ -207,30 +214,47 @@ def golden_context(
     first = [(names.index(motor.winds[0]), motor.winding_m[0]) for motor in task.finger.motors]
     by_length = np.column_stack([-(length[:, k] - length[0, k]) / winding for k, winding in first])
     beyond = float(np.ptp(course.run.motor - by_length, axis=0).max())
-    return {
-        "angle": course.angle_rad,
-        "torque": course.torque_N_m,
-        "motor": course.run.motor,
-        "command": course.command_rad,
-        "tension": course.run.tension_N,
-        "tolerance_rad": f"{rad:.3g}",
-        "tolerance_command": f"{command:.3g}",
-        "tolerance_N": f"{newton:.3g}",
-        "changes": changes,
-        "back_rad": f"{1e-3 + 2 * beyond:.3g}",
-        "seen": _seen(task, course, changes),
-    }
+    own = context["fingers"][place]
+    sizes = (len(own["joints"]), len(own["motors"]), len(own["tendons"]))
+    test = DrivenTest(
+        script=script,
+        module=tested_finger(context["prefix"], own["symbol"].lower(), place, *sizes),
+        start="init",
+        reference="angle",
+        load="torque",
+        steady=len(course.angle_rad) - BACK_ROWS,
+        given={"angle": course.angle_rad, "torque": course.torque_N_m},
+        motor_rad=course.run.motor,
+        command_rad=course.command_rad,
+        tension_N=course.run.tension_N,
+        bounds=Bounds(
+            motor_rad=rad,
+            command_rad=command,
+            tension_N=newton,
+            torque_N_m=math.inf,
+            change_rad=tuple(changes),
+            torque_max_N_m=tuple(drive.torque_max_N_m or 1e30 for drive in drives),
+            back_rad=1e-3 + 2 * beyond,
+            pause_rad=_PAUSE_RAD,
+            seen=_seen(task, course, changes),
+        ),
+        step_s=task.step_s,
+        part_s=0.5 * context["steps"][0],
+        re_entry=context["re_entry"],
+        alike_rad=2e-5 if single else 1e-9,
+    )
+    check_finger(test, len(context["fingers"]), context["evaluations"], context["bodies"])
 
 
 def _seen(task: FingerTask, course: FingerCourse, changes: Sequence[float]) -> int:
     """Status bits that the course must set."""
-    seen = 0
+    seen = Status.OK
     if (np.abs(np.diff(course.run.motor, axis=0)).max(axis=0) > 1.05 * np.array(changes)).any():
-        seen |= _SPEED_BIT
+        seen |= Status.SPEED_LIMITED
     most = np.abs(course.run.effort).max(axis=0)
     limits = [motor.drive.torque_max_N_m or 1e30 for motor in task.finger.motors]
     if (most > 1.02 * np.array(limits)).any():
-        seen |= _TORQUE_BIT
+        seen |= Status.TORQUE_LIMITED
     if course.run.slack_m.max() > 1e-4:
-        seen |= _SLACK_BIT
-    return seen
+        seen |= Status.SLACK
+    return int(seen)

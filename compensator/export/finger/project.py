@@ -12,11 +12,10 @@ from tendonff.compensator.export.drive import test_text
 from tendonff.compensator.export.driven.module import Designed
 from tendonff.compensator.export.driven.modules import modules_beside
 from tendonff.compensator.export.finger.golden import (
-    BACK_ROWS,
     FingerCourse,
+    add_checks,
     drive_context,
     followed_course,
-    golden_context,
     golden_course,
     largest_departure,
     run_courses,
@@ -24,6 +23,7 @@ from tendonff.compensator.export.finger.golden import (
 from tendonff.compensator.export.finger.text import finger_module, render
 from tendonff.compensator.export.modules import FOLDER_FILES, check_prefix
 from tendonff.compensator.export.motors import ExportedMotors, JudgedJoint, judge, live_headline
+from tendonff.compensator.export.script import Script
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.driven.finger import FingerScenario
 from tendonff.models.fidelity import Level
@@ -65,7 +65,6 @@ def export_fingers(
         command = runs[k].command_rad if found is None else found[len(tasks) + k].command_rad
         judged.append(judge(task, each["symbol"].lower(), command))
         each |= {
-            "golden": golden_context(task, courses[k], None if found is None else found[k], precision),
             "plain": judged[k].text(judged[k].plain_rms),
             "score": judged[k].text(judged[k].rms),
             "fault": judged[k].fault,
@@ -79,22 +78,26 @@ def export_fingers(
         )
     loss = None if found is None else largest_departure([*courses, *runs], found)
     context = module.context | {
-        "drive": test_text(drive, prefix, driven),
-        "load_rows": BACK_ROWS,
+        "tested": [],
         "loss": f"{loss:.2g}" if loss is not None and precision is Precision.FLOAT else "",
         "verifying": f"{max(task.masses for task in tasks)} masses a tendon at step/{FingerTask.refinement}",
         "usual": "" if found is None else f"{max(float(each.evaluations.mean()) for each in found):.1f}",
     }
+    script = Script(precision=precision, prefix=prefix)
+    for k, (task, course) in enumerate(zip(tasks, courses, strict=True)):
+        add_checks(script, task, course, None if found is None else found[k], context, k)
     beside = modules_beside(
         [Designed(task=task, motor_rad=run.run.motor) for task, run in zip(tasks, runs, strict=True)],
         judged,
         prefix=prefix,
-        precision=precision,
+        script=script,
         include=f"{prefix}_finger.h",
         provenance=context["provenance"],
     )
     context = beside.into(context)
-    files = module.files | beside.files | {name: render(f"{name}.j2", context) for name in FOLDER_FILES}
+    tested = test_text(drive, prefix, driven)
+    test = script.text([f"{prefix}_{m}.h" for m in context["modules"]], context["provenance"], drive=tested)
+    files = module.files | test | beside.files | {name: render(f"{name}.j2", context) for name in FOLDER_FILES}
     files["design.json"] = _design_json(tasks, judged, precision, prefix, loss)
     kept = [f"{fault}; exported because of --force-export" for fault in faults]
     return ExportedMotors(

@@ -10,9 +10,9 @@ import numpy as np
 from tendonff._version import __version__
 from tendonff.compensator.compensators.motors.finger import FingerTask
 from tendonff.compensator.compensators.stream import RE_ENTRY_S
-from tendonff.compensator.export.driven.modules import core_file
 from tendonff.compensator.export.modules import accepted_steps
 from tendonff.compensator.export.text.c_text import harmless
+from tendonff.compensator.export.text.fixed import core_file
 from tendonff.compensator.files.reading import FloatArray, InputError
 from tendonff.models.joint.parameters import JointDrive
 from tendonff.ocp.codegen.precision import Precision

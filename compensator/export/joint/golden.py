@@ -3,18 +3,23 @@
 import ctypes
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from tendonff.compensator.compensators.motors.drive import commanded
 from tendonff.compensator.compensators.motors.joint import inverse_of
 from tendonff.compensator.export.drive import Driven, drive_on_host, host_text
+from tendonff.compensator.export.driven.checks import Bounds, DrivenTest, Status
 from tendonff.compensator.export.golden import to_and_fro
 from tendonff.compensator.export.host import compile_on_host
+from tendonff.compensator.export.joint.checks import Observed, check_joint, tested_joint
 from tendonff.compensator.export.joint.observed import STEP_RAD, observed_motor
+from tendonff.compensator.export.script import Script
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.compensator.files.reading import FloatArray
 from tendonff.compensator.scenario.driven.joint import JointScenario, SampledJoint
+from tendonff.models.joint.parameters import JointDrive
 from tendonff.models.path import JointMotion
 from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.codegen.precision import Precision
@@ -27,7 +32,8 @@ _ROWS = 1000
 _REVERSAL_ROWS = 240
 _PUSHED = 1.5
 """Largest contact of a drive at random, in torques of the largest tension of the course."""
-_SLACK_BIT, _SPEED_BIT, _TORQUE_BIT = 32, 4, 2
+_PAUSE_RAD = 1e-5
+"""Jump of a command that passes after a pause."""
 
 _DOUBLE_RAD, _DOUBLE_N = 1e-9, 1e-5
 _ALONE_RAD = 1e-6
@@ -154,15 +160,17 @@ def _course(
     )
 
 
-def golden_context(
+def add_checks(
+    script: Script,
     scenario: JointScenario,
     problem: JointProblem,
     course: JointCourse,
     found: JointAnswers | None,
-    precision: Precision,
-) -> dict[str, object]:
-    """Values for the self test's template; what float loses is taken from the compiled code's answers."""
-    drive, step = scenario.mechanism.drive, scenario.run.step_s
+    context: Mapping[str, Any],
+    place: int,
+) -> DrivenTest:
+    """Check a joint, number `place` of the exported ones; what float loses is by the compiled code's answers."""
+    drive, step, precision = scenario.mechanism.drive, scenario.run.step_s, script.precision
     windings = np.array(problem.windings_m) / drive.gear_ratio
     asked = np.maximum(course.inversion.drum_N, 0.0) * windings
     asked = asked.sum(axis=1, keepdims=True) if problem.loop else asked
@@ -177,39 +185,63 @@ def golden_context(
             command = 1e-5 + 3 * float(np.abs(found.command_rad - course.command_rad).max())
             newton_metre = 1e-6 + 3 * float(np.abs(found.motor_torque_N_m - asked).max())
             newton = 1e-3 + 3 * float(np.abs(found.tension_N - course.tension_N).max())
-    seen = 0
-    limit = drive.speed_max_rad_per_s
-    if limit is not None and np.abs(np.diff(course.motor_rad, axis=0)).max() > 1.05 * limit * step:
-        seen |= _SPEED_BIT
-    torque = course.inversion.drum_N * np.array(problem.windings_m) / drive.gear_ratio
-    torque = torque.sum(axis=1) if problem.loop else torque
-    if drive.torque_max_N_m is not None and np.abs(torque).max() > 1.02 * drive.torque_max_N_m:
-        seen |= _TORQUE_BIT
-    if problem.loop and course.inversion.slack_m.max() > 1e-4:
-        seen |= _SLACK_BIT
+    limit, motors, single = drive.speed_max_rad_per_s, course.motor_rad.shape[1], precision is Precision.FLOAT
     still = problem.mechanism.motor_rad(
         np.column_stack([t.path_travel_m(course.angle_rad) for t in problem.mechanism.tendons]), problem.start_rad
     )
-    beyond = course.motor_rad - (still - still[:1])[:, : course.motor_rad.shape[1]]
-    return {
-        "angle_rad": course.angle_rad,
-        "contact_N_m": course.contact_N_m,
-        "other_rad": course.other_rad,
-        "motor_rad": course.motor_rad,
-        "command_rad": course.command_rad,
-        "tension_N": course.tension_N,
-        "motor_torque_N_m": asked,
-        "tolerance_N_m": f"{newton_metre:.3g}",
-        "torque_max_N_m": f"{drive.torque_max_N_m or 1e30:.9g}",
-        "drift_rad": f"{STEP_RAD + 0.8 * observed_motor(scenario, course.angle_rad)[1] * step:.6g}",
-        "observed_rad": f"{_observed_rad(scenario, course, rad):.3g}",
-        "tolerance_rad": f"{rad:.3g}",
-        "tolerance_command": f"{command:.3g}",
-        "tolerance_N": f"{newton:.3g}",
-        "change_rad": f"{1e30 if limit is None else limit * step:.9g}",
-        "back_rad": f"{1e-3 + 2 * float(np.ptp(beyond)):.3g}",
-        "seen": seen,
-    }
+    beyond = course.motor_rad - (still - still[:1])[:, :motors]
+    given = {"angle": course.angle_rad, "contact": course.contact_N_m}
+    joint, others = context["joints"][place], course.other_rad.shape[1]
+    test = DrivenTest(
+        script=script,
+        module=tested_joint(context["prefix"], joint["name"], place, motors, course.tension_N.shape[1], others),
+        start="init",
+        reference="angle",
+        load="contact",
+        given=given | ({"other": course.other_rad} if others else {}),
+        motor_rad=course.motor_rad,
+        command_rad=course.command_rad,
+        tension_N=course.tension_N,
+        bounds=Bounds(
+            motor_rad=rad,
+            command_rad=command,
+            tension_N=newton,
+            torque_N_m=newton_metre,
+            change_rad=(1e30 if limit is None else limit * step,) * motors,
+            torque_max_N_m=(drive.torque_max_N_m or 1e30,) * motors,
+            back_rad=1e-3 + 2 * float(np.ptp(beyond)),
+            pause_rad=_PAUSE_RAD,
+            seen=_seen(problem, course, drive, step),
+        ),
+        step_s=step,
+        part_s=0.5 * context["steps"][0],
+        re_entry=context["re_entry"],
+        alike_rad=0.0,
+    )
+    observed = Observed(
+        angle_rad=_observed_rad(scenario, course, rad),
+        tension_N=(10 if single else 4) * newton,
+        drift_rad=STEP_RAD + 0.8 * observed_motor(scenario, course.angle_rad)[1] * step,
+        ahead_rad=1e-3 if single else 1e-6,
+        least_rad=joint["least_rad"],
+        most_rad=joint["most_rad"],
+    )
+    check_joint(test, observed, asked, len(context["records"]), context["push"])
+    return test
+
+
+def _seen(problem: JointProblem, course: JointCourse, drive: JointDrive, step_s: float) -> int:
+    """Bits that the course must set."""
+    seen, limit = Status.OK, drive.speed_max_rad_per_s
+    if limit is not None and np.abs(np.diff(course.motor_rad, axis=0)).max() > 1.05 * limit * step_s:
+        seen |= Status.SPEED_LIMITED
+    torque = course.inversion.drum_N * np.array(problem.windings_m) / drive.gear_ratio
+    torque = torque.sum(axis=1) if problem.loop else torque
+    if drive.torque_max_N_m is not None and np.abs(torque).max() > 1.02 * drive.torque_max_N_m:
+        seen |= Status.TORQUE_LIMITED
+    if problem.loop and course.inversion.slack_m.max() > 1e-4:
+        seen |= Status.SLACK
+    return int(seen)
 
 
 def _observed_rad(scenario: JointScenario, course: JointCourse, rad: float) -> float:

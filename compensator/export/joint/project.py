@@ -1,7 +1,7 @@
 """`tendonff export-c` of driven joints: one copy of the code, a record for each joint."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -15,11 +15,13 @@ from tendonff.compensator.export.driven.module import Designed
 from tendonff.compensator.export.driven.modules import modules_beside
 from tendonff.compensator.export.feedback import FEEDBACK_SOURCES, feedback_files
 from tendonff.compensator.export.feedback_module import joint_module
+from tendonff.compensator.export.joint.checks import check_adaptive, tested_adaptive
 from tendonff.compensator.export.joint.golden import (
+    JointAnswers,
     JointCourse,
+    add_checks,
     drive_context,
     followed_course,
-    golden_context,
     golden_course,
     largest_departure,
     run_courses,
@@ -27,6 +29,7 @@ from tendonff.compensator.export.joint.golden import (
 from tendonff.compensator.export.joint.text import module_text, problem_of, render, transmission_files
 from tendonff.compensator.export.modules import FOLDER_FILES, check_prefix
 from tendonff.compensator.export.motors import ExportedMotors, JudgedJoint, judge, live_headline
+from tendonff.compensator.export.script import Script
 from tendonff.compensator.feedback.joint import JointFeedbackTask
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.scenario.driven.joint import JointScenario, on_level, sample_joint
@@ -72,7 +75,7 @@ def export_joints(
     ran = run_courses(sources, prefix, precision, [*courses, *runs], numbers, drive, context["modules"])
     found, driven = (None, None) if ran is None else ran
     judged, headlines, tasks = list[JudgedJoint](), list[str](), list[JointTask]()
-    for k, (own, each, problem) in enumerate(zip(scenarios, sampled, problems, strict=True)):
+    for k, (own, each) in enumerate(zip(scenarios, sampled, strict=True)):
         command = runs[k].command_rad
         if found is not None and not own.reference.periodic:
             command = found[len(scenarios) + k].command_rad
@@ -82,7 +85,6 @@ def export_joints(
         headlines.append(live_headline(JointTask.of(own), own.source))
         joints[k] |= {
             "headline": headlines[k],
-            "golden": golden_context(own, problem, courses[k], None if found is None else found[k], precision),
             "plain": judged[k].text(judged[k].plain_rms),
             "score": judged[k].text(judged[k].rms),
             "fault": judged[k].fault,
@@ -96,7 +98,6 @@ def export_joints(
     loss = None if found is None else largest_departure(courses, found)
     masses = max(verifying_masses(scenario.mechanism) for scenario in scenarios)
     context |= {
-        "drive": test_text(drive, prefix, driven),
         "transmission": bool(transmission_files(context, others)),
         "loss": f"{loss:.2g}" if loss is not None and precision is Precision.FLOAT else "",
         "verifying": f"{masses} masses a tendon at step/{JointTask.refinement}",
@@ -107,16 +108,19 @@ def export_joints(
         context["modules"] = [*context["modules"], *FEEDBACK_SOURCES]
         context["headers"] = [*context["headers"], *(f"{prefix}_{name}.h" for name in FEEDBACK_SOURCES)]
     context["tested"] = ["feedback"] if fed else []
+    script = _checks(scenarios, problems, courses, found, context, precision)
     beside = modules_beside(
         [Designed(task=task, motor_rad=run.motor_rad) for task, run in zip(tasks, runs, strict=True)],
         judged,
         prefix=prefix,
-        precision=precision,
+        script=script,
         include=f"{prefix}_joint.h",
         provenance=context["provenance"],
     )
     context = beside.into(context)
-    files = sources | fed | beside.files | {name: render(f"{name}.j2", context) for name in FOLDER_FILES}
+    headers = [f"{prefix}_{name}.h" for name in context["modules"]]
+    test = script.text(headers, context["provenance"], drive=test_text(drive, prefix, driven))
+    files = sources | fed | test | beside.files | {name: render(f"{name}.j2", context) for name in FOLDER_FILES}
     files |= transmission_files(context, others)
     files["design.json"] = _design_json(scenarios, problems, judged, precision, prefix, loss)
     kept = [note for each in sampled for note in each.warnings]
@@ -129,6 +133,27 @@ def export_joints(
         headlines=tuple(headlines),
         warnings=(*_warnings(runs, scenarios), *kept),
     )
+
+
+def _checks(
+    scenarios: Sequence[JointScenario],
+    problems: Sequence[JointProblem],
+    courses: Sequence[JointCourse],
+    found: Sequence[JointAnswers] | None,
+    context: Mapping[str, Any],
+    precision: Precision,
+) -> Script:
+    """Checks of the joints and of those that tune themselves."""
+    prefix, others = context["prefix"], len(context["others"])
+    script = Script(precision=precision, prefix=prefix)
+    tests = [
+        add_checks(script, own, problem, courses[k], None if found is None else found[k], context, k)
+        for k, (own, problem) in enumerate(zip(scenarios, problems, strict=True))
+    ]
+    for k, each in enumerate(context["adaptive"]):
+        module = tested_adaptive(prefix, each["name"], k, others)
+        check_adaptive(tests[each["nodes"][1]], module, each["delay"], context["tuned_rad"])
+    return script
 
 
 def _feedback(

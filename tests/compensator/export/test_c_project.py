@@ -253,7 +253,15 @@ def test_the_command_exports_the_agreed_files(examples, tmp_path):
     assert run(arguments) == 0
     modules = ("inverse", "capstan", "table", "profile", "plant")
     expected = {f"rig_{m}.{s}" for m in modules for s in "ch"}
-    expected |= {"design.json", "self_test.c", "example_main.c", "Makefile", "CMakeLists.txt", "README.md"}
+    expected |= {
+        "design.json",
+        "self_test.c",
+        "self_test_data.h",
+        "example_main.c",
+        "Makefile",
+        "CMakeLists.txt",
+        "README.md",
+    }
     assert expected <= {p.name for p in out.iterdir()}
     assert json.loads((out / "design.json").read_text())["precision"] == "float"
     assert "typedef float rig_real;" in (out / "rig_types.h").read_text()

@@ -17,7 +17,10 @@ from tendonff.compensator.export.host import run_on_host
 from tendonff.compensator.export.judgement import judge, profiles_of
 from tendonff.compensator.export.modules import OBSERVER
 from tendonff.compensator.export.observer import ObserverDesign, observer_golden
-from tendonff.compensator.export.self_test import Status, checksum, limit_cases, self_test_context
+from tendonff.compensator.export.script import Script
+from tendonff.compensator.export.self_test import tension_test
+from tendonff.compensator.export.tension.data import checksum, limit_cases
+from tendonff.compensator.export.tension.following import Status
 from tendonff.compensator.export.text.c_text import c_sources
 from tendonff.compensator.scenario.reference import Shape, SineReference, WaypointReference
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
@@ -313,5 +316,6 @@ def test_bits_of_a_position_drive_follow_forces_not_by_commands(finger):
     servo = replace(finger, transmission=replace(finger.transmission, actuator=actuator))
     problem = Problem.of(servo)
     golden = golden_vectors(problem, None, Precision.DOUBLE)
-    said = self_test_context(problem, None, np.full(3, 0.0), golden, Precision.DOUBLE, ())
-    assert not Status(said["jump_bits"]["inverse"]) & Status.RATE_LIMITED
+    script = Script(precision=Precision.DOUBLE, prefix="tff")
+    test = tension_test(problem, None, np.full(3, 0.0), golden, None, script, ["inverse"], ())
+    assert not Status(test.jump_bits["inverse"]) & Status.RATE_LIMITED

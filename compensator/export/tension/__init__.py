@@ -1,0 +1,1 @@
+"""Self test of a tension's modules."""
