@@ -17,7 +17,6 @@ from tendonff.ocp.adaptation.tuning import (
     DOUBTED,
     EXPLAINED,
     GATE,
-    LACKED_EXPONENT,
     MAX_DELAY,
     PEAK,
     SPREADS,
@@ -77,16 +76,16 @@ class TunedChain:
             whole=whole_of(transmission, level), chain=Chain.of(transmission, level, segments), parameters=parameters
         )
 
-    def exponent(self, unknown: float) -> Prior:
-        """Prior of what is added to the load exponent; `unknown` is its standard deviation where none is stated."""
+    def exponent(self) -> Prior:
+        """Prior of what is added to the load exponent."""
         stated = float(fields_of(self.whole.friction).get("load_exponent", 0.0))
-        width = (STATED_EXPONENT if stated else unknown) / START_DEVIATION
+        width = (STATED_EXPONENT if stated else UNKNOWN_EXPONENT) / START_DEVIATION
         return Prior(width=width, least=-stated, most=LARGEST_EXPONENT - stated)
 
     @property
     def priors(self) -> tuple[Prior, ...]:
         """Priors of the factors; that of the exponent adds to it as much as it is above 1."""
-        n = self.exponent(UNKNOWN_EXPONENT)
+        n = self.exponent()
         factor = Prior(width=n.width, least=1 + n.least, most=1 + n.most)
         return tuple(factor if p is Tunable.LOAD_EXPONENT else Prior() for p in self.parameters)
 
@@ -210,7 +209,7 @@ def tuner_context(
         "by_load": Tunable.LOAD_EXPONENT in tuned.parameters,
         "lacks_exponent": (beside := lacks_exponent(tuned, nuisances)),
         "columns": len(tuned.parameters) + beside,
-        "exponent_width": literal(tuned.exponent(LACKED_EXPONENT).width, precision),
+        "exponent_width": literal(tuned.exponent().width, precision),
         "widths": ["" if p.width == 1 else f"{literal(p.width**2, precision)} * " for p in tuned.priors],
         "retuned_outputs": tuple(law.outputs),
         "retuned_link": any(name.startswith("link_") for name in names),
@@ -238,7 +237,7 @@ def tuner_laws(tuned: TunedChain, nuisances: tuple[Nuisance, ...], *, on_target:
     own = (tuned.own_slopes(),) if tuned.chain.moving and not on_target else ()
     beside = lacks_exponent(tuned, nuisances)
     spreads = tuple(SPREADS[n] for n in nuisances)
-    update = update_law(count, spreads, tuned.priors, tuned.exponent(LACKED_EXPONENT) if beside else None)
+    update = update_law(count, spreads, tuned.priors, tuned.exponent() if beside else None)
     by_load = beside or Tunable.LOAD_EXPONENT in tuned.parameters
     load = (load_law(tuned.whole.value("adhesion_N")),) if by_load else ()
     return update, trust_law(count), return_law(), *((numbers,) if numbers.outputs else ()), *own, *load

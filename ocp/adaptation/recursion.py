@@ -10,6 +10,7 @@ counts only as far as it stands out from what they alone could make of it. Where
 one for part of a cycle, nothing stays unexplained; but the estimate goes and comes back, which the true value does not.
 From the position, friction that falls with the tension looks like less friction while the tension is high: a factor
 counts as far as it is the same with a load exponent and without, and stands out from what is not known of that one.
+An exponent that stands out itself takes the factor back towards the scenario's value where the present tension asks so.
 """
 
 import functools
@@ -33,10 +34,10 @@ LEAST, MOST = 0.03, 1e4
 TRUST = 6.0
 """Squared standard deviations by which an estimate must stand out before it counts."""
 
-RECALL = 0.25
+RECALL = 0.1
 """Share of the rate of slow means at which it is forgotten how far an estimate went and came back."""
 
-FARTHEST = 0.085
+FARTHEST = 0.08
 """Largest way back that is held against an estimate."""
 
 WANDERS = 90.0
@@ -75,11 +76,11 @@ def _covariance(count: int) -> tuple[dict[str, ca.SX], list[list[ca.SX]]]:
 
 
 def trust_law(count: int) -> Law:
-    """Share of the way from the safe values to the estimates of one or two factors.
+    """Share of the deviation of one or two estimates that counts, and evidence for it.
 
-    `share` is 1 - (TRUST/D^2)^2, not below 0, where D is the distance in standard deviations, with the covariance at
+    `share` is 1 - (TRUST/D^2)^3, not below 0, where D is the distance in standard deviations, with the covariance at
     the present level plus what `return_law` keeps: a single factor that came back by more than it stands out does not
-    count. Times 1 - (level/lost)^2, not below 0.
+    count. Times 1 - (level/lost)^2, not below 0. `evidence` is D^2/TRUST, not above 1.
     """
     d, back, (entries, P) = _indexed("d", count), _indexed("back", count), _covariance(count)
     level, lost = ca.SX.sym("level"), ca.SX.sym("lost")
@@ -89,13 +90,14 @@ def trust_law(count: int) -> Law:
     else:
         have = d[0] * d[0] * C[1][1] + d[1] * d[1] * C[0][0] - 2 * d[0] * d[1] * C[1][0]
         need = C[0][0] * C[1][1] - C[1][0] * C[1][0]
-    doubt, wrong = need / ca.fmax(have, need), level / lost
-    share = (1 - doubt * doubt) * ca.fmax(1 - wrong * wrong, 0)
+    most = ca.fmax(have, need)
+    doubt, wrong, evidence = need / most, level / lost, have / most
+    share = (1 - doubt * doubt * doubt) * ca.fmax(1 - wrong * wrong, 0)
     return Law(
         name="tuning_trust",
-        comment="Share of the way from the safe values to the estimates.",
+        comment="Share of a deviation that counts, and evidence for it: 1 where it stands out.",
         inputs=(*d, *entries.values(), *back, level, lost),
-        outputs={"share": share},
+        outputs={"share": share, "evidence": evidence},
     )
 
 

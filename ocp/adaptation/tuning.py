@@ -23,7 +23,7 @@ SLOW_S = 0.5
 LONG_S = 0.1
 HOLD_SPANS = 2.0
 REST_S = 0.3
-SIGNIFICANT = 2.0
+SIGNIFICANT = 4.0  # standard deviations of a mean over `LONG_S` that noise alone hardly ever makes
 GATE = 0.01
 """Share of full speed below which nothing is learnt."""
 
@@ -39,9 +39,6 @@ PEAK = 1.5
 
 UNKNOWN_EXPONENT = 0.2
 """Standard deviation of the load exponent at the start where none is stated; polymers have 0.1 to 0.33."""
-
-LACKED_EXPONENT = 0.1
-"""Where none is stated and none is tuned: many materials have none."""
 
 STATED_EXPONENT = 0.06
 """Where one is stated."""

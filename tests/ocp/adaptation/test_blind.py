@@ -41,9 +41,10 @@ def test_plain_feedforward_misses_by_8_to_12_percent_there(bench, reference, per
 
 
 @pytest.mark.parametrize("sensor", [TENSION, POSITION])
-def test_nothing_gets_worse_on_a_rig_like_the_scenario(bench, reference, percent, sensor):
-    tuning = bench.tuning(sensor)
-    assert percent(bench.blind(bench.tuner(tuning), tuning, reference)[0]) <= 0.5
+def test_nothing_gets_worse_on_a_rig_like_the_scenario(bench, reference, sensor):
+    """The plain error is a tenth of the sensor's noise, which no second of self-tuning adds to."""
+    plain, tuned = (run(bench, bench.tuning(sensor), reference, adapt=adapt)[0] for adapt in (False, True))
+    assert worst_second([tuned, plain], reference, least=0.0) <= 1.1
 
 
 @pytest.mark.parametrize("sensor", [TENSION, POSITION])
@@ -88,13 +89,16 @@ def test_friction_is_found_from_the_position_where_the_load_is_off_too(bench, re
     assert percent(plain, longer) > 8
 
 
-def test_friction_that_falls_with_the_tension_misleads_no_second_where_it_is_tuned_alone(bench):
-    """While the tension is high, less friction and an offset explain the position."""
+@pytest.mark.parametrize("mu", [1.0, 1.2])
+def test_friction_that_falls_with_the_tension_misleads_no_second_where_it_is_tuned_alone(bench, mu):
+    """While the tension is high, less friction and an offset explain the position; where 20 % more friction has fallen
+    back to the scenario's, the plain inverse is right.
+    """
     t = np.arange(5001) * bench.step_s
     stroke = bench.start_N + np.minimum(t / 0.5, 1) * 20 * np.sin(2 * np.pi * 0.2 * t)
     tuning = bench.tuning(POSITION)
-    plain, tuned = (run(bench, tuning, stroke, adapt=adapt, load_exponent=0.2)[0] for adapt in (False, True))
-    assert worst_second([tuned, plain], stroke) <= 1.3
+    plain, tuned = (run(bench, tuning, stroke, adapt=adapt, mu=mu, load_exponent=0.2)[0] for adapt in (False, True))
+    assert worst_second([tuned, plain], stroke) <= 1.2
 
 
 @pytest.mark.parametrize(
@@ -180,10 +184,10 @@ def run(bench, tuning, reference, *, adapt=True, change=None, **hidden):
     return bench.rigs.closed_loop(rig, bench.tuner(tuning), reference, measured, noise, change=change)
 
 
-def worst_second(tensions, wanted):
-    """Largest ratio of two errors over any second, with 0.1 % of range as noise of the second."""
+def worst_second(tensions, wanted, least=1e-3):
+    """Largest ratio of two errors over any second, with a share of the range as the least of the second."""
     squares = [np.convolve((t - wanted) ** 2, np.ones(1000), "valid") / 1000 for t in tensions]
-    return float(np.sqrt(squares[0] / np.maximum(squares[1], (1e-3 * np.ptp(wanted)) ** 2)).max())
+    return float(np.sqrt(squares[0] / np.maximum(squares[1], (least * np.ptp(wanted)) ** 2)).max())
 
 
 @pytest.mark.each_value

@@ -170,18 +170,23 @@ def test_a_model_that_explains_less_forgets_more_slowly():
     assert clipped == pytest.approx(1 + 2e-4 / (4e-4 + R) * CLIP * np.sqrt(4e-4 + 10 * DEVIATION**2))
 
 
-def share(d, P, level=1.0, lost=100.0, back=(0.0, 0.0)):
+def trust(d, P, level=1.0, lost=100.0, back=(0.0, 0.0)):
+    """Share that counts, and evidence."""
     entries = [P[int(name[1]), int(name[2])] for name in covariance_names(len(d))]
-    return float(ca.DM(trust_law(len(d)).function()(*d, *entries, *back[: len(d)], level, lost)))
+    return [float(ca.DM(value)) for value in trust_law(len(d)).function()(*d, *entries, *back[: len(d)], level, lost)]
+
+
+def share(d, P, **given):
+    return trust(d, P, **given)[0]
 
 
 def test_an_estimate_counts_as_far_as_it_stands_out():
-    """1 - (TRUST/D^2)^2, with D from the inverse of the covariance."""
+    """1 - (TRUST/D^2)^3, with D from the inverse of the covariance."""
     P, d = np.array([[0.02, 0.005], [0.005, 0.03]]), np.array([0.7, 0.8])
     distance = d @ np.linalg.solve(2 * P, d)
     assert distance > TRUST
-    assert share(d, P, level=2.0, lost=1e9) == pytest.approx(1 - (TRUST / distance) ** 2)
-    assert share([0.3], np.array([[0.01]]), lost=1e9) == pytest.approx(1 - (TRUST / 9) ** 2)
+    assert share(d, P, level=2.0, lost=1e9) == pytest.approx(1 - (TRUST / distance) ** 3)
+    assert share([0.3], np.array([[0.01]]), lost=1e9) == pytest.approx(1 - (TRUST / 9) ** 3)
     assert share([0.2], np.array([[0.01]])) == 0.0
     assert share([0.0], np.array([[0.01]])) == 0.0
 
@@ -189,10 +194,17 @@ def test_an_estimate_counts_as_far_as_it_stands_out():
 def test_an_estimate_that_came_back_counts_as_far_as_it_stands_farther_out_than_that():
     known, back = np.array([[0.0]]), np.array([0.02, 0.03])
     assert share([0.199], known, back=(0.04,)) == 0.0
-    assert share([0.4], known, lost=1e9, back=(0.04,)) == pytest.approx(1 - (0.04 / 0.16) ** 2)
+    assert share([0.4], known, lost=1e9, back=(0.04,)) == pytest.approx(1 - (0.04 / 0.16) ** 3)
     P, d = np.array([[0.02, 0.005], [0.005, 0.03]]), np.array([0.9, 1.0])
     distance = d @ np.linalg.solve(2 * P + np.diag(back) / TRUST, d)
-    assert share(d, P, level=2.0, lost=1e9, back=back) == pytest.approx(1 - (TRUST / distance) ** 2)
+    assert share(d, P, level=2.0, lost=1e9, back=back) == pytest.approx(1 - (TRUST / distance) ** 3)
+
+
+def test_evidence_for_what_does_not_stand_out_is_its_squared_distance():
+    P = np.array([[0.01]])
+    assert trust([0.3], P)[1] == 1.0
+    assert trust([0.05], P)[1] == pytest.approx(0.25 / TRUST)
+    assert trust([0.0], P)[1] == 0.0
 
 
 def test_an_estimate_that_goes_out_has_not_come_back_and_one_that_returns_has():

@@ -201,6 +201,17 @@ def test_what_explained_two_spans_at_the_start_is_kept_where_the_sensor_sticks(b
     assert tuner.factors[0] == pytest.approx(1.2, rel=0.01)
 
 
+def test_what_counts_stays_until_motion_tells_what_has_changed(bench, reference):
+    """A tendon that is 1 mm longer at once looks like other friction until the motion turns."""
+    both = np.concatenate([reference, reference[-2::-1]])
+    tuner, rig = bench.tuner(bench.tuning(POSITION)), own_rig(bench, mu=1.2)
+    before = tuner.run(rig, both[1:4001], np.zeros(4000)).factors[-1]
+    assert before == pytest.approx(1.2, rel=0.01)
+    rig.stretch(1e-3)
+    after = tuner.run(rig, both[4001:4401], np.zeros(400))
+    assert after.factors[:, 0] == pytest.approx(before[0], rel=0.01)
+
+
 @pytest.mark.parametrize("sensor", Sensor)
 @pytest.mark.parametrize("stuck_at", [0, 4300])
 def test_a_sensor_that_sticks_is_said_and_teaches_nothing(bench, reference, sensor, stuck_at):
