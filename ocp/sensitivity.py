@@ -179,7 +179,19 @@ def parameter_sensitivity(
     if resolve_engine(engine) is Engine.CASADI or chain.moving:  # C knows the parameters of pieces, not of the whole
         tangent = CasadiTangent(chain, symbolic, unknowns, np.array(at), step_s)
         return _run_casadi(tangent, chain, force_N, step_s, state, directions, all_links=all_links)
-    return _run(chain, force_N, step_s, state, directions, all_links=all_links, with_ends=True)
+    count, more = len(parameters), ((0, 0), (0, -len(parameters) % _LANES))
+    directions = _Directions(start=np.pad(by_start, more), numbers=np.pad(by_number, more))
+    found = _run(chain, force_N, step_s, state, directions, all_links=all_links, with_ends=True)
+    return replace(
+        found,
+        tension_slopes=found.tension_slopes[..., :count],
+        ends_slopes=None if found.ends_slopes is None else found.ends_slopes[..., :count],
+        watched_slopes=found.watched_slopes[..., :count],
+    )
+
+
+_LANES = 4
+"""Directions come in so many, zeros to the last: registers hold four numbers, and a rest costs as much as four."""
 
 
 def _run(

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonff.compensator.identification.constants import TUNED
-from tendonff.compensator.identification.fitting.judging import OutputError
+from tendonff.compensator.identification.fitting.judging import OutputError, error_of
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece
 from tendonff.compensator.identification.parameters import CONSTANTS, CORE, SPEED_TERMS, Parameter
 from tendonff.compensator.scenario.measurement import Explain
-from tendonff.ocp.fits.least_squares import Solution, solve
+from tendonff.ocp.fits.least_squares import Solution, gauss_newton_step, solve
 
 D = Parameter
 
@@ -83,12 +83,22 @@ class _Search:
         self.candidates.append(found)
         return found
 
-    def attempt_with(self, extra: Parameter) -> ChainCandidate:
-        """Fit the best law with one more free value; a Stribeck effect comes with its velocity."""
+    def promised(self, task: ChainResiduals, at: Mapping[Parameter, float]) -> float:
+        """Error of the fit that a Gauss-Newton step from a start leaves, as a share of the best law's."""
+        found = task.evaluate({str(name): at[name] for name in task.free})
+        left = found.values + found.slopes @ gauss_newton_step(found.values, found.slopes)
+        own = error_of([rows for rows, _ in task.by_channel(left)], 1.0)
+        return task.output_unit * own.robust_rms / self.best.fit.robust_rms
+
+    def with_one_more(self, extra: Parameter) -> tuple[ChainResiduals, dict[Parameter, float]]:
+        """The best law with one more free value, and its start; a Stribeck effect comes with its velocity."""
         more = (extra, D.STRIBECK_VELOCITY) if extra is D.STATIC_EXCESS else (extra,)
         known, task = self.best.values, self.best.task
-        wider = replace(task, fixed=known, free=(*task.free, *more))
-        return self.attempt(wider, self._nudged(known, extra), f"{self.best.name}, {extra.spec.effect}")
+        return replace(task, fixed=known, free=(*task.free, *more)), self._nudged(known, extra)
+
+    def attempt_with(self, extra: Parameter) -> ChainCandidate:
+        """Fit the best law with one more free value."""
+        return self.attempt(*self.with_one_more(extra), f"{self.best.name}, {extra.spec.effect}")
 
     def _nudged(self, at: Mapping[Parameter, float], extra: Parameter) -> dict[Parameter, float]:
         """A start that has something of a further effect, the friction at the mean tension being the same."""
@@ -204,8 +214,10 @@ def _try_load_exponent(search: _Search, scenario: Mapping[Parameter, float]) -> 
     more = (search.mean_N + best.values[D.ADHESION]) / (search.mean_N + known[D.ADHESION])
     start = {**known, **{n: more * known[n] for n in (D.MU_PULL, D.MU_RELEASE)}, D.LOAD_EXPONENT: spec.nudge}
     free = (*(n for n in best.task.free if n not in constants), D.LOAD_EXPONENT)
-    name = f"{best.name.partition(',')[0]}, {spec.effect}"
-    found = search.attempt(replace(best.task, free=free, fixed=start), start, name)
+    name, task = f"{best.name.partition(',')[0]}, {spec.effect}", replace(best.task, free=free, fixed=start)
+    if search.promised(task, start) > TUNED.slightly:
+        return False
+    found = search.attempt(task, start, name)
     certain = found.solution.values[D.LOAD_EXPONENT] > TUNED.sure * found.solution.standard_error(D.LOAD_EXPONENT)
     better = found.fit.robust_rms < best.fit.robust_rms  # a delay that is still in the log bends held-out parts alone
     if not (certain and better and search.gain(found) > TUNED.worth_a_constant):
@@ -215,7 +227,11 @@ def _try_load_exponent(search: _Search, scenario: Mapping[Parameter, float]) -> 
 
 
 def _try_speed_term(search: _Search, extra: Parameter) -> None:
-    best, found = search.best, search.attempt_with(extra)
+    best = search.best
+    # Other files may be faster than those that were fitted.
+    if search.judge is None and TUNED.slightly * search.promised(*search.with_one_more(extra)) > 1:
+        return
+    found = search.attempt_with(extra)
     before, after = best.validation.robust_rms, found.validation.robust_rms
     fits_better = TUNED.nearly_as_good * found.fit.robust_rms < best.fit.robust_rms
     better = TUNED.nearly_as_good * after < before or (fits_better and TUNED.slightly * after < before)

@@ -15,6 +15,8 @@ import numpy as np
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.chain_law import ChosenLaw, candidate, fit_free
 from tendonff.compensator.identification.fitting.noisy_input import (
+    InputSlopes,
+    input_slopes,
     misfit,
     residuals_of,
     with_implied_input,
@@ -102,7 +104,7 @@ def _looked_again(
     if D.OUTPUT_BIAS in chosen.free and own[D.OUTPUT_BIAS] == 0:
         # Its slopes at the start promise more than the misfit holds: the directions' coefficients follow slowly.
         fewer = _narrowed(law, task, _without(wide_fit, D.OUTPUT_BIAS), {*dropped, D.OUTPUT_BIAS}, span_N)
-        less, more = _misfits([fewer, (chosen, found)])
+        less, more = _misfits([fewer, (chosen, found)], input_slopes(chosen, found))
         if not less - more > TUNED.very_sure**2:
             chosen, found = fewer
     (chosen, found), other = _by_load(chosen, found)
@@ -136,10 +138,15 @@ def _by_load(chosen: ChainResiduals, found: Solution) -> tuple[_Fitted, _Fitted 
 
     To the noise of the input, which was in the values, both are nearly the same.
     """
-    other = _with_other_dependence(chosen, found)
-    if other is None:
+    rival = _with_other_dependence(chosen, found)
+    if rival is None:
         return (chosen, found), None
-    mine, its = _misfits([(chosen, found), other])
+    slopes = input_slopes(chosen, found)  # both laws stick and slide at the same times
+    try:
+        other = _at_its_best(*rival, slopes)
+    except SolveError:
+        return (chosen, found), None
+    mine, its = _misfits([(chosen, found), other], slopes)
     if mine - its > TUNED.decisive:
         return other, None
     constant = next(name for name in (D.ADHESION, D.LOAD_EXPONENT) if name in other[0].free)
@@ -148,10 +155,10 @@ def _by_load(chosen: ChainResiduals, found: Solution) -> tuple[_Fitted, _Fitted 
 
 
 def _with_other_dependence(chosen: ChainResiduals, found: Solution) -> _Fitted | None:
-    """Friction that falls with the load in the place of load-independent friction, or the reverse.
+    """Friction that falls with the load in the place of load-independent friction, or the reverse, and its start.
 
-    It starts where friction at the mean tension, and its slope there, are the same. None without either, where the
-    scenario states one, and where the chain fails.
+    Friction at the mean tension, and its slope there, are the same. None without either, and where the scenario states
+    one.
     """
     free, own = set(chosen.free), chosen.model.values()
     if (D.ADHESION in free) == (D.LOAD_EXPONENT in free):
@@ -170,11 +177,13 @@ def _with_other_dependence(chosen: ChainResiduals, found: Solution) -> _Fitted |
     values: dict[str, float] = {**found.values, **mus, other: more}
     kept = tuple(other if each is name else each for each in chosen.free)
     rival = replace(chosen, free=kept, fixed={**chosen.fixed, name: own[name], other: more})
-    at = {str(each): values[each] for each in kept}
-    try:
-        return rival, with_input_estimated(rival, replace(found, values=at, residuals=residuals_of(rival, at)))
-    except SolveError:
-        return None
+    return rival, replace(found, values={str(each): values[each] for each in kept})
+
+
+def _at_its_best(task: ChainResiduals, start: Solution, slopes: Sequence[InputSlopes]) -> _Fitted:
+    """A law and its values with the input estimated, from the values of a start; slopes over the input are given."""
+    start = replace(start, residuals=residuals_of(task, start.values))
+    return task, with_input_estimated(task, start, slopes=slopes)
 
 
 def _moved(task: ChainResiduals, solution: Solution, *, signed: bool = False) -> _Fitted:
@@ -186,10 +195,10 @@ def _moved(task: ChainResiduals, solution: Solution, *, signed: bool = False) ->
     return task, with_input_estimated(task, start, rounds=1, signed=signed)
 
 
-def _misfits(laws: Sequence[_Fitted]) -> list[float]:
+def _misfits(laws: Sequence[_Fitted], slopes: Sequence[InputSlopes]) -> list[float]:
     """Misfit of each law with the input that it implies, in one unit."""
     usual = laws[0][0].channel_rms(laws[0][1].residuals)
-    return [misfit(task, found, usual) for task, found in laws]
+    return [misfit(task, found, usual, slopes) for task, found in laws]
 
 
 def _check_no_worse(before: _Fitted, after: _Fitted) -> None:

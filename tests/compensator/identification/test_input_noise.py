@@ -11,6 +11,7 @@ from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting import noisy_input, second_look, uncertainty
 from tendonff.compensator.identification.fitting.chain_law import fit_free
 from tendonff.compensator.identification.fitting.noisy_input import (
+    input_slopes,
     residuals_of,
     with_implied_input,
     with_input_estimated,
@@ -138,7 +139,9 @@ def test_of_two_dependences_on_the_load_both_are_answered_unless_the_misfit_deci
     own = (SimpleNamespace(name="mine", free=(D.ADHESION,)), SimpleNamespace(values={D.ADHESION: 1.0}))
     other = (SimpleNamespace(name="its", free=(D.LOAD_EXPONENT,)), SimpleNamespace(values={D.LOAD_EXPONENT: value}))
     monkeypatch.setattr(second_look, "_with_other_dependence", lambda *_: other)
-    monkeypatch.setattr(second_look, "_misfits", lambda _: [mine, its])
+    monkeypatch.setattr(second_look, "_at_its_best", lambda *_: other)
+    monkeypatch.setattr(second_look, "input_slopes", lambda *_: ())
+    monkeypatch.setattr(second_look, "_misfits", lambda *_: [mine, its])
     chosen, left = second_look._by_load(*own)
     assert (chosen[0].name, left and left[0].name) == answer
 
@@ -178,9 +181,10 @@ def test_friction_that_falls_with_the_load_is_told_from_adhesion_by_the_misfit(n
     task = replace(task, model=model, free=free, fixed={**task.fixed, **start, D.LOAD_EXPONENT: 0.0})
     solution = fit_free(task, task.fixed, float(np.ptp(task.pieces[0].measured)), 8, 1e-4)
     found = with_input_estimated(task, solution)
-    rival, other = second_look._with_other_dependence(task, found)
+    slopes = input_slopes(task, found)
+    rival, other = second_look._at_its_best(*second_look._with_other_dependence(task, found), slopes)
     assert (D.LOAD_EXPONENT in rival.free, D.ADHESION in rival.free) == (True, False)
-    mine, its = second_look._misfits([(task, found), (rival, other)])
+    mine, its = second_look._misfits([(task, found), (rival, other)], slopes)
     assert (mine - its > TUNED.decisive) is falls
     if falls:
         assert other.values[D.LOAD_EXPONENT] == pytest.approx(0.2, rel=0.1)
