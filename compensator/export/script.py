@@ -350,7 +350,8 @@ class Script:
             helpers=helpers,
             drive=drive,
         )
-        return {"self_test.c": core_file("self_test.c", prefix), "self_test_data.h": data}
+        top = f"/* Self test.\n *\n{provenance}\n */\n"
+        return {"self_test.c": top + core_file("self_test.c", prefix), "self_test_data.h": data}
 
     def _numbers(self) -> list[tuple[str, str]]:
         """Numbers in their order, and what they are where it is a column of them."""

@@ -90,12 +90,12 @@ def inverse(
     """The exact inverse; `settable` are members that follow from the parameters."""
     layout, count = chain.layout, chain.count
     friction_at, near, links = friction_place(chain), layout.part("q_a").start, layout.part("e").start
-    stretched = " + ".join(f"(double)self->x[{links + k}]" for k in range(count + 1))
-    friction = " + ".join(f"(double)self->x[{friction_at + k}]" for k in range(count))
+    stretched = " + ".join(f"(double)self->chain.x[{links + k}]" for k in range(count + 1))
+    friction = " + ".join(f"(double)self->chain.x[{friction_at + k}]" for k in range(count))
     own = [
         *([Port(name="command [m]", member="command")] if servo else []),
-        Port(name="states", member="x", count=layout.size),
-        Port(name="states before", member="x_old", count=layout.size),
+        Port(name="states", member="chain.x", count=layout.size),
+        Port(name="states before", member="chain.x_old", count=layout.size),
         Port(name="tension at the start [N]", member="start"),
         *(Port(name=member, member=member) for member in settable),
     ]
@@ -103,7 +103,7 @@ def inverse(
         "set_mu": f"{prefix}_inverse_set_mu(self, {{mu}})",
         "mu": f"answer = (double){prefix}_inverse_mu(self)",
         "friction": f"answer = {friction}",
-        "stretch": f"answer = ((double)self->x[{near}] - (double)self->x[{near + 1}]) - ({stretched})",
+        "stretch": f"answer = ((double)self->chain.x[{near}] - (double)self->chain.x[{near + 1}]) - ({stretched})",
     }
     return called("inverse", prefix, parameters, joints, own, further=further, inputs={"mu": 0})
 
@@ -171,7 +171,7 @@ def plant(prefix: str, joints: int) -> ModuleRecord:
             Port(name="status", member="status", kind="u"),
             Port(name="seen", member="seen", kind="u"),
             Port(name="evaluations", member="evaluations", kind="i"),
-            Port(name="states", member="x"),
+            Port(name="states", member="chain.x"),
         ),
     )
 
@@ -179,9 +179,11 @@ def plant(prefix: str, joints: int) -> ModuleRecord:
 def observer(prefix: str, joints: int, count: int, friction_at: int, plays: bool) -> ModuleRecord:
     """The observer of the output tension."""
     call, joint = f"{prefix}_observer", ", &{joint}" if joints else ""
-    friction = " + ".join(f"(double)self->x[{friction_at + k}]" for k in range(count))
+    friction = " + ".join(f"(double)self->chain.x[{friction_at + k}]" for k in range(count))
     of_chain = (
-        () if plays else (Port(name="states", member="x"), Port(name="evaluations", member="evaluations", kind="i"))
+        ()
+        if plays
+        else (Port(name="states", member="chain.x"), Port(name="evaluations", member="evaluations", kind="i"))
     )
     return ModuleRecord(
         name="observer",

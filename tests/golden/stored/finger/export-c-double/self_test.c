@@ -1,3 +1,9 @@
+/* Self test.
+ *
+ * Scenario "robot finger: polymer tendon on six 30 degree arcs", hash 6b567c7d1473e421, level presliding.
+ * Written by tendonff VERSION export-c --precision double --prefix tff.
+ * The licence of tendonff does not cover what it writes: this file is yours.
+ */
 /* self_test.c: calls the modules as the scripts of self_test_data.h say, and reports what differs from them. Fixed text.
  *
  * A script is a list of checks. Each has lines that are carried out in every row, in order: an input is given, a function is
