@@ -214,7 +214,8 @@ def _check_no_worse(before: _Fitted, after: _Fitted) -> None:
         sizes = [_size(residuals_of(with_implied_input(task, found), found.values)) for task, found in both]
     grown = sizes[1] / max(sizes[0], 1e-300)
     if grown > TUNED.nearly_as_good:
-        mine, its = _misfits(both)
+        usual = before[0].channel_rms(before[1].residuals)  # far apart, each with its own slopes
+        mine, its = (misfit(task, found, usual, input_slopes(task, found)) for task, found in both)
         if its - mine > TUNED.decisive:
             raise SolveError(f"the error of the law grew by a factor of {grown:.2g}")
 
