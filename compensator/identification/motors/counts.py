@@ -9,9 +9,8 @@ import numpy as np
 from scipy.linalg import solveh_banded
 from scipy.ndimage import median_filter
 
-from tendonff.compensator.identification.measured import Array, Mask
+from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.smoothing import LEAST_NOISE, adaptive_low_pass
-from tendonff.ocp.fits.mechanism import GEAR_SLIP_RAD
 
 SMOOTH_S = 7e-3
 """Time in which a motor's jerk may change by about a count: the shortest move that is no error of a reading."""
@@ -41,10 +40,8 @@ STAYS, WHOLE, MOST_PARTS = 0.1, 0.1, 0.1
 this from whole ones.
 """
 
-STANDS_S, MOVED, SEEN = 0.25, 2.0, 0.1
-"""A motor stands whose reading stays for so long, until it has moved by so many times the way in which its gear turns
-over; counts that are a smaller share of this way tell where it is.
-"""
+FINE_RAD = 3e-4
+"""Finer counts tell where a joint or a motor stands."""
 
 _ORDER, _STEPS, _ENOUGH = 3, 60, 1e-3  # the difference that is jerk; Newton's steps; counts by which the last moves
 
@@ -96,22 +93,13 @@ def ways(counts: Array, rows: int) -> Array:
     return found
 
 
-def gear_known(read_rad: Array, step_s: float) -> Mask:
-    """Rows in which readings tell which way the gear of a motor rubs, shape (n,).
-
-    Before a motor stands it may go back by less than a count, which turns a gear over; what it rubs like until it has
-    moved on is not known.
-    """
-    found, count = np.ones(len(read_rad), dtype=bool), count_of(read_rad)
-    if count < SEEN * GEAR_SLIP_RAD:
-        return found
+def reading_share(read_rad: Array) -> Array:
+    """Share of a reading that each row has, shape (n,): its error is one error for as long as it stays."""
+    if count_of(read_rad) < FINE_RAD:
+        return np.ones(len(read_rad))
     starts = np.flatnonzero(np.diff(read_rad, prepend=np.nan) != 0)
-    ends = np.append(starts[1:], len(read_rad))
-    for start, end in zip(starts, ends, strict=True):
-        if (end - start) * step_s >= STANDS_S:
-            away = np.flatnonzero(np.abs(read_rad[end:] - read_rad[start]) >= MOVED * GEAR_SLIP_RAD)
-            found[start : end + away[0] if len(away) else None] = False
-    return found
+    rows = np.diff(starts, append=len(read_rad))
+    return np.repeat(1 / rows, rows)
 
 
 def between_counts(read_rad: Array, step_s: float, count: float) -> Array:

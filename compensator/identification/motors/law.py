@@ -167,7 +167,9 @@ class MechanismLaw:
     def _scaled(log: MotorsLog, torque: Array, angle: Array) -> list[Array]:
         """Rows of a log that count, a channel after the other, in units of their expected size: errors, or slopes."""
         size = np.maximum(log.noise_N_m, TORQUE_SHARE * np.ptp(log.torque_N_m, axis=0))
-        torque = np.where(log.gear_known.reshape(*log.gear_known.shape, *[1] * (torque.ndim - 2)), torque, 0.0)
+        torque, angle = (
+            x * _along(np.sqrt(share), x) for x, share in ((torque, log.motor_share), (angle, log.joint_share))
+        )
         columns = [column / each for column, each in zip(torque[log.counted].swapaxes(0, 1), size, strict=True)]
         return [*columns, *(angle[log.counted][:, log.encoders] / JOINT_RAD).swapaxes(0, 1)]
 
@@ -324,7 +326,13 @@ def reach_rad(mechanism: Mechanism, logs: Sequence[MotorsLog]) -> tuple[float, f
 
 def centred(rows: Array, log: MotorsLog) -> Array:
     """Angles with no zero of the encoders, or their slopes."""
-    return np.asarray(rows - rows[log.counted].mean(axis=0))
+    share = _along(log.joint_share[log.counted], rows)
+    return np.asarray(rows - (share * rows[log.counted]).sum(axis=0) / share.sum(axis=0))
+
+
+def _along(share: Array, rows: Array) -> Array:
+    """Shares of rows and channels, shaped to multiply rows that may have further axes."""
+    return share.reshape(*share.shape, *[1] * (rows.ndim - 2))
 
 
 def widened(covariance: Array, residuals: Residuals, kinds: Blocks) -> Array:

@@ -32,7 +32,7 @@ from tendonff.compensator.identification.motors.columns import (
     motor_current,
     motor_torque,
 )
-from tendonff.compensator.identification.motors.counts import gear_known, smooth_angle
+from tendonff.compensator.identification.motors.counts import reading_share, smooth_angle
 from tendonff.compensator.identification.motors.felt import felt_channels, felt_columns
 from tendonff.compensator.scenario.doubts import UnitDoubt
 from tendonff.compensator.scenario.driven.joint import JointScenario
@@ -82,8 +82,8 @@ class MotorsLog:
         NaN of a joint without an encoder.
     counted : ndarray of bool, shape (rows,)
         Rows after what friction stored before the first row is wiped out.
-    gear_known : ndarray of bool, shape (rows, motors)
-        Rows in which it is known which way the gear of a motor rubs: its torque counts.
+    motor_share, joint_share : ndarray, shape (rows, motors), (rows, joints)
+        Share of a reading that each row of an angle has, by which its torque and the joint's angle count.
     noise_N_m : ndarray, shape (motors,)
         Standard deviation of the noise of each torque.
     findings : tuple of Finding
@@ -101,7 +101,8 @@ class MotorsLog:
     torque_N_m: Array
     joint_rad: Array
     counted: Mask
-    gear_known: Mask
+    motor_share: Array
+    joint_share: Array
     noise_N_m: Array
     findings: tuple[Finding, ...]
     started_s: float | None = None
@@ -138,7 +139,8 @@ class MotorsLog:
             joint_rad=self.joint_rad[rows],
             joint_torque_N_m=None if self.joint_torque_N_m is None else self.joint_torque_N_m[rows],
             counted=_counted(run.motor_rad),
-            gear_known=self.gear_known[rows],
+            motor_share=self.motor_share[rows],
+            joint_share=self.joint_share[rows],
         )
 
 
@@ -251,7 +253,8 @@ def _log(piece: Piece, record: Record, start_rad: float) -> MotorsLog:
     )
     if torque is None:
         raise InputError(f"{record.name}: the motor's torque is no number in some rows; repair the column")
-    joint = np.full(len(motor), np.nan) if piece.output_m is None else piece.output_m[::every]
+    none = np.full(len(motor), np.nan)
+    joint, joint_read = (none if x is None else x[::every] for x in (piece.output_m, piece.read_output_m))
     start = start_rad if piece.output_m is None else float(np.median(joint[:3]))
     run = MotorRun.of_one(motor - motor[0], step * every, start, read - read[0])
     return MotorsLog(
@@ -262,7 +265,8 @@ def _log(piece: Piece, record: Record, start_rad: float) -> MotorsLog:
         joint_rad=joint[:, None],
         joint_torque_N_m=at_joint,
         counted=_counted(motor[:, None]),
-        gear_known=gear_known(as_read, step)[::every, None],
+        motor_share=reading_share(read)[:, None],
+        joint_share=reading_share(joint_read)[:, None],
         noise_N_m=np.array([max(record.input_noise_N, NOISE_FLOOR * float(np.ptp(torque)))]),
         findings=record.findings,
         started_s=record.started_s,
@@ -371,7 +375,7 @@ def _read_several(finger: Finger, file: Path, start_rad: Array, how: Measurement
         )
     log = _sampled(finger, file.name, time, values, start_rad, tuple(findings))
     run = replace(log.run, standing_rad=standing, cells=cells)
-    return replace(log, run=run, gear_known=log.gear_known | cells)  # cells do not feel the gear
+    return replace(log, run=run)
 
 
 def _sampled(
@@ -387,6 +391,7 @@ def _sampled(
     torque = np.column_stack([thinned(x, own, every) for x in rows[:, count : 2 * count].T])
     noise = [max(noise_of(x), NOISE_FLOOR * float(np.ptp(x))) for x in rows[:, count : 2 * count].T]
     joint = np.column_stack([thinned(x, own, every) for x in rows[:, 2 * count :].T])
+    share = np.column_stack([reading_share(x) for x in rows[::every].T])
     first = np.median(joint[:3], axis=0)
     if not np.ptp(motor, axis=0).any():
         raise InputError(f"{name}: no motor ever moves, so there is nothing to identify")
@@ -398,7 +403,8 @@ def _sampled(
         torque_N_m=torque,
         joint_rad=joint,
         counted=_counted(motor),
-        gear_known=np.column_stack([gear_known(x, own)[::every] for x in rows[:, :count].T]),
+        motor_share=share[:, :count],
+        joint_share=share[:, 2 * count :],
         noise_N_m=np.array(noise),
         findings=findings,
     )

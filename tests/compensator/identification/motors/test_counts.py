@@ -6,7 +6,7 @@ import pytest
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.identification.measured.smoothing import adaptive_low_pass
-from tendonff.compensator.identification.motors.counts import between_counts, count_of, gear_known, smooth_angle
+from tendonff.compensator.identification.motors.counts import between_counts, count_of, reading_share, smooth_angle
 from tendonff.compensator.identification.motors.estimates import DERIVED, derived
 from tendonff.compensator.identification.motors.loop_routine import suggest_routine
 from tendonff.ocp.fits.mechanism import GEAR_SLIP_RAD, Loop, MotorRun, respond
@@ -78,15 +78,14 @@ def test_noise_beside_the_counts_is_smoothed_as_noise():
     assert smooth_angle(noisy, 1e-3) == pytest.approx(adaptive_low_pass(noisy, 1e-3, count_of(noisy)))
 
 
-def test_a_motor_that_stands_tells_again_once_its_gear_has_turned_over():
-    up = stroke(0.5, 1.4)
-    angle = read(np.concatenate([up, 0.5 - stroke(0.5, 1.4)]))
-    known = gear_known(angle, ROW_S)
-    assert known[80]
-    assert not known[len(up) - 1]
-    first = len(up) + int(np.flatnonzero(known[len(up) :])[0])
-    assert angle[len(up) - 1] - angle[first] >= 2 * GEAR_SLIP_RAD > angle[len(up) - 1] - angle[first - 1]
-    assert gear_known(np.round(angle, 9) / 50, ROW_S).all()  # counts much finer than the gear's way
+def test_a_reading_counts_once_however_long_it_stays():
+    angle = read(np.concatenate([stroke(0.5, 1.4), 0.5 - stroke(0.5, 1.4)]))
+    share = reading_share(angle)
+    assert share.sum() == pytest.approx(1 + np.count_nonzero(np.diff(angle)))
+    assert share[80] == 1.0
+    assert share[200] == 1 / np.count_nonzero(np.abs(angle - angle[200]) < COUNT_RAD / 2)
+    assert (reading_share(np.round(angle, 9) / 50) == 1).all()  # counts that are much finer than what they tell
+    assert (reading_share(np.full(50, np.nan)) == 1).all()
 
 
 @pytest.mark.compiler
