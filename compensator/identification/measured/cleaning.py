@@ -61,7 +61,9 @@ class Piece:
     output_m: Array | None
     good: Mask  # shape (n,); False where a value was bridged or a spike replaced
     read_N: Array  # shape (n,); the input as it was read; smoothed harder where nothing happens, it drives the models
-    read_m: Array | None  # the input's position as it was read
+    # read_m, read_output_m: the positions as they were read
+    read_m: Array | None
+    read_output_m: Array | None
     motion: JointMotion | None = None  # joint angles after the low-pass, where the path has joints
 
     def travel_m(self, *, as_read: bool = False) -> Array:
@@ -230,6 +232,7 @@ def _smoothed(grid: dict[str, Array], good: Mask, motion: JointMotion | None, st
         good=good,
         read_N=grid["input_N"],
         read_m=grid.get("input_m"),
+        read_output_m=grid.get("output_m"),
         motion=motion,
     )
 

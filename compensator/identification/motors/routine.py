@@ -8,8 +8,9 @@ import numpy as np
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.measured import Array
+from tendonff.compensator.identification.measured.smoothing import low_pass_piece
 from tendonff.compensator.identification.motors.log import ROW_S
-from tendonff.compensator.identification.pen import QUINTIC, Pen
+from tendonff.compensator.identification.pen import COSINE, QUINTIC, Pen
 from tendonff.compensator.scenario.driven.finger import SampledFinger
 from tendonff.models.errors import ParameterError
 from tendonff.models.fidelity import Level
@@ -23,6 +24,9 @@ from tendonff.ocp.mechanism.start import mechanism_problem
 STROKE_S, SMALL_S, HOLD_S, TIGHTEN_S = 1.2, 0.4, 0.3, 1.0
 SMALL = 0.08
 """Small reversals, as a share of a joint's range."""
+
+EVEN_HZ = 4.0
+"""The way over which a joint stands while its motors turn back is taken no faster: counts tell no jump of the speed."""
 
 TIGHTER = 2.5
 """The second level of tension, over the first."""
@@ -69,7 +73,7 @@ def suggest_motors(finger: Finger, sampled: SampledFinger, file: str) -> MotorsR
     """
     low, high = sampled.angle_rad.min(axis=0), sampled.angle_rad.max(axis=0)
     start = sampled.angle_rad[0]
-    pen = Pen(start, ROW_S)
+    pen = Pen(start, ROW_S, shape=COSINE)
     pen.note("rest")
     pen.hold(HOLD_S)
     _strokes(pen, finger, low, high)
@@ -85,7 +89,7 @@ def suggest_motors(finger: Finger, sampled: SampledFinger, file: str) -> MotorsR
     standing = {name: columns[name] for name in finger.others}
     first, second = (_led(finger, angle, standing, factor, file) for factor in (1.0, TIGHTER))
     share = QUINTIC.at(np.interp(np.arange(len(angle)), [begin, end], [0.0, 1.0]))[:, None]
-    motor = (1 - share) * first(False) + share * second(True)
+    motor = low_pass_piece((1 - share) * first(False) + share * second(True), ROW_S, EVEN_HZ)
     return MotorsRoutine(
         time_s=pen.time_s,
         motor_rad=motor - motor[0],

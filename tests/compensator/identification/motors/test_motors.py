@@ -63,7 +63,7 @@ def tracking_deg(fitted, true, growth=(0.0, 1.0), **plant):
 def log_of(
     scenario, true, routine, *, coulomb, tension_N, folder, encoder=True, plant_step_s=2e-6, masses=12, growth=0.0
 ):
-    """Angles in 12 bits, torques with 1 % of noise; stiffness grows by a share from the tension of the start."""
+    """Angles in 12 bits from any zero, torques with 1 % of noise; stiffness may grow from the tension of the start."""
     time = np.arange(round(routine.time_s[-1] / STEP_S) + 1) * STEP_S
     motor = np.column_stack([np.interp(time, routine.time_s, angle) for angle in routine.motor_rad.T])
     drums, start = drums_of(true), routine.joint_rad[0]
@@ -76,12 +76,12 @@ def log_of(
     columns = {"time_s": time}
     for k, (each, friction) in enumerate(zip(true.motors, coulomb, strict=True)):
         torque = held[:, k] + friction * MotorRun.of_one(motor[:, k], STEP_S, 0.0).way()[:, 0]
-        columns[f"motor_{each.name}_rad"] = np.round(motor[:, k] / COUNT_RAD) * COUNT_RAD
+        columns[f"motor_{each.name}_rad"] = np.round(motor[:, k] / COUNT_RAD + rng.uniform()) * COUNT_RAD
         columns[f"motor_torque_{each.name}_N_m"] = torque + 0.01 * np.ptp(torque) * rng.standard_normal(len(time))
     if encoder:
         angle = np.vstack([start, found.angle_rad])
         columns |= {
-            f"joint_{name}_rad": np.round(q / COUNT_RAD) * COUNT_RAD
+            f"joint_{name}_rad": np.round(q / COUNT_RAD + rng.uniform()) * COUNT_RAD
             for name, q in zip(true.names, angle.T, strict=True)
         }
     write_csv(folder / "log.csv", columns)
@@ -126,7 +126,7 @@ def test_friction_and_stiffness_of_both_cables_of_a_pair_are_found(pair, fitted)
     assert fit["law_describes_the_device"]
     for key, value in pair[2].items():
         assert fit["estimates"][key]["identifiable"], key
-        assert fit["estimates"][key]["estimate"] == pytest.approx(value, rel=0.05), key
+        assert fit["estimates"][key]["estimate"] == pytest.approx(value, rel=0.01), key
     assert fit["estimates"]["motors.open.drive.coulomb_N_m"]["estimate"] == pytest.approx(2e-3, rel=0.3)
     assert set(fit["files"][0]["torque_percent_of_range"]) == {"open", "close"}
 
