@@ -222,7 +222,7 @@ class Tuner:
 def compiled(scenario: Scenario, problem: Problem) -> ctypes.CDLL:
     """The adaptive module with its driver."""
     texts = c_sources(scenario, problem, ADAPTIVE_MODULES, Precision.DOUBLE, "tff")
-    names = ("parameters", "limits", "state", "adaptive")
+    names = ("parameters", "limits", "state", "chain", "adaptive")
     order = ("types.h", *(f"{name}.h" for name in (*names, "inversion")), *(f"{name}.c" for name in names))
     own = "\n".join(texts[f"tff_{name}"] for name in order)
     lines = [line for line in own.splitlines() if not line.startswith('#include "')]

@@ -88,7 +88,7 @@ def compiled_tuner(scenario: Scenario, problem: Problem, precision: Precision) -
     """The tuner of a scenario's exported C, at rest."""
     modules, path = (ADAPTIVE_MODULES, ()) if problem.chain.motion is None else ((ADAPTIVE,), ("path",))
     texts = c_sources(scenario, problem, modules, precision, "tff")
-    names = ("parameters", "limits", *path, "state", "adaptive")
+    names = ("parameters", "limits", *path, "state", "chain", "adaptive")
     order = ("types.h", *(f"{name}.h" for name in (*names, "inversion")), *(f"{name}.c" for name in names))
     own = "\n".join(texts[f"tff_{name}"] for name in order)
     lines = [line for line in own.splitlines() if not line.startswith('#include "')]
