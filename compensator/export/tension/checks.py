@@ -33,7 +33,7 @@ def check_all(test: TensionTest) -> None:
     _data(test)
     _limits(test)
     _parameters(test)
-    for name in ("capstan", "table", "inverse"):
+    for name in (*test.laws, "inverse"):
         if name in modules:
             _follower(test, modules[name])
     if "stream" in modules:
@@ -272,7 +272,7 @@ def _no_force(test: TensionTest, each: Follower) -> None:
 
 
 def _law(test: TensionTest, each: Follower) -> None:
-    """Starts in motion of capstan law and table."""
+    """Starts in motion of what has no states of the chain."""
     _no_force(test, each)
     force = 0.5 * sum(test.narrow_N)
     check = test.script.check(each.module, "a start in motion goes on from its force")

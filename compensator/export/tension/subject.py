@@ -126,6 +126,11 @@ class TensionTest:
         """Joint angles of some rows of the course, as an input of steps."""
         return {"joint": np.asarray(self.joint_rad[rows])} if self.joints else {}
 
+    @property
+    def laws(self) -> list[str]:
+        """Modules that follow the reference without the chain's states: capstan law, table, those that are added."""
+        return [name for name in self.golden.course.columns if name not in ("inverse", "plant")]
+
     def modules(self) -> dict[str, ModuleRecord]:
         """Records of the exported modules by name."""
         chain, joints = self.problem.chain, self.joints
@@ -133,8 +138,7 @@ class TensionTest:
         count, settable = len(self.record), self.settable["inverse"]
         made = [
             tested.inverse(prefix, count, joints, chain, settable, servo=servo),
-            tested.called("capstan", prefix, count, joints, self._own("capstan")),
-            tested.called("table", prefix, count, joints, self._own("table")),
+            *(tested.called(name, prefix, count, joints, self._own(name)) for name in self.laws),
             tested.stream(prefix, count, joints, servo),
             tested.plant(prefix, joints),
             tested.profile(prefix),
@@ -144,4 +148,4 @@ class TensionTest:
     def _own(self, name: str) -> list[Port]:
         if name == "table":
             return [Port(name="branch", member="branch", kind="i")]
-        return [Port(name=member, member=member) for member in self.settable[name]]
+        return [Port(name=member, member=member) for member in self.settable.get(name, ())]
