@@ -285,8 +285,8 @@ static double call_inverse(void *state, int which, const tff_real *in)
     case 5: answer = (double)tff_inverse_use(self, test_parameters_of(&in[4])); break;
     case 6: tff_inverse_set_mu(self, in[12]); break;
     case 7: answer = (double)tff_inverse_mu(self); break;
-    case 8: answer = (double)self->x[22] + (double)self->x[23] + (double)self->x[24] + (double)self->x[25] + (double)self->x[26] + (double)self->x[27]; break;
-    case 9: answer = ((double)self->x[28] - (double)self->x[29]) - ((double)self->x[8] + (double)self->x[9] + (double)self->x[10] + (double)self->x[11] + (double)self->x[12] + (double)self->x[13] + (double)self->x[14]); break;
+    case 8: answer = (double)self->chain.x[22] + (double)self->chain.x[23] + (double)self->chain.x[24] + (double)self->chain.x[25] + (double)self->chain.x[26] + (double)self->chain.x[27]; break;
+    case 9: answer = ((double)self->chain.x[28] - (double)self->chain.x[29]) - ((double)self->chain.x[8] + (double)self->chain.x[9] + (double)self->chain.x[10] + (double)self->chain.x[11] + (double)self->chain.x[12] + (double)self->chain.x[13] + (double)self->chain.x[14]); break;
     default: break;
     }
     return answer;
@@ -304,8 +304,8 @@ static const test_port ports_of_inverse[] = {
     { "samples left", (uint32_t)offsetof(tff_inverse, entry.left), 1, 'r' },
     { "waiting [s]", (uint32_t)offsetof(tff_inverse, entry.waiting), 1, 'r' },
     { "lost", (uint32_t)offsetof(tff_inverse, entry.lost), 1, 'i' },
-    { "states", (uint32_t)offsetof(tff_inverse, x), 30, 'r' },
-    { "states before", (uint32_t)offsetof(tff_inverse, x_old), 30, 'r' },
+    { "states", (uint32_t)offsetof(tff_inverse, chain.x), 30, 'r' },
+    { "states before", (uint32_t)offsetof(tff_inverse, chain.x_old), 30, 'r' },
     { "tension at the start [N]", (uint32_t)offsetof(tff_inverse, start), 1, 'r' },
     { "mu", (uint32_t)offsetof(tff_inverse, mu), 1, 'r' },
     { "adhesion", (uint32_t)offsetof(tff_inverse, adhesion), 1, 'r' },
@@ -400,7 +400,7 @@ static const test_port ports_of_plant[] = {
     { "status", (uint32_t)offsetof(tff_plant, status), 1, 'u' },
     { "seen", (uint32_t)offsetof(tff_plant, seen), 1, 'u' },
     { "evaluations", (uint32_t)offsetof(tff_plant, evaluations), 1, 'i' },
-    { "states", (uint32_t)offsetof(tff_plant, x), 1, 'r' },
+    { "states", (uint32_t)offsetof(tff_plant, chain.x), 1, 'r' },
 };
 
 static double call_observer(void *state, int which, const tff_real *in)
@@ -416,7 +416,7 @@ static double call_observer(void *state, int which, const tff_real *in)
     case 2: answer = (double)tff_observer_step(self, in[0], in[1]); break;
     case 3: answer = (double)tff_observer_step_dt(self, in[2], in[0], in[1]); break;
     case 4: tff_observer_missed(self, (int32_t)in[3]); break;
-    case 5: answer = (double)self->x[22] + (double)self->x[23] + (double)self->x[24] + (double)self->x[25] + (double)self->x[26] + (double)self->x[27]; break;
+    case 5: answer = (double)self->chain.x[22] + (double)self->chain.x[23] + (double)self->chain.x[24] + (double)self->chain.x[25] + (double)self->chain.x[26] + (double)self->chain.x[27]; break;
     default: break;
     }
     return answer;
@@ -435,7 +435,7 @@ static const test_port ports_of_observer[] = {
     { "lost", (uint32_t)offsetof(tff_observer, entry.lost), 1, 'i' },
     { "lower memory [N]", (uint32_t)offsetof(tff_observer, low_memory), 1, 'r' },
     { "upper memory [N]", (uint32_t)offsetof(tff_observer, high_memory), 1, 'r' },
-    { "states", (uint32_t)offsetof(tff_observer, x), 1, 'r' },
+    { "states", (uint32_t)offsetof(tff_observer, chain.x), 1, 'r' },
     { "evaluations", (uint32_t)offsetof(tff_observer, evaluations), 1, 'i' },
 };
 
