@@ -165,7 +165,8 @@ def test_where_the_error_grew_both_ways_the_misfit_decides(nominal, tmp_path, mo
     sizes = iter((1.0, 2.0, 1.0, 2.0))  # as measured, and behind the input that both imply
     monkeypatch.setattr(second_look, "_looked_again", lambda *_: again)
     monkeypatch.setattr(second_look, "_size", lambda _: next(sizes))
-    monkeypatch.setattr(second_look, "_misfits", lambda _: [170.0, its])
+    misfits = iter((170.0, its))
+    monkeypatch.setattr(second_look, "misfit", lambda *_: next(misfits))
     assert (look_again("the law", task, plain, 1.0, offsets=False) is again) == taken
 
 
