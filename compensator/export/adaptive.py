@@ -63,7 +63,7 @@ class AdaptiveGolden:
 
 
 def tuned_part(problem: Problem, settings: Adaptation) -> Tuned:
-    """What the tuner needs of the chain."""
+    """Parts of the chain that the tuner needs."""
     tuning = tuning_of(problem, settings)
     return tuned_numbers(tuned_chain(problem, tuning), tuning)
 

@@ -54,7 +54,7 @@ class Port:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModuleRecord:
-    """What a self test knows of a module.
+    """Functions and values of a module that a self test reaches.
 
     Attributes
     ----------

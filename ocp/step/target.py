@@ -45,7 +45,7 @@ _OF_WEIGHTS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tuned:
-    """What a tuner of a chain needs of its time step."""
+    """Parts of a time step that the tuner of a chain needs."""
 
     numbers: tuple[str, ...]  # that it changes at run time, named as in `Chain.numbers`
     directions: int  # sensitivities
@@ -299,7 +299,7 @@ def _split_limits(precision: Precision) -> Limits:
 
 
 def _ends(chain: Chain, tuned: Tuned | None) -> tuple[dict[str, float], dict[str, float]]:
-    """What is known of the ends; a tuner's load is held by a force, so that it starts at zero."""
+    """Inputs of the ends; a tuner's load is held by a force, so that it starts at zero."""
     free = () if tuned is None else tuned.numbers
     near, far = _end(chain, "near", free) | {"pull": -1.0}, _end(chain, "far", free) | {"pull": 1.0}
     if tuned is None:

@@ -36,7 +36,7 @@ _FINITE_RAD = 1e3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bounds:
-    """What may differ from the model, and what never may be passed.
+    """Differences from the model that are allowed, and limits that never may be passed.
 
     Attributes
     ----------

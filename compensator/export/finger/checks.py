@@ -22,7 +22,7 @@ ALL_AT_ONCE = Status.TORQUE_LIMITED | Status.SLACK
 
 
 def tested_finger(prefix: str, name: str, which: int, joints: int, motors: int, tendons: int) -> ModuleRecord:
-    """One finger of the exported folder."""
+    """A finger of the exported folder."""
     call = f"{prefix}_finger"
     return ModuleRecord(
         name=f"finger_{name}",

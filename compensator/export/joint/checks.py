@@ -56,7 +56,7 @@ class Observed:
 
 
 def tested_joint(prefix: str, name: str, which: int, motors: int, tendons: int, others: int) -> ModuleRecord:
-    """One joint of the exported folder."""
+    """A joint of the exported folder."""
     call, more = f"{prefix}_joint", ", &{other}" if others else ""
     load = f"{{contact}}{more}"
     ahead = "(double)(self->motor_rad[{k}] - (&{{motor}})[{k}])"
@@ -84,7 +84,7 @@ def tested_joint(prefix: str, name: str, which: int, motors: int, tendons: int, 
 
 
 def tested_adaptive(prefix: str, name: str, which: int, others: int) -> ModuleRecord:
-    """One joint that tunes itself."""
+    """A joint that tunes itself."""
     call, more = f"{prefix}_joint_adaptive", ", &{other}" if others else ""
     return ModuleRecord(
         name=f"joint_{name}_adaptive",

@@ -284,7 +284,7 @@ def check_adaptive(test: TensionTest, own: Mapping[str, Any]) -> None:
 
 
 def _unteachable(tuned: _Tuned) -> None:
-    """What teaches nothing: no measurement, one that is stuck, and any right after missed calls or angles."""
+    """Inputs that teach nothing: no measurement, one that is stuck, and any right after missed calls or angles."""
     test, own, tuning = tuned.test, tuned.own, tuned.own["tuning"]
     measured, reference, mu = own["golden"].measured, test.golden.course.reference_N, own["mu_dynamic"]
     half, module = len(reference) // 2, tuned.each.module

@@ -92,7 +92,7 @@ class TensionTest:
 
     @property
     def slack(self) -> float:
-        """What forces of the course round to [N]."""
+        """Rounding of forces of the course [N]."""
         most = float(np.abs(self.golden.course.plant_force_N).max())
         return 3 * self.script.rounding(max(most, self.allowed.high_N if self.binds else 0.0))
 
