@@ -311,7 +311,9 @@ class Script:
     def place(self, values: FloatArray, what: str) -> int:
         """Place of numbers in a row; those that are there already are not stored again."""
         with np.errstate(over="ignore"):
-            part = np.where(np.isnan(values), math.nan, np.clip(values, -1e300, 1e300)).astype(self.real)
+            part = np.where(np.isnan(values), math.nan, np.clip(values, -1e300, 1e300))
+            # as C reads its literals: bounds in the headers are written with as many digits
+            part = np.array([float(literal(v, self.precision).rstrip("f")) for v in part.tolist()]).astype(self.real)
         part[np.isinf(values)] = values[np.isinf(values)]
         wanted, size = part.tobytes(), part.itemsize
         at = self.numbers.find(wanted)
