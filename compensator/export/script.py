@@ -1,6 +1,6 @@
 """Scripts of a shipped self test: calls of exported modules and what they must answer, as constant data for C.
 
-The program that carries them out is the fixed text `core/self_test.c`. A module is a record of its inputs, of its
+The program that carries them out is the fixed text `core/tff_self_test.c`. A module is a record of its inputs, of its
 functions, and of the members of its state that can be looked at, its ports; all that is compared goes by their names.
 """
 

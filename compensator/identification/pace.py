@@ -3,8 +3,8 @@
 import time
 from collections.abc import Callable
 
-MOST = 10.0
-"""Times what was announced: a fit that takes longer is stopped."""
+SLOW, MOST = 5.0, 10.0
+"""Times what was announced: a fit that takes longer says what it does, and is stopped."""
 
 
 class SlowFitError(RuntimeError):
@@ -31,10 +31,11 @@ class Pace:
         clock: Callable[[], float] = time.thread_time,
     ) -> None:
         self._say, self._announced_s, self._clock = say, announced_s, clock
-        self._began_s = clock()
+        self._began_s, self._doing, self._is_slow = clock(), "fit", False
 
     def begin(self, work: str) -> None:
         """Begin a part of the work, and name it to the user."""
+        self._doing = work
         self._say(work)
 
     def end(self) -> None:
@@ -43,11 +44,18 @@ class Pace:
 
     def keep(self) -> None:
         """Go on; SlowFitError if the bound is passed."""
+        taken = self._clock() - self._began_s
         bound = MOST * self._announced_s
-        if self._clock() - self._began_s > bound:
+        if taken > bound:
             raise SlowFitError(
                 f"stopped after {bound:.3g} s of computing, {MOST:g} times what was announced: check signs and units "
                 "of the columns, or fit shorter files"
+            )
+        if taken > SLOW * self._announced_s and not self._is_slow:
+            self._is_slow = True
+            self._say(
+                f"the fit takes longer than announced, {taken:.3g} s so far: {self._doing}; the chain hardly fits "
+                f"these files. It stops at {bound:.3g} s; check signs and units of the columns"
             )
 
 

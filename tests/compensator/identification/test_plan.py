@@ -229,13 +229,16 @@ def test_a_log_in_reversed_order_is_told_so(record):
         record(**{**columns, "time_s": -np.arange(len(WAVE)) * 0.01})
 
 
-def test_a_fit_beyond_its_time_stops_at_a_bound():
+def test_a_fit_beyond_its_time_says_what_it_does_and_stops_at_a_bound():
     said, now = [], [0.0]
     pace = Pace(said.append, announced_s=2.0, clock=lambda: now[0])
     pace.begin("law of the chain")
-    now[0] = 19.9
-    pace.keep()
-    assert said == ["law of the chain"]
+    for now[0] in (9.9, 10.1, 19.9):
+        pace.keep()
+    assert said[0] == "law of the chain"
+    assert len(said) == 2
+    assert "10.1 s so far: law of the chain" in said[1]
+    assert "stops at 20 s" in said[1]
     now[0] = 20.1
     with pytest.raises(SlowFitError, match="stopped after 20 s of computing, 10 times what was announced"):
         pace.keep()
