@@ -5,6 +5,7 @@ Two questions share one routine: how the tensions change with the force at the k
 """
 
 import ctypes
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
@@ -58,10 +59,10 @@ class Sensitivity:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Directions:
-    """Quantities that the directions change: element numbers and start, or the knots of the force."""
+    """Quantities that the directions change: numbers and start, or the knots of the force."""
 
     start: Array  # shape (state, directions)
-    numbers: Array | None = None
+    numbers: Array | None = None  # shape (numbers, directions): those of an element in C, of the whole in CasADi
     knot: NDArray[np.intc] | None = None
     weight: Array | None = None
     forgotten: NDArray[np.intc] | None = None
@@ -82,13 +83,22 @@ class _Directions:
         return change
 
 
-def _parameter_source(chain: Chain) -> str:
+def _source_of_any(chain: Chain) -> str:
     return _source(chain, ElementLaws.of(chain))
 
 
-def _force_source(chain: Chain) -> str:
-    """Without what the chain's numbers make superfluous: the parameters do not change here."""
+def _source_of_aliases(chain: Chain) -> str:
+    """Without what the chain's numbers make superfluous: what equals another goes on to."""
     return _source(chain, ElementLaws.of(chain, folded=True))
+
+
+def _keeps_aliases(chain: Chain, numbers: Array | None) -> bool:
+    """Whether numbers that equal another change with it in all directions, shape (numbers, directions)."""
+    if numbers is None:
+        return True
+    rows = dict(zip(chain.numbers(), numbers, strict=True))
+    pairs = chain.friction.aliases().items()
+    return all(np.array_equal(rows[f"friction_{name}"], rows[f"friction_{other}"]) for name, other in pairs)
 
 
 def _source(chain: Chain, laws: ElementLaws) -> str:
@@ -150,17 +160,19 @@ def parameter_sensitivity(
     chain: Chain,
     force_N: Array,
     step_s: float,
-    parameters: tuple[Parameter, ...],
+    over: Sequence[Mapping[Parameter, float]],
     *,
     initial_tension_N: float,
     all_links: bool = False,
     engine: Engine = Engine.AUTO,
 ) -> Sensitivity:
-    """Sensitivity of tensions and end positions to parameters of the whole tendon, per SI unit of each.
+    """Sensitivity of tensions and end positions along directions, each a change of parameters in their SI units.
 
     The chain is that of `whole`; what the ends are made of does not change. The force is f_c1 at 0, h, 2 h ..., shape
     (n,), and the start is at rest under `initial_tension_N`.
     """
+    parameters = tuple(name for name in Parameter if any(name in direction for direction in over))
+    shares = np.array([[direction.get(name, 0.0) for direction in over] for name in parameters])
     symbols: dict[str, ca.SX] = {name: ca.SX.sym(name) for name in parameters}
     symbolic = replace(chain, elements=whole.changed(symbols).divided(chain.count, chain.motion))
     unknowns = ca.vertcat(*symbols.values())
@@ -173,13 +185,13 @@ def parameter_sensitivity(
     near = ca.SX.zeros(len(chain.near.states))
     start = ca.vertcat(ca.SX.zeros(chain.count + 2), near, *by_link, masses, ends)
     slopes = ca.Function("slopes", [unknowns], [ca.jacobian(numbers, unknowns), ca.jacobian(start, unknowns)])
-    by_number, by_start = (np.ascontiguousarray(np.asarray(m.full())) for m in slopes(at))
-    directions = _Directions(start=by_start, numbers=by_number)
+    by_number, by_start = (np.asarray(m.full()) @ shares for m in slopes(at))
     state = chain.rest_state(initial_tension_N)
     if resolve_engine(engine) is Engine.CASADI or chain.moving:  # C knows the parameters of pieces, not of the whole
         tangent = CasadiTangent(chain, symbolic, unknowns, np.array(at), step_s)
+        directions = _Directions(start=by_start, numbers=shares)
         return _run_casadi(tangent, chain, force_N, step_s, state, directions, all_links=all_links)
-    count, more = len(parameters), ((0, 0), (0, -len(parameters) % _LANES))
+    count, more = len(over), ((0, 0), (0, -len(over) % _LANES))
     directions = _Directions(start=np.pad(by_start, more), numbers=np.pad(by_number, more))
     found = _run(chain, force_N, step_s, state, directions, all_links=all_links, with_ends=True)
     return replace(
@@ -204,7 +216,7 @@ def _run(
     all_links: bool,
     with_ends: bool,
 ) -> Sensitivity:
-    source = _force_source if directions.numbers is None else _parameter_source
+    source = _source_of_aliases if _keeps_aliases(chain, directions.numbers) else _source_of_any
     library, n, width = library_of(chain, source), chain.count, directions.width
     library.tff_tangent_run.restype = ctypes.c_long
     inputs = ChainInputs.of_force(force_N).table()
@@ -281,6 +293,7 @@ def _run_casadi(
         inputs,
         directions.start,
         directions.drive(steps),
+        np.zeros((0, directions.width)) if directions.numbers is None else directions.numbers,
         np.zeros(steps, dtype=np.intc) if directions.forgotten is None else directions.forgotten,
     )
     if len(rows.tension_N) < steps:

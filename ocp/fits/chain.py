@@ -215,16 +215,18 @@ class ChainModel:
     ) -> tuple[Array, Array, Array, Array]:
         """Output, positions of both ends, and slopes of output, elongation and near position, shape (rows, 3, k)."""
         asked = {name for direction in over for name in direction}
-        wanted = tuple(name for name in Parameter if name in asked)
+        parts = [{name: direction[name] for name in Parameter if name in direction} for direction in over]
+        moved = [k for k, part in enumerate(parts) if part]
         whole, run_up = self.whole(numbers), self.with_lead_in(numbers, drive)
         force, step, rest = run_up.force_N, run_up.step_s, run_up.rest_N
-        run = parameter_sensitivity(whole, chain, force, step, wanted, initial_tension_N=rest)
+        run = parameter_sensitivity(whole, chain, force, step, [parts[k] for k in moved], initial_tension_N=rest)
         if run.ends_slopes is None:
             raise SolveError("the sensitivities of the ends' positions are missing")
         near, far = run.ends_slopes[:, 0], run.ends_slopes[:, 1]
         gain = numbers[Reading.OUTPUT_GAIN]
-        both = np.stack([gain * run.tension_slopes[:, 0], near - far, near], axis=1)
-        columns = {name.value: both[:, :, k] for k, name in enumerate(wanted)}
+        slopes = np.zeros((len(force), 3, len(over)))
+        slopes[:, :, moved] = np.stack([gain * run.tension_slopes[:, 0], near - far, near], axis=1)
+        columns = dict[str, Array]()
         if Reading.OUTPUT in asked:
             columns[Reading.OUTPUT] = np.zeros((len(force), 3))
             columns[Reading.OUTPUT][:, 0] = 1.0
@@ -247,10 +249,9 @@ class ChainModel:
                 for e in ends
             )
             columns[Reading.INPUT_GAIN] = (more - less) / (2 * change)
-        slopes = np.zeros((len(force), 3, len(over)))
         for k, direction in enumerate(over):
-            for name, by in direction.items():
-                slopes[:, :, k] += by * columns[name]
+            for name in columns.keys() & direction.keys():
+                slopes[:, :, k] += direction[name] * columns[name]
         return run.tension_N[:, -1], run.ends_m[:, 0], run.ends_m[:, 1], slopes
 
 

@@ -39,13 +39,20 @@ class CasadiTangent:
         self._values = values
 
     def run(
-        self, x: Array, time_s: float, inputs: ChainInputs, start: Array, drive: Array, forgotten: NDArray[np.intc]
+        self,
+        x: Array,
+        time_s: float,
+        inputs: ChainInputs,
+        start: Array,
+        drive: Array,
+        numbers: Array,
+        forgotten: NDArray[np.intc],
     ) -> tuple[Rows, Array, Array]:
         """Simulate and differentiate in d directions.
 
         Inputs are those at the first state, then at the ends of the steps. Changes in each direction are those of the
-        first state, shape (size, d), and of f_c1 at the end of each step (rows, d); where there are numbers, each
-        direction is one of them. In each row so many first directions are followed no longer as `forgotten` says.
+        first state, shape (size, d), of f_c1 at the end of each step (rows, d), and of the numbers, shape (numbers, d).
+        In each row so many first directions are followed no longer as `forgotten` says.
 
         Returns
         -------
@@ -70,7 +77,7 @@ class CasadiTangent:
         weights = np.full(done, BDF2_WEIGHT * self._step_s)
         weights[:1] = self._step_s  # the first step is implicit Euler: its base is the state itself
         tension, ends = np.empty((done, n + 1, start.shape[1])), np.empty((done, 2, start.shape[1]))
-        now, old, numbers = start, start, np.eye(len(self._values), start.shape[1])
+        now, old = start, start
         for first in range(0, done, _CHUNK):
             part = slice(first, min(first + _CHUNK, done))
             blocks = self._evaluate(

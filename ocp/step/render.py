@@ -207,6 +207,8 @@ class StepCode:
         links = ((name, f"{n} + 1") for name in ("start", "force", "slope"))
         own = [(f"new_{name}", n) for name in self.layout.friction_states]
         own += [(f"new_{name}", "1") for name in self.layout.end_states]
+        if "path_mass_tangent" in self.laws:
+            own += [(f"{name}_by_{over}", n) for name in self.layout.friction_states for over in ("v", "near", "far")]
         masses: tuple[str, ...] = ("v", "trial", "residual", "lower", "diag", "upper", "move")
         if self.small:
             links, masses = ((name, f"{n} + 1") for name in ("start", "force")), ("v",)

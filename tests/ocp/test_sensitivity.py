@@ -71,7 +71,9 @@ def test_parameter_sensitivity_is_the_slope_of_central_differences(generic: Tran
     generic = polymer(generic) if parameter is Parameter.LOAD_EXPONENT else generic
     whole = whole_of(generic, Level.PRESLIDING)
     chain = Chain.of(generic, Level.PRESLIDING, 3)
-    found = parameter_sensitivity(whole, chain, force(), STEP, (parameter,), initial_tension_N=30.0, all_links=True)
+    found = parameter_sensitivity(
+        whole, chain, force(), STEP, [{parameter: 1.0}], initial_tension_N=30.0, all_links=True
+    )
     assert found.ends_slopes is not None
     value = whole.value(parameter.value)
     delta = 1e-6 * value
@@ -86,6 +88,23 @@ def test_parameter_sensitivity_is_the_slope_of_central_differences(generic: Tran
     assert error.max() < 0.02
     near = (runs[0].near_position_m - runs[1].near_position_m) / (2 * delta)
     assert np.quantile(np.abs(found.ends_slopes[:, 0, 0] - near) / np.abs(near).max(), 0.98) < 1e-4
+
+
+def test_without_a_stribeck_effect_slopes_along_both_coefficients_are_the_sum_of_those_along_each(
+    generic: Transmission,
+) -> None:
+    mu = generic.friction.mu_dynamic
+    generic = replace(generic, friction=replace(generic.friction, mu_static=mu, mu_static_release=None))
+    chain, whole = Chain.of(generic, Level.PRESLIDING, 3), whole_of(generic, Level.PRESLIDING)
+    assert chain.friction.aliases()
+    moving, sticking = {Parameter.MU_DYNAMIC_PULL: 1.0}, {Parameter.MU_STATIC_PULL: 1.0}
+    along = [
+        parameter_sensitivity(whole, chain, force(), STEP, over, initial_tension_N=30.0).tension_slopes[:, 0]
+        for over in ([moving | sticking], [moving, sticking])
+    ]
+    share = np.abs(along[1]).max(axis=0)
+    assert (share > 0.01 * share.sum()).all()
+    assert along[0][:, 0] == pytest.approx(along[1].sum(axis=1), abs=1e-9 * share.sum())
 
 
 def test_knots_that_do_not_span_the_force_are_refused(generic: Transmission) -> None:
@@ -124,7 +143,14 @@ def test_without_a_compiler_the_slopes_over_parameters_are_the_same(generic: Tra
     chain, whole = Chain.of(generic, Level.PRESLIDING, 3), whole_of(generic, Level.PRESLIDING)
     ours, theirs = (
         parameter_sensitivity(
-            whole, chain, force(), STEP, tuple(Parameter), initial_tension_N=30.0, all_links=True, engine=engine
+            whole,
+            chain,
+            force(),
+            STEP,
+            [{name: 1.0} for name in Parameter],
+            initial_tension_N=30.0,
+            all_links=True,
+            engine=engine,
         )
         for engine in compiled_and_casadi()
     )

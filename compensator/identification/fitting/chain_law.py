@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tendonff.compensator.identification.constants import TUNED
-from tendonff.compensator.identification.fitting.judging import OutputError, error_of
+from tendonff.compensator.identification.fitting.judging import OutputError
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece
 from tendonff.compensator.identification.parameters import CONSTANTS, CORE, SPEED_TERMS, Parameter
 from tendonff.compensator.scenario.measurement import Explain
@@ -56,9 +56,12 @@ def fit_free(
 
 def candidate(name: str, task: ChainResiduals, solution: Solution, judge: ChainResiduals | None) -> ChainCandidate:
     """A fitted law, with its errors."""
-    full = task.complete(solution.values)
-    validation = task.held_out(solution) if judge is None else replace(judge, model=task.model).error_at(full)
-    return ChainCandidate(name=name, task=task, solution=solution, fit=task.error_at(full), validation=validation)
+    if judge is None:
+        validation = task.held_out(solution)
+    else:
+        validation = replace(judge, model=task.model).error_at(task.complete(solution.values))
+    fit = task.error_of(solution.residuals)
+    return ChainCandidate(name=name, task=task, solution=solution, fit=fit, validation=validation)
 
 
 class _Search:
@@ -87,8 +90,7 @@ class _Search:
         """Error of the fit that a Gauss-Newton step from a start leaves, as a share of the best law's."""
         found = task.evaluate({str(name): at[name] for name in task.free})
         left = found.values + found.slopes @ gauss_newton_step(found.values, found.slopes)
-        own = error_of([rows for rows, _ in task.by_channel(left)], 1.0)
-        return task.output_unit * own.robust_rms / self.best.fit.robust_rms
+        return task.error_of(replace(found, values=left)).robust_rms / self.best.fit.robust_rms
 
     def with_one_more(self, extra: Parameter) -> tuple[ChainResiduals, dict[Parameter, float]]:
         """The best law with one more free value, and its start; a Stribeck effect comes with its velocity."""

@@ -171,7 +171,7 @@ def fit_coarse(
     ]
     first = min((fit_free(task, at, span_N, 5, 1e-3) for at in starts), key=lambda s: s.cost)
     solution = fit_free(task, task.complete(first.values), span_N, 10, 1e-3)
-    percent = 100 * task.error_at(task.complete(solution.values)).robust_rms / span
+    percent = 100 * task.error_of(solution.residuals).robust_rms / span
     return CoarseFit(task=task, solution=solution, percent=percent)
 
 

@@ -67,14 +67,15 @@ def with_input_estimated(
     slopes: Sequence[InputSlopes] | None = None,
     rounds: int = TUNED.rounds,
     signed: bool = False,
-) -> Solution:
+) -> tuple[Solution, Sequence[InputSlopes]]:
     """Values with the input estimated besides, their covariance that of values and input together.
 
     The task is on many masses; `slopes` over the input are those of another law, or follow from the values in each
-    round. With `signed`, what may vanish may fall below nothing: its scatter shows then.
+    round, and those of the last are returned too. With `signed`, what may vanish may fall below nothing: its scatter
+    shows then.
     SolveError if the chain fails on the way, or values and input are not separately identifiable.
     """
-    moved = solution
+    moved, own = solution, slopes or ()
     for _ in range(rounds):
         try:
             own = input_slopes(task, moved) if slopes is None else slopes
@@ -85,7 +86,7 @@ def with_input_estimated(
         moved = replace(moved, values=values, covariance=covariance, residuals=residuals_of(task, values))
         if np.all(np.abs(step) < np.sqrt(np.diag(covariance))):
             break
-    return moved
+    return moved, own
 
 
 def residuals_of(task: ChainResiduals, values: Mapping[str, float]) -> Residuals:

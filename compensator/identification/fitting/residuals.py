@@ -189,6 +189,10 @@ class ChainResiduals:
         """The explained channel by the chain."""
         return run.predicted(self.model.predict(full, run.drive))[0]
 
+    def error_of(self, residuals: Residuals) -> OutputError:
+        """Error over the fitted rows whose residuals are known."""
+        return error_of([self.output_unit * rows for rows, _ in self.by_channel(residuals.values)], self.output_unit)
+
     def error_at(self, full: Mapping[Parameter, float]) -> OutputError:
         """Error of the chain at given values."""
         return self.error(lambda run, _: self.predicted(full, run))

@@ -82,7 +82,7 @@ def _looked_again(
 ) -> SecondLook:
     proximal = task.pieces[0].explain is Explain.POSITION
     if D.INPUT_BIAS in task.free or all(run.record.input_noise_N <= 0 for run in task.pieces):
-        return SecondLook(law=law, task=task, solution=with_input_estimated(task, solution))
+        return SecondLook(law=law, task=task, solution=with_input_estimated(task, solution)[0])
     task = replace(task, fixed=task.complete(solution.values))
     constants = [] if D.LOAD_EXPONENT in task.free else [D.ADHESION]  # nearly the same in most data
     offered = [*((D.OUTPUT_BIAS,) if offsets and not proximal else ()), *constants]
@@ -100,21 +100,21 @@ def _looked_again(
             for gone in (name, D.STRIBECK_VELOCITY) if name is D.STATIC_EXCESS else (name,):
                 wide_fit = _without(wide_fit, gone, by=wide_fit.values[gone] - own[gone])
                 dropped.add(gone)
-    chosen, found = _narrowed(law, task, wide_fit, dropped, span_N)
+    chosen, found, slopes = _narrowed(law, task, wide_fit, dropped, span_N)
     if D.OUTPUT_BIAS in chosen.free and own[D.OUTPUT_BIAS] == 0:
         # Its slopes at the start promise more than the misfit holds: the directions' coefficients follow slowly.
         fewer = _narrowed(law, task, _without(wide_fit, D.OUTPUT_BIAS), {*dropped, D.OUTPUT_BIAS}, span_N)
-        less, more = _misfits([fewer, (chosen, found)], input_slopes(chosen, found))
+        less, more = _misfits([fewer[:2], (chosen, found)], slopes)
         if not less - more > TUNED.very_sure**2:
-            chosen, found = fewer
-    (chosen, found), other = _by_load(chosen, found)
+            chosen, found, slopes = fewer
+    (chosen, found), other = _by_load(chosen, found, slopes)
     return SecondLook(law=_renamed(law, chosen, found), task=chosen, solution=found, other=other)
 
 
 def _narrowed(
     law: ChosenLaw, task: ChainResiduals, wide_fit: Solution, dropped: set[Parameter], span_N: float
-) -> _Fitted:
-    """The task without what was dropped, and its values with the input estimated."""
+) -> tuple[ChainResiduals, Solution, Sequence[InputSlopes]]:
+    """The task without what was dropped, and its values with the input estimated, by slopes over it."""
     own = task.model.values()
     symmetric = task.model.symmetric and _is_symmetric(wide_fit)
     dropped = dropped | ({D.MU_RELEASE} if symmetric else set())
@@ -130,18 +130,18 @@ def _narrowed(
         start = {D(name): value for name, value in at.items()}
         quick = replace(law.task, model=replace(law.task.model, symmetric=symmetric), free=kept, fixed=chosen.fixed)
         at = fit_free(quick, {**chosen.fixed, **start}, span_N, 15, 1e-4).values
-    return chosen, with_input_estimated(chosen, replace(wide_fit, values=at, residuals=residuals_of(chosen, at)))
+    return chosen, *with_input_estimated(chosen, replace(wide_fit, values=at, residuals=residuals_of(chosen, at)))
 
 
-def _by_load(chosen: ChainResiduals, found: Solution) -> tuple[_Fitted, _Fitted | None]:
+def _by_load(chosen: ChainResiduals, found: Solution, slopes: Sequence[InputSlopes]) -> tuple[_Fitted, _Fitted | None]:
     """The law whose dependence on the load has less misfit, and the other one where the difference is not decisive.
 
-    To the noise of the input, which was in the values, both are nearly the same.
+    To the noise of the input, which was in the values, both are nearly the same. Both stick and slide at the same
+    times, so they share the slopes over the input.
     """
     rival = _with_other_dependence(chosen, found)
     if rival is None:
         return (chosen, found), None
-    slopes = input_slopes(chosen, found)  # both laws stick and slide at the same times
     try:
         other = _at_its_best(*rival, slopes)
     except SolveError:
@@ -183,7 +183,7 @@ def _with_other_dependence(chosen: ChainResiduals, found: Solution) -> _Fitted |
 def _at_its_best(task: ChainResiduals, start: Solution, slopes: Sequence[InputSlopes]) -> _Fitted:
     """A law and its values with the input estimated, from the values of a start; slopes over the input are given."""
     start = replace(start, residuals=residuals_of(task, start.values))
-    return task, with_input_estimated(task, start, slopes=slopes)
+    return task, with_input_estimated(task, start, slopes=slopes)[0]
 
 
 def _moved(task: ChainResiduals, solution: Solution, *, signed: bool = False) -> _Fitted:
@@ -192,7 +192,7 @@ def _moved(task: ChainResiduals, solution: Solution, *, signed: bool = False) ->
     task = replace(task, model=replace(task.model, symmetric=False), free=free)
     at = {str(name): task.fixed[name] for name in task.free}
     start = replace(solution, values=at, residuals=residuals_of(task, at))
-    return task, with_input_estimated(task, start, rounds=1, signed=signed)
+    return task, with_input_estimated(task, start, rounds=1, signed=signed)[0]
 
 
 def _misfits(laws: Sequence[_Fitted], slopes: Sequence[InputSlopes]) -> list[float]:

@@ -69,7 +69,7 @@ def fitted(nominal, folder, seed, noise, **true):
     output, elongation = task.channel_rms(start)
     task = replace(task, output_unit=2 * output, elongation_unit_m=2 * elongation)
     solution = fit_free(task, task.fixed, span, 8, 1e-4)
-    return task, solution, with_input_estimated(task, solution)
+    return task, solution, with_input_estimated(task, solution)[0]
 
 
 def test_adhesion_is_told_apart_from_noise_on_the_input(nominal, tmp_path):
@@ -181,7 +181,7 @@ def test_friction_that_falls_with_the_load_is_told_from_adhesion_by_the_misfit(n
     start = {**plain.values, D.ADHESION: 1.5}
     task = replace(task, model=model, free=free, fixed={**task.fixed, **start, D.LOAD_EXPONENT: 0.0})
     solution = fit_free(task, task.fixed, float(np.ptp(task.pieces[0].measured)), 8, 1e-4)
-    found = with_input_estimated(task, solution)
+    found = with_input_estimated(task, solution)[0]
     slopes = input_slopes(task, found)
     rival, other = second_look._at_its_best(*second_look._with_other_dependence(task, found), slopes)
     assert (D.LOAD_EXPONENT in rival.free, D.ADHESION in rival.free) == (True, False)

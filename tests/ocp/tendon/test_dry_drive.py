@@ -133,7 +133,9 @@ def test_sensitivities_are_those_of_finite_differences(kind: str, engine: Engine
         return respond(replace(dry, tendon=replace(dry.tendon, mass_kg=dry.tendon.mass_kg + by)))
 
     chain, whole = Chain.of(dry, Level.PRESLIDING, 3), whole_of(dry, Level.PRESLIDING)
-    found = parameter_sensitivity(whole, chain, force, H, (Parameter.MASS,), initial_tension_N=30.0, engine=engine)
+    found = parameter_sensitivity(
+        whole, chain, force, H, [{Parameter.MASS: 1.0}], initial_tension_N=30.0, engine=engine
+    )
     slopes = np.column_stack([found.tension_slopes[:, 0, 0], 1e4 * found.ends_slopes[:, 0, 0]])
     expected = central(heavier, 1e-6)
     assert slopes == pytest.approx(expected, abs=1e-4 * np.abs(expected).max())
