@@ -102,7 +102,7 @@ def test_a_servo_in_float_does_not_creep(finger):
     assert np.abs(single - command)[-1000:].max() < 1e-7
 
 
-@pytest.mark.parametrize("precision", Precision)
+@pytest.mark.parametrize("precision", [pytest.param(Precision.DOUBLE, marks=pytest.mark.nightly), Precision.FLOAT])
 def test_the_folder_of_a_servo_passes_its_own_test(finger, tmp_path, precision):
     if shutil.which("make") is None:
         pytest.skip("make is not installed")

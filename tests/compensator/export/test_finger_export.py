@@ -202,7 +202,7 @@ def test_commands_that_are_worse_than_the_ratio_are_not_exported(monkeypatch):
     assert "exported because of --force-export" in export_fingers(finger(), force_export=True).warnings[0]
 
 
-@pytest.mark.parametrize("fmi", list(FmiVersion))
+@pytest.mark.parametrize("fmi", [pytest.param(FmiVersion.V2, marks=pytest.mark.nightly), FmiVersion.V3])
 def test_a_unit_of_a_finger_is_valid_and_equals_the_runtime(fmi, tmp_path):
     """FMPy records the input a row late: row k + 1 holds what step k used."""
     fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")

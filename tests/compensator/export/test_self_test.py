@@ -181,7 +181,8 @@ MUTANTS = {
 
 
 @pytest.mark.compiler
-@pytest.mark.parametrize("precision", [Precision.DOUBLE, pytest.param(Precision.FLOAT, marks=pytest.mark.nightly)])
+@pytest.mark.nightly
+@pytest.mark.parametrize("precision", Precision)
 def test_the_self_test_passes_and_dies_with_every_safety_mutant(exported, precision, tmp_path):
     if shutil.which("cc") is None:
         pytest.skip("cc is not installed")

@@ -140,9 +140,8 @@ def test_of_two_dependences_on_the_load_both_are_answered_unless_the_misfit_deci
     other = (SimpleNamespace(name="its", free=(D.LOAD_EXPONENT,)), SimpleNamespace(values={D.LOAD_EXPONENT: value}))
     monkeypatch.setattr(second_look, "_with_other_dependence", lambda *_: other)
     monkeypatch.setattr(second_look, "_at_its_best", lambda *_: other)
-    monkeypatch.setattr(second_look, "input_slopes", lambda *_: ())
     monkeypatch.setattr(second_look, "_misfits", lambda *_: [mine, its])
-    chosen, left = second_look._by_load(*own)
+    chosen, left = second_look._by_load(*own, slopes=())
     assert (chosen[0].name, left and left[0].name) == answer
 
 

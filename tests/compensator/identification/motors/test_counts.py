@@ -89,7 +89,7 @@ def test_a_reading_counts_once_however_long_it_stays():
 
 
 @pytest.mark.compiler
-@pytest.mark.parametrize("row_s", [1e-2, 1e-3])
+@pytest.mark.parametrize("row_s", [pytest.param(1e-2, marks=pytest.mark.nightly), 1e-3])
 def test_counts_of_a_log_without_noise_leave_a_and_the_stretch_within_one_per_cent(tmp_path, row_s):
     asked = scenario()
     routine = suggest_routine(asked)
