@@ -117,6 +117,14 @@ for _commands in _GROUPS.values():
         app.command(_name(_command), epilog=f"Example: tendonff {_name(_command)} {_example}")(_command)
 
 
+def _example_after(error: Exception) -> str:
+    """The command's example behind a complaint about an argument that no option introduces."""
+    command = getattr(getattr(error, "ctx", None), "command", None)
+    if type(error).__name__ != "UsageError" or command is None or not command.epilog:
+        return ""
+    return f"; for instance: {command.epilog.partition(': ')[2]}"
+
+
 def run(arguments: Sequence[str]) -> int:
     """Run one command and turn what goes wrong into a message and an exit code."""
     command = typer.main.get_command(app)
@@ -127,7 +135,7 @@ def run(arguments: Sequence[str]) -> int:
     try:
         result = command.main(list(arguments), prog_name="tendonff", standalone_mode=False)
     except _USAGE_ERRORS as error:
-        say(f"error: {error.format_message().replace('Value error, ', '')}")
+        say(f"error: {error.format_message().replace('Value error, ', '')}{_example_after(error)}")
         return EXIT_INPUT
     except (KeyboardInterrupt, typer.Abort, interrupts.Interrupted) as ended:
         say(f"interrupted; {ended if isinstance(ended, interrupts.Interrupted) else 'nothing was written'}")

@@ -26,6 +26,7 @@ def stderr_of(capsys: Capture) -> str:
         (["simulate", "x.toml", "--force", "f", "--out", "o", "--level", "soft"], "'soft' is not one of 'elastic'"),
         (["simulate", "x.toml", "--nonsense"], "No such option"),
         (["new"], "Missing argument 'FILE.toml'"),
+        (["identify", "x.toml", "log.csv"], "(log.csv); for instance: tendonff identify mine.toml --data log.csv"),
     ],
 )
 def test_a_bad_command_line_is_one_message_and_exit_2(capsys: Capture, arguments: list[str], message: str) -> None:
