@@ -21,6 +21,7 @@ from tendonff.compensator.cli import app, run
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.ocp.codegen.compiler import find_compiler
+from tests import bent_instrument
 from tests.compensator.identification.motors.own_log import write as write_log
 from tests.compensator.identification.synthetic import Faults, write_synthetic
 
@@ -183,12 +184,15 @@ def hand(folder):
         written.unlink()
 
 
-def knuckle_and_finger(folder):
-    """Logs of a joint on several days, and one of a finger along the suggested routine."""
+def logs_of_joints(folder):
+    """Logs of a joint on several days, one of a finger along the suggested routine, two of an instrument's bends."""
     knuckle(folder, "monday.csv", "tuesday.csv", "log.csv")  # the last one keeps the name that it is written under
     assert run(["new", "finger.toml", "--for", "finger"]) == 0
     assert run(["identify", "finger.toml", "--suggest", "--out", "plan"]) == 0
     assert run(["simulate", "finger.toml", "--force", "plan/suggested_motors.csv", "--out", "finger.csv"]) == 0
+    (folder / "instrument.toml").write_text(bent_instrument.TEXT, encoding="utf-8")
+    for name, number in (("a", 0), ("b", 8)):
+        bent_instrument.BentInstrument.drawn(1).log(folder, number)[0].rename(folder / f"{name}.csv")
 
 
 def fingers(folder):
@@ -227,7 +231,7 @@ NEEDED = (
     pytest.param("docs/identify.md", cable, marks=MINUTES),
     pytest.param("docs/tutorials/hand.md", hand, marks=MINUTES),
     pytest.param("docs/tutorials/fingers.md", lambda _: None, marks=MINUTES),
-    pytest.param("docs/guide/identify_joint.md", knuckle_and_finger, marks=MINUTES),
+    pytest.param("docs/guide/identify_joint.md", logs_of_joints, marks=MINUTES),
     pytest.param("docs/guide/joints.md", fingers, marks=MINUTES),
     pytest.param("docs/guide/import.md", models, marks=MINUTES),
     pytest.param("docs/guide/observe.md", tool),
@@ -295,7 +299,7 @@ def test_the_commands_of_the_moving_finger_end_in_tested_c_and_its_numbers_are_t
     expected = found["expectation"]["worst_percent_of_range"][found["expectation"]["recommended"]]
     assert f"({expected:.2g} % of range)" in " ".join(text.split())
     ignored = found["ignored_motion"]["rmse_percent_of_range"]
-    assert f"design for the path at rest on this finger: {ignored:.1f} %" in " ".join(text.split())
+    assert f"design for the path at rest has {ignored:.1f} % on this finger" in " ".join(text.split())
 
 
 def test_the_table_of_moving_paths_is_what_the_package_gives():

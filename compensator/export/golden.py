@@ -21,6 +21,7 @@ from tendonff.models.errors import ParameterError
 from tendonff.models.layout import ChainInputs
 from tendonff.models.tendon.chain import Chain
 from tendonff.ocp.codegen.precision import Precision
+from tendonff.ocp.step.protocol import Rows
 from tendonff.ocp.step.target import plant_limits
 from tendonff.ocp.tendon.inverse import InverseStatus, Inversion, invert
 from tendonff.ocp.tendon.simulate import Simulation, Simulator, simulate
@@ -218,15 +219,20 @@ def nudged(values: FloatArray, scale: float) -> FloatArray:
     return values + NUDGE * scale * np.random.default_rng(0).choice((-1.0, 1.0), len(values))
 
 
+def is_easy(steps: Rows) -> bool:
+    """Whether none of some steps is split, and all together take less than the exported code may for one."""
+    return not steps.splits and steps.evaluations <= _SHARE_OF_WORK * plant_limits(Precision.DOUBLE).evaluations
+
+
 def easy_rows(chain: Chain, force_N: FloatArray, step_s: float, start_N: float) -> int:
     """Rows of a chain's course before a step that is split or takes long; CasADi alone knows the first only."""
     inputs = ChainInputs.of_force(force_N)
     simulator = Simulator(chain, step_s, chain.rest_state(start_N), inputs[:1])
-    most, row, rows = _SHARE_OF_WORK * plant_limits(Precision.DOUBLE).evaluations, 1, _TOGETHER
+    row, rows = 1, _TOGETHER
     while row < len(force_N):
         before = simulator.checkpoint()
         steps = simulator.advance(inputs[row : row + rows])
-        if not steps.splits and steps.evaluations <= most:
+        if is_easy(steps):
             row, rows = row + rows, _TOGETHER
         elif rows == 1:
             return row

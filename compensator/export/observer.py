@@ -12,7 +12,7 @@ from tendonff.compensator.compensators.base import Problem
 from tendonff.compensator.compensators.profile import FloatArray
 from tendonff.compensator.compensators.table import accepted_range
 from tendonff.compensator.compensators.tuning import BOUND_MASSES, BOUND_SPREAD
-from tendonff.compensator.export.golden import GROWTH, NUDGE, easy_rows, nudged
+from tendonff.compensator.export.golden import GROWTH, NUDGE, easy_rows, is_easy, nudged
 from tendonff.compensator.export.text.table_index import rounded
 from tendonff.models.cached import cached_property
 from tendonff.models.capstan import CapstanLaw, held_within
@@ -340,7 +340,7 @@ def _repeatable(design: ObserverDesign, chain: Chain, input_N: FloatArray, outpu
 def _with_far_end(
     design: ObserverDesign, chain: Chain, input_N: FloatArray, precision: Precision
 ) -> tuple[FloatArray, FloatArray]:
-    """A position that departs from the chain's own, and what the observer makes of it."""
+    """A position that departs from the chain's own, and what the observer makes of it; empty after a hard step."""
     step, start = design.problem.reference.step_s, float(input_N[0])
     rest = chain.rest_state(start)
     ramp = np.clip((np.arange(len(input_N)) - _DELAY_ROWS) / _DELAY_ROWS, 0.0, 1.0)
@@ -351,6 +351,8 @@ def _with_far_end(
     gain, far, output = min(step / FOLLOW_S, 0.8), 0.0, [start]
     for force, at in zip(input_N[1:], position[1:], strict=True):
         rows = simulator.advance(ChainInputs.of(1, near_force_N=np.array([force]), far_rest_m=np.array([far])))
+        if not is_easy(rows):
+            return np.empty(0), np.empty(0)
         output.append(float(rows.tension_N[0, -1]))
         far += gain * (float(at) - (float(rows.ends_m[0, 0]) - rest.near_position_m))
     return position, np.array(output)
