@@ -310,6 +310,35 @@ def test_golden_vectors_of_the_observer_end_before_what_rounding_leaves_grows(fi
     assert np.abs(found[OBSERVER.name] - golden.output_N).max() < 1e-10 * golden.input_N.max()
 
 
+def test_a_course_with_a_far_end_that_is_moved_is_not_compared_where_a_step_takes_long(finger):
+    """The exported observer gives such a step up; here one takes 360 evaluations."""
+    rig = finger.transmission
+    friction = replace(rig.friction, mu_dynamic=0.214, mu_static=0.214, viscous_N_s_per_m=1.56, adhesion_N=0.724)
+    rig = replace(
+        rig,
+        path=replace(rig.path, total_angle_rad=5.783, segments=2),
+        tendon=replace(
+            rig.tendon,
+            mass_kg=1.15e-3,
+            stiffness_N_per_m=16733.0,
+            relaxing_stiffness_N_per_m=3746.0,
+            relaxation_time_s=0.566,
+            damping_N_s_per_m=5.66,
+        ),
+        friction=replace(friction, bristle_stiffness_N_per_m=1.338e6, soft_bristle_stiffness_N_per_m=2.908e5),
+        actuator=replace(rig.actuator, mass_kg=0.26, damping_N_s_per_m=14.85, force_max_N=493.0),
+        load=replace(rig.load, mass_kg=9.0e-3, stiffness_N_per_m=3127.0, damping_N_s_per_m=12.04),
+    )
+    times, tensions = (0.0, 0.5123, 1.0247, 1.537), (21.085, 13.282, 14.97, 12.356)
+    ways = WaypointReference(times_s=times, tensions_N=tensions, shape=Shape.LINEAR)
+    run_as = replace(finger.run, step_s=1e-3, level=Level.VISCOELASTIC)
+    problem = Problem.of(replace(finger, transmission=rig, reference=ways, run=run_as))
+    course = golden_vectors(problem, None, Precision.DOUBLE).course
+    golden = observer_golden(ObserverDesign(problem=problem), course.chain, course.reference_N, Precision.DOUBLE)
+    assert len(golden.output_N) > 200
+    assert len(golden.position_m) == len(golden.far_output_N) == 0
+
+
 def test_bits_of_a_position_drive_follow_forces_not_by_commands(finger):
     """Jumps of a finger behind a stiff servo with a wide rate limit never meet it."""
     bounds = {"force_max_N": 1e6, "force_rate_max_N_per_s": 1e9}
