@@ -7,7 +7,7 @@ import numpy as np
 
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.fitting.judging import OutputError
-from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece
+from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece, spans_of
 from tendonff.compensator.identification.parameters import CONSTANTS, CORE, SPEED_TERMS, Parameter
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.ocp.fits.least_squares import Solution, gauss_newton_step, solve
@@ -86,11 +86,17 @@ class _Search:
         self.candidates.append(found)
         return found
 
-    def promised(self, task: ChainResiduals, at: Mapping[Parameter, float]) -> float:
-        """Error of the fit that a Gauss-Newton step from a start leaves, as a share of the best law's."""
+    def is_worse(self, task: ChainResiduals, at: Mapping[Parameter, float], most: float) -> bool:
+        """Whether a Gauss-Newton step from a start promises more than a share of the best law's error.
+
+        Where that law leaves much itself, the slopes tell little, and no.
+        """
+        best = self.best.fit.robust_rms
+        if best > TUNED.robust_share * spans_of(task.pieces)[0]:
+            return False
         found = task.evaluate({str(name): at[name] for name in task.free})
         left = found.values + found.slopes @ gauss_newton_step(found.values, found.slopes)
-        return task.error_of(replace(found, values=left)).robust_rms / self.best.fit.robust_rms
+        return task.error_of(replace(found, values=left)).robust_rms > most * best
 
     def with_one_more(self, extra: Parameter) -> tuple[ChainResiduals, dict[Parameter, float]]:
         """The best law with one more free value, and its start; a Stribeck effect comes with its velocity."""
@@ -217,7 +223,7 @@ def _try_load_exponent(search: _Search, scenario: Mapping[Parameter, float]) -> 
     start = {**known, **{n: more * known[n] for n in (D.MU_PULL, D.MU_RELEASE)}, D.LOAD_EXPONENT: spec.nudge}
     free = (*(n for n in best.task.free if n not in constants), D.LOAD_EXPONENT)
     name, task = f"{best.name.partition(',')[0]}, {spec.effect}", replace(best.task, free=free, fixed=start)
-    if search.promised(task, start) > TUNED.slightly:
+    if search.is_worse(task, start, TUNED.slightly):
         return False
     found = search.attempt(task, start, name)
     certain = found.solution.values[D.LOAD_EXPONENT] > TUNED.sure * found.solution.standard_error(D.LOAD_EXPONENT)
@@ -231,7 +237,7 @@ def _try_load_exponent(search: _Search, scenario: Mapping[Parameter, float]) -> 
 def _try_speed_term(search: _Search, extra: Parameter) -> None:
     best = search.best
     # Other files may be faster than those that were fitted.
-    if search.judge is None and TUNED.slightly * search.promised(*search.with_one_more(extra)) > 1:
+    if search.judge is None and search.is_worse(*search.with_one_more(extra), 1 / TUNED.slightly):
         return
     found = search.attempt_with(extra)
     before, after = best.validation.robust_rms, found.validation.robust_rms
