@@ -283,7 +283,7 @@ def main() -> None:
             plain, _, _ = play(library, scenario, problem, world, deaf=True)
             error, status, log = play(library, scenario, problem, world, deaf=False, seed=options.seed)
             late, second = round(2 / STEP_S), round(1 / STEP_S)
-            seconds = [slice(k, k + second) for k in range(0, len(error) - second, second // 4)]
+            seconds = [slice(k, k + second) for k in range(0, len(error) - second + 1, second // 100)]
             ratios = np.array([rms(error[s]) / rms(plain[s]) for s in seconds])
             counts = np.array([rms(error[s]) > 0.5 for s in seconds])
             print(

@@ -12,7 +12,7 @@ from tendonff.models.parameters import Transmission
 from tendonff.models.parameters.transmission import LARGEST_EXPONENT
 from tendonff.models.tendon.chain import Chain
 from tendonff.models.tendon.elements import Whole, whole_of
-from tendonff.ocp.adaptation.recursion import Prior, covariance_names, return_law, trust_law, update_law
+from tendonff.ocp.adaptation.recursion import RECALL, Prior, covariance_names, return_law, trust_law, update_law
 from tendonff.ocp.adaptation.tuning import (
     DOUBTED,
     EXPLAINED,
@@ -197,6 +197,7 @@ def tuner_context(
         "peak": PEAK,
         "doubted": DOUBTED,
         "explained": EXPLAINED,
+        "recall": RECALL,
         "reals": layout.size,
         "masses": chain.count,
         "numbers": list(chain.numbers()),

@@ -35,7 +35,7 @@ TRUST = 6.0
 """Squared standard deviations by which an estimate must stand out before it counts."""
 
 RECALL = 0.1
-"""Share of the rate of slow means at which it is forgotten how far an estimate went and came back."""
+"""Share of the rate of slow means at which it is forgotten how far an estimate came back, and how much was lacking."""
 
 FARTHEST = 0.08
 """Largest way back that is held against an estimate."""
