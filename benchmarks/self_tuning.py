@@ -4,8 +4,8 @@
 
 Two sines (or every one of `MOTIONS`), 8 s, 1 kHz, 2 ms of delay, noise of 0.5 % of range or of travel. Errors are RMS
 after 2 s in % of range (after the change and 2 s where something changes in mid-run: those of the last second are
-stated too); *worst* is the largest ratio to the plain inverse over any second, of seconds in which more than 0.5 % of
-range is left, *any* that of all seconds, *share* how many of all have more than 1.3 times and more than 0.5 %.
+stated too); *worst* is the largest ratio to the plain inverse over any second (every 10 ms) in which more than
+0.5 % of range is left, *any* that of all, *share* how many of all have more than 1.3 times and more than 0.5 %.
 `--load-exponent 0.2` states friction that falls with the tension, at that of the start; `--seed` is of the noise.
 """
 
