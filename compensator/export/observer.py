@@ -340,7 +340,10 @@ def _repeatable(design: ObserverDesign, chain: Chain, input_N: FloatArray, outpu
 def _with_far_end(
     design: ObserverDesign, chain: Chain, input_N: FloatArray, precision: Precision
 ) -> tuple[FloatArray, FloatArray]:
-    """A position that departs from the chain's own, and what the observer makes of it; empty after a hard step."""
+    """A position that departs from the chain's own, and what the observer makes of it, before a step that is hard.
+
+    Empty where the far end has hardly departed by then.
+    """
     step, start = design.problem.reference.step_s, float(input_N[0])
     rest = chain.rest_state(start)
     ramp = np.clip((np.arange(len(input_N)) - _DELAY_ROWS) / _DELAY_ROWS, 0.0, 1.0)
@@ -352,7 +355,9 @@ def _with_far_end(
     for force, at in zip(input_N[1:], position[1:], strict=True):
         rows = simulator.advance(ChainInputs.of(1, near_force_N=np.array([force]), far_rest_m=np.array([far])))
         if not is_easy(rows):
-            return np.empty(0), np.empty(0)
+            kept = max(len(output) - _FAR_FROM, 0)
+            kept = kept if kept >= 3 * _DELAY_ROWS else 0
+            return position[:kept], np.array(output[:kept])
         output.append(float(rows.tension_N[0, -1]))
         far += gain * (float(at) - (float(rows.ends_m[0, 0]) - rest.near_position_m))
     return position, np.array(output)
