@@ -29,6 +29,7 @@ def test_design_compare_export_and_runtime_expect_the_same_of_a_tension(examples
         )
 
 
+@pytest.mark.nightly  # as of a tension
 def test_export_and_runtime_expect_the_same_of_a_joint(examples):
     scenario = tf.load_scenario(examples / "hand_joint.toml")
     live = tf.Runtime(scenario).expectation

@@ -194,6 +194,7 @@ def test_fingers_that_do_not_go_together_are_refused(changes, message):
         export_fingers(finger(), further=(finger("other" if changes else "three", *changes),))
 
 
+@pytest.mark.nightly  # as modules of a tension that are worse than none
 def test_commands_that_are_worse_than_the_ratio_are_not_exported(monkeypatch):
     judge = project.judge
     monkeypatch.setattr(project, "judge", lambda task, name, command_rad: judge(task, name, 0 * command_rad))
