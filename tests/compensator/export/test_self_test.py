@@ -310,6 +310,7 @@ def test_golden_vectors_of_the_observer_end_before_what_rounding_leaves_grows(fi
     assert np.abs(found[OBSERVER.name] - golden.output_N).max() < 1e-10 * golden.input_N.max()
 
 
+@pytest.mark.compiler
 def test_a_course_with_a_far_end_that_is_moved_is_not_compared_where_a_step_takes_long(finger):
     """The exported observer gives such a step up; here one takes 360 evaluations."""
     rig = finger.transmission
