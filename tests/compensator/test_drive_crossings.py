@@ -6,6 +6,7 @@ from benchmarks.crossings import crossing
 
 
 @pytest.mark.parametrize("seed", [*(pytest.param(k, marks=pytest.mark.nightly) for k in (4, 13)), 21])
+@pytest.mark.compiler
 def test_what_a_rough_drive_shakes_is_stated_within_a_fifth(seed: int) -> None:
     """A pair whose commands are held, a cycle of a servo in steps with a play, a loop in steps without a lag.
 

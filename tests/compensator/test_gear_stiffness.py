@@ -39,6 +39,7 @@ def rms_deg(off_rad: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize(("kind", "gear_ratio"), [(DriveKind.LOOP, 1.0), (DriveKind.PAIR, 3.0)])
+@pytest.mark.compiler
 def test_the_motor_of_a_joint_is_ahead_by_what_its_gear_gives(kind: DriveKind, gear_ratio: float) -> None:
     stiff, task = (joint_of(kind, gear, gear_ratio=gear_ratio) for gear in (None, GEAR / gear_ratio**2))
     command = task.answer(compensator_of(task, "inverse"))
@@ -62,6 +63,7 @@ def test_the_motor_of_a_joint_is_ahead_by_what_its_gear_gives(kind: DriveKind, g
     assert said.motor_rad == pytest.approx(unknown)
 
 
+@pytest.mark.compiler
 def test_a_joint_behind_a_lag_of_20_ms_is_within_0_05_deg_on_a_plant_of_its_own() -> None:
     """The drive, too, is written without the package: a trapezoidal rule."""
     task = joint_of(DriveKind.LOOP, servo_time_s=0.02)
@@ -73,6 +75,7 @@ def test_a_joint_behind_a_lag_of_20_ms_is_within_0_05_deg_on_a_plant_of_its_own(
     assert rms_deg(seen.angle_rad[::PARTS] - task.target[:, 0]) < 0.05
 
 
+@pytest.mark.compiler
 def test_the_motors_of_a_finger_are_ahead_by_what_their_gears_give() -> None:
     scenario = tf.load_scenario(EXAMPLES / "three_joint_finger.toml")
     system = scenario.mechanism
@@ -105,6 +108,7 @@ def test_the_motors_of_a_finger_are_ahead_by_what_their_gears_give() -> None:
 
 
 @pytest.mark.parametrize("stiffness", [50.0, 5e4])
+@pytest.mark.compiler
 def test_simulations_through_a_gear_undo_its_inverse_however_stiff_it_is(stiffness: float) -> None:
     task = joint_of(DriveKind.PAIR, stiffness)
     command = task.answer(compensator_of(task, "inverse"))
@@ -112,6 +116,7 @@ def test_simulations_through_a_gear_undo_its_inverse_however_stiff_it_is(stiffne
 
 
 @pytest.mark.parametrize("kind", list(DriveKind))
+@pytest.mark.compiler
 def test_a_runtime_commands_what_the_inverse_does(kind: DriveKind) -> None:
     task = joint_of(kind)
     expected = task.answer(compensator_of(task, "inverse"))[1:200]

@@ -30,8 +30,10 @@ that bias nothing, once left mu theta 41 % off where the truth was worth 2.5.
 WIDER = 1.5
 """Factor on a standard error by which an alternative is worth a word."""
 
-STEPS = 15
-"""Evaluations of a search."""
+STEPS, WORTH_A_STEP = 15, 0.1
+"""Evaluations of a search, and log-likelihood that a step must gain for another: an effect that is not there is left by
+ever smaller steps.
+"""
 
 Tried = tuple[tuple[N, float, bool], ...]
 Gained = Mapping[N, tuple[float, bool]]
@@ -113,10 +115,13 @@ def _with_more(
 ) -> tuple[Solution, Gained, dict[N, Alternative]]:
     """The law with those of the missing effects that are worth it, and the alternatives to it."""
     known, found = dict(gained), dict[N, Solution]()
+    blocks = len(np.unique(solution.residuals.blocks))
     for number in (n for n in ALTERNATIVES if n not in solution.values):
         say(f"with {number.spec.effect}")
         try:
-            found[number] = law.fit(_started(law, solution.values, number), most=STEPS)
+            found[number] = law.fit(
+                _started(law, solution.values, number), most=STEPS, tolerance=2 * WORTH_A_STEP / blocks
+            )
         except SolveError:
             continue
         known[number] = (_gain(solution, found[number]), False)

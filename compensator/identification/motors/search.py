@@ -47,7 +47,7 @@ _BY_REVERSALS = (N.MU, N.TENSION, N.STIFFNESS, N.BRISTLE, N.COULOMB, N.GEAR_SLIP
 STEEP_EXPONENT, MORE_THAN_NOISE = 1.1, 2.0
 """mu theta of a second search where the first one found no slack, or no kink and leaves so many times the noise."""
 
-HOPELESS = 1.2
+HOPELESS = 1.1
 """A law whose error, by its slopes, would be larger by this factor after one step is given up."""
 
 MOST_EXTRAS = 3
