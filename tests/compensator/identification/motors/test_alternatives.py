@@ -38,7 +38,7 @@ def test_an_effect_is_taken_up_where_the_law_without_it_is_excluded(monkeypatch,
     mechanism = SimpleNamespace()
     monkeypatch.setattr(N, "of", lambda *_: 1.0)
 
-    def fit(values, *, most):
+    def fit(values, *, most, tolerance=1e-3):
         return fitted(values, gain if N.ADHESION in values else 0.0)
 
     law = SimpleNamespace(fit=fit, mechanism=mechanism)

@@ -264,7 +264,7 @@ class Balanced:
     def __init__(self, costs):
         self.costs = costs
 
-    def fit(self, start, most):
+    def fit(self, start, *, most, tolerance=1e-3):
         effects = frozenset(n for n in start if n in (Quantity.ADHESION, Quantity.RELAXING))
         minimum = Minimum(values=dict(start), residuals=_rows(len(start)), cost=self.costs[effects], at_bound=())
         return minimum.with_covariance()
