@@ -117,6 +117,7 @@ def solve(
     unknowns: Sequence[Unknown],
     *,
     values: Values | None = None,
+    begun: Residuals | None = None,
     robust: bool = True,
     from_afar: bool = False,
     most: int = 60,
@@ -124,7 +125,14 @@ def solve(
 ) -> Solution:
     """`minimise`, with the covariance of the values."""
     found = minimise(
-        evaluate, unknowns, values=values, robust=robust, from_afar=from_afar, most=most, tolerance=tolerance
+        evaluate,
+        unknowns,
+        values=values,
+        begun=begun,
+        robust=robust,
+        from_afar=from_afar,
+        most=most,
+        tolerance=tolerance,
     )
     return found.with_covariance(robust=robust)
 
@@ -134,6 +142,7 @@ def minimise(
     unknowns: Sequence[Unknown],
     *,
     values: Values | None = None,
+    begun: Residuals | None = None,
     robust: bool = True,
     from_afar: bool = False,
     most: int = 60,
@@ -144,8 +153,8 @@ def minimise(
     `from_afar`, most residuals of the start are large: SciPy's soft-l1 loss has hardly any curvature there, so the same
     is searched as plain squares of `softened` residuals, in usual steps of the unknowns, the first of at most one each.
     `values` gives the residuals alone, where their slopes cost much: a third of the points that a search tries is worse
-    than the one before, and asked for no slopes. At most so many evaluations; SolveError if the residuals are not
-    finite at the start.
+    than the one before, and asked for no slopes. `begun` are the residuals at the start, where they are known. At most
+    so many evaluations; SolveError if the residuals are not finite at the start.
     """
     usual, first = np.array([u.scale for u in unknowns]), np.array([u.inside(u.start) for u in unknowns])
     unit = usual if from_afar else np.ones(len(unknowns))
@@ -153,7 +162,8 @@ def minimise(
     low = (np.array([u.inside(u.low) if u.low > 0 or not u.logarithmic else -np.inf for u in unknowns]) - origin) / unit
     high = (np.array([u.inside(u.high) for u in unknowns]) - origin) / unit
     start = np.clip((first - origin) / unit, low, high)
-    memory: dict[bytes, Residuals] = {}
+    known = begun is not None and np.array_equal(start, (first - origin) / unit)  # no bound has moved it
+    memory: dict[bytes, Residuals] = {start.tobytes(): begun} if begun is not None and known else {}
 
     def outside(x: Array) -> dict[str, float]:
         return {u.name: u.outside(v) for u, v in zip(unknowns, origin + unit * x, strict=True)}

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, field, replace
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -223,7 +222,7 @@ def winding(tendon: Tendon) -> Arm:
 
 def rest(problem: MechanismProblem, loose_rad: float = 0.0) -> MechanismMemory:
     """At rest at the start; a tendon without tension hangs loose by so much of its motor."""
-    places = dict(zip(problem.names, map(ca.SX, problem.start.tolist()), strict=True))
+    places = dict(zip(problem.names, problem.start.tolist(), strict=True))
     states = [
         chain.rest_state(float(tension), float(tendon.far.travel_m(places)))
         for chain, tendon, tension in zip(problem.chains(), problem.mechanism.tendons, problem.tension_N, strict=True)

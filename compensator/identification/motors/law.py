@@ -283,9 +283,11 @@ class MechanismLaw:
         at = min(max(start, reach[0] + margin), reach[1] - margin)
         return replace(number.unknown(at), low=reach[0], high=reach[1])
 
-    def fit(self, start: Values, *, most: int = 15, tolerance: float = 1e-3) -> Solution:
-        """Least squares over the numbers of `start`; SolveError where the start has no answer."""
-        free, rows = tuple(start), list[Residuals]()
+    def fit(
+        self, start: Values, *, begun: Residuals | None = None, most: int = 15, tolerance: float = 1e-3
+    ) -> Solution:
+        """Least squares over the numbers of `start`, whose residuals are `begun`; SolveError if it has no answer."""
+        free, rows = tuple(start), [] if begun is None else [begun]
 
         def evaluate(values: Mapping[str, float]) -> Residuals:
             try:
@@ -306,9 +308,8 @@ class MechanismLaw:
         # few slopes come with the simulation; many, or those by differences, are wanted at the accepted points alone
         few = isinstance(self.mechanism, Mechanism) and resolve_engine(Engine.AUTO) is not Engine.CASADI
         try:
-            return solve(
-                evaluate, unknowns, values=None if few else alone, from_afar=True, most=most, tolerance=tolerance
-            )
+            values = None if few else alone
+            return solve(evaluate, unknowns, values=values, begun=begun, from_afar=True, most=most, tolerance=tolerance)
         except ParameterError as error:
             raise SolveError(str(error)) from None
 

@@ -236,9 +236,10 @@ def in_counts(law: MechanismLaw, solution: Solution) -> tuple[MechanismLaw, Solu
         return law, solution
     counted = replace(law, as_read=True)
     try:
-        if after_a_step(counted.evaluate(solution.values, list(solution.values))) > HOPELESS * solution.cost:
+        begun = counted.evaluate(solution.values, list(solution.values))
+        if after_a_step(begun) > HOPELESS * solution.cost:
             return law, solution
-        tried = counted.fit(solution.values, most=STEPS)
+        tried = counted.fit(solution.values, begun=begun, most=STEPS)
     except SolveError:
         return law, solution
     return (counted, tried) if tried.cost < solution.cost else (law, solution)
@@ -262,7 +263,7 @@ def _from_starts(law: MechanismLaw, free: Sequence[Quantity], looks: Sequence[Fi
     if not tried:
         raise SolveError(f"the mechanism cannot follow the log from any start: {failure}")
     best = min(tried, key=lambda s: s.cost)
-    return law.fit(best.values, most=STEPS)
+    return law.fit(best.values, begun=best.residuals, most=STEPS)
 
 
 def _slack(law: MechanismLaw, solution: Solution) -> bool:

@@ -169,3 +169,22 @@ def test_what_a_step_would_leave_is_exact_where_residuals_are_linear():
     rows = line(2 + 3 * TIME)({"a": 1.0, "b": 1.0})
     assert after_a_step(rows) == pytest.approx(0.0, abs=1e-12)
     assert np.sum(np.sqrt(1 + rows.values**2) - 1) > 1
+
+
+@pytest.mark.parametrize("high", [10.0, 1.5])
+def test_known_residuals_of_the_start_save_its_evaluation_unless_a_bound_moves_it(high):
+    asked = []
+
+    def evaluate(values):
+        asked.append(values["x"])
+        return Residuals(
+            values=np.array([values["x"] - 1.0, 0.5]), slopes=np.array([[1.0], [0.0]]), blocks=np.arange(2)
+        )
+
+    unknown = Unknown(name="x", start=2.0, low=0.0, high=high, scale=1.0)
+    begun = evaluate({"x": 2.0})
+    asked.clear()
+    found = minimise(evaluate, [unknown], begun=begun)
+    assert found.values["x"] == pytest.approx(1.0)
+    assert (asked[0] == high) == (high < 2.0)
+    assert 2.0 not in asked
