@@ -120,6 +120,7 @@ def test_the_prediction_needs_no_control_or_drawing_library() -> None:
     assert subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True, check=True).stdout == "[]\n"
 
 
+@pytest.mark.compiler
 def test_a_tendon_that_no_matrix_describes_is_answered(generic: Transmission) -> None:
     """A stiffness beyond all measure is asked about elsewhere; a forecast does not end the design."""
     soft = replace(generic, tendon=replace(generic.tendon, stiffness_N_per_m=1e-300))
