@@ -10,7 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 from independent_plant import Array
 
-from tendonff.compensator.identification.parameters import CORE, TENDON, Parameter, ParametricChain
+from tendonff.compensator.identification.fitting.parametric_chain import ParametricChain
+from tendonff.compensator.identification.parameters import CORE, TENDON, Parameter
 from tendonff.models.fidelity import Level
 from tendonff.models.parameters import Transmission
 from tendonff.ocp.fits.chain import Drive, input_windows

@@ -21,10 +21,10 @@ from independent_plant import Array, Plant
 from tendonff.compensator.identification.answer.result import Identification
 from tendonff.compensator.identification.fitting.dynamic import ChainLaw
 from tendonff.compensator.identification.fitting.errors import percent_of
+from tendonff.compensator.identification.fitting.parametric_chain import ParametricChain
 from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.identification.measured.cleaning import Record, clean
 from tendonff.compensator.identification.measured.reading import read_measurement
-from tendonff.compensator.identification.parameters import ParametricChain
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenarios import load_scenario

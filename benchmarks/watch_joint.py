@@ -19,7 +19,8 @@ import numpy as np
 
 from tendonff.compensator.files.writing import write_csv
 from tendonff.compensator.identification.motors.log import read_logs
-from tendonff.compensator.identification.motors.parameters import Quantity, Values
+from tendonff.compensator.identification.motors.numbers import Values
+from tendonff.compensator.identification.parameters import Parameter
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.studies.watch.chart import courses_of
 from tendonff.compensator.studies.watch.windows import Window, fit_window
@@ -27,7 +28,7 @@ from tendonff.models.joint.closed_form import GrossSliding, data_sheet
 from tests.hand_in_use import HandInUse, known
 from tests.hidden_loop import hidden, scenario
 
-N = Quantity
+N = Parameter
 WINDOW_S = 30.0
 
 

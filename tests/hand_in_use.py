@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonff.compensator.files.reading import FloatArray
-from tendonff.compensator.identification.motors.parameters import Quantity, Values, put_into
+from tendonff.compensator.identification.motors.numbers import Values, put_into
+from tendonff.compensator.identification.parameters import Parameter
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.ocp.fits.mechanism import Loop, MotorRun, respond
 from tests.hidden_loop import COUNT_RAD, CURRENT_NOISE_A, TORQUE_CONSTANT
@@ -57,7 +58,7 @@ class HandInUse:
         """Columns of a log; the load is drawn anew."""
         draw = np.random.default_rng(seed)
         factors = {n: n.of(self.mechanism) * factor for n, factor in (changed or {}).items()}
-        true = put_into(self.mechanism, {**factors, Quantity.GRAVITY: draw.uniform(0.005, 0.04)})
+        true = put_into(self.mechanism, {**factors, Parameter.GRAVITY: draw.uniform(0.005, 0.04)})
         return self.measured(true, self.moves(draw, seconds), draw)
 
     def measured(self, true: Mechanism, motor: Array, draw: np.random.Generator) -> dict[str, FloatArray]:
@@ -74,7 +75,7 @@ class HandInUse:
 
 def known(mechanism: Mechanism) -> Mechanism:
     """Mechanism as an identification leaves it: a few per cent off."""
-    n = Quantity
+    n = Parameter
     off = {n.MU: 1.02, n.TENSION: 0.98, n.STIFFNESS: 1.01, n.BRISTLE: 0.95, n.COULOMB: 1.05}
     moved = put_into(mechanism, {number: factor * number.of(mechanism) for number, factor in off.items()})
     return replace(moved, joints=(replace(moved.joint, gravity_N_m=0.02),))

@@ -15,7 +15,7 @@ from tendonff.compensator.identification.fitting.tendon import longest_hold_s
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Record, mean_pose
 from tendonff.compensator.identification.measured.gains import Gains
-from tendonff.compensator.identification.parameters import BIASES, CELL_GAINS, PARAMETERS, TENDON, Parameter
+from tendonff.compensator.identification.parameters import BIASES, BY_TENSIONS, CELL_GAINS, TENDON, Parameter
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.capstan import ExponentLine, exponent_lines
@@ -24,7 +24,7 @@ from tendonff.ocp.fits.static import StaticParameter, in_gross_sliding
 P, D = StaticParameter, Parameter
 
 LOAD_TERMS = (P.PULL, P.RELEASE, P.ADHESION)
-BY_STATIC = {p.spec.static: p for p in PARAMETERS if p.spec.static is not None}
+BY_STATIC = {p.tensions.static: p for p in BY_TENSIONS if p.tensions.static is not None}
 """Names of these values in the static laws."""
 
 
@@ -87,10 +87,15 @@ class _Rig:
 
     def own(self, name: str) -> float | None:
         """The scenario's value; None where it has none of this name."""
-        friction = self.scenario.transmission.friction
+        t = self.scenario.transmission
+        friction = t.friction
         if name in ("mu_static", "mu_static_release"):
             return friction.mu_static if name == "mu_static" else friction.release_static
-        return Parameter(name).of(self.scenario) if name in PARAMETERS else None
+        table, _, key = Parameter(name).spec.key.partition(".") if name in BY_TENSIONS else ("", "", "")
+        if not key:
+            return None
+        value = friction.release_dynamic if name == D.MU_RELEASE else getattr(getattr(t, table), key)
+        return float(value or 0.0)
 
     def reason(self, name: Parameter, relative_error: float | None = None, *, fitted: bool = False) -> str:
         """Why a value is not identifiable, with the way out.
@@ -119,19 +124,19 @@ class _Rig:
                 f"{doubt.removesuffix('; ') if fitted else useless}{speed}; "
                 f"add strokes at speeds from {0.2 * omega:.2g} to {5 * omega:.2g} m/s, around the Stribeck velocity"
             )
-        if name.signed:
-            return name.spec.advice
-        if name.spec.may_vanish and not fitted:
+        if name.tensions.signed:
+            return name.tensions.advice
+        if name.tensions.may_vanish and not fitted:
             doubt += f"adding {name.spec.effect} does not significantly reduce the validation error; "
-        if name.spec.advice:
-            return doubt + name.spec.advice
+        if name.tensions.advice:
+            return doubt + name.tensions.advice
         if now.load_swing < 0.3:
             return f"{doubt}the output tension varies too little; repeat at several loads"
         return f"{doubt}repeat with full strokes in both directions at several loads"
 
     def _unmeasured(self, name: Parameter, doubt: str) -> str:
         """Sensor that would identify a value; empty where it is not for want of one."""
-        if self.now.proximal and (name is D.STIFFNESS or name.signed):
+        if self.now.proximal and (name is D.STIFFNESS or name.tensions.signed):
             return f"{doubt}nothing was measured at the far end; measure the output tension to tell {name}"
         if name in TENDON and not self.now.positions and not self.now.proximal:
             return (
@@ -274,9 +279,9 @@ def _dynamic(rig: _Rig, fit: DynamicFit) -> list[Estimate]:
     """Estimates of the dynamic stage, which starts from the others' answers."""
     solution = fit.solution
     estimates: list[Estimate] = []
-    for parameter in (p for p in PARAMETERS if p not in CELL_GAINS):
-        source = D.MU_PULL if parameter is D.MU_RELEASE and fit.model.symmetric else parameter
-        statics = {"mu_static": fit.values[D.MU_PULL], "mu_static_release": fit.values[D.MU_RELEASE]}
+    for parameter in (p for p in BY_TENSIONS if p not in CELL_GAINS):
+        source = D.MU if parameter is D.MU_RELEASE and fit.model.symmetric else parameter
+        statics = {"mu_static": fit.values[D.MU], "mu_static_release": fit.values[D.MU_RELEASE]}
         if parameter is D.LOAD_EXPONENT and source not in solution.values and not fit.values[parameter]:
             continue  # tried only where adhesion was found
         if source not in solution.values:
@@ -284,7 +289,7 @@ def _dynamic(rig: _Rig, fit: DynamicFit) -> list[Estimate]:
             expected = fit.expected.get(parameter, float("inf"))
             why = rig.reason(parameter, expected / size if size > 0 else None)
             if parameter in fit.bounded:
-                bound = f"lower bound: everything above explains these files as well; {parameter.spec.advice}"
+                bound = f"lower bound: everything above explains these files as well; {parameter.tensions.advice}"
                 why = bound if rig.described else NOT_DESCRIBED
             if parameter is not D.STATIC_EXCESS:
                 estimates.append(rig.kept(parameter, fit.values[parameter], why))
@@ -296,7 +301,9 @@ def _dynamic(rig: _Rig, fit: DynamicFit) -> list[Estimate]:
         low, high = solution.interval(source)
         if source not in BIASES:
             low = max(low, 0.0)  # no interval of a positive value reaches below zero
-        identifiable = math.isfinite(error) and (is_known(error, source.size(value, fit.mean_N)) or source in BIASES)
+        identifiable = math.isfinite(error) and (
+            is_known(error, source.tensions.size_of(value, fit.mean_N)) or source in BIASES
+        )
         share = error / abs(value) if value else float("inf")
         why = "dynamic stage" if identifiable else rig.reason(parameter, share, fitted=True)
         if parameter is not D.STATIC_EXCESS:

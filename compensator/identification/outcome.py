@@ -25,12 +25,13 @@ from tendonff.compensator.identification.fitting.errors import (
     span_of,
 )
 from tendonff.compensator.identification.fitting.model_selection import StaticSelection
+from tendonff.compensator.identification.fitting.parametric_chain import ParametricChain, put_into
 from tendonff.compensator.identification.fitting.residuals import FitPiece
 from tendonff.compensator.identification.fitting.static import StaticFit, respond
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.measured.cleaning import Record, clean, mean_pose
 from tendonff.compensator.identification.measured.reading import read_measurement
-from tendonff.compensator.identification.parameters import Parameter, ParametricChain, put_into
+from tendonff.compensator.identification.parameters import Parameter
 from tendonff.compensator.identification.study import Study
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.scenario import Scenario

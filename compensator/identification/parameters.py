@@ -1,75 +1,49 @@
-"""The numbers that identification looks for: each is one entry here, which fit, file, report and advice all read.
+"""The numbers that identification looks for, in one list: fit, file, report and advice all read it.
 
-A number of the undivided tendon that a fit shall find as well needs nothing but its entry, if `Whole` has it.
+An entry says where the number stands in the scenario, and how tensions at the ends of a tendon, or motors, tell it. A
+number of the undivided tendon that a fit shall find as well needs nothing but its entry, if `ChainNumber` has it, and
+one of a joint or drive nothing but its entry, if the scenario has its key. The tendons of a loop have a number alike,
+which one torque tells; where several motors feel them, each tendon, motor and joint has its own.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from enum import Enum, ReprEnum
-from typing import Any
+from dataclasses import dataclass
+from enum import ReprEnum
+from typing import Any, TypeAlias
 
 from tendonff.compensator.identification.constants import TUNED
-from tendonff.compensator.identification.pace import UNHURRIED
-from tendonff.compensator.identification.spec import Scale, Spec
-from tendonff.compensator.scenario.scenario import Scenario
-from tendonff.models.parameters import Transmission
+from tendonff.compensator.identification.searches import ByMotors, ByTensions, Role, Scale
+from tendonff.models.joint.parameters import Mechanism
+from tendonff.models.joint.parameters.finger import Finger
 from tendonff.models.parameters.transmission import LARGEST_EXPONENT
-from tendonff.ocp.fits.chain import ChainModel, ChainResponse, Drive, Numbers, Reading
+from tendonff.ocp.fits.chain import Reading
 from tendonff.ocp.fits.entries import Entry
-from tendonff.ocp.fits.least_squares import Unknown
+from tendonff.ocp.fits.mechanism import GEAR_SLIP_RAD
 from tendonff.ocp.fits.static import StaticParameter
-from tendonff.ocp.sensitivity import Parameter as Number
+from tendonff.ocp.sensitivity import Parameter as ChainNumber
 
-
-class Role(Enum):
-    """When a number is free."""
-
-    CORE = "always"
-    TENDON = "where the elongation, or the position of the near end, is explained"
-    CONSTANT = "where the data support it"
-    LOAD = "where friction that falls with the load explains more than load-independent friction"
-    SPEED = "where the data support a dependence on speed"
-    KEPT = "never; with the number that it belongs to"
-    CELL = "never; found where friction does not act"
+System: TypeAlias = Mechanism | Finger
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OfTendon(Spec):
-    """Everything that is particular to one number of a tendon.
+class Spec:
+    """Particulars of a number.
 
     Parameters
     ----------
-    role : Role
-    nudge : float
-        Where the search starts if the number may vanish.
-    size : float
-        What a standard error is judged against; 0 for the value itself.
-    alike : float
-        Factor by which the scatter between blocks understates the error.
-    whole : Number, optional
-        Number of the undivided tendon that it is.
-    static : StaticParameter, optional
-        What the static laws call it.
-    may_vanish : bool
-        A law may do without it.
-
-    Notes
-    -----
-    `floor` is a share of the value, for `Scale.TENSION` of the mean tension. Without an `advice` it is full strokes at
-    several loads.
+    key : str
+        Its place in the scenario, "table.key"; empty where it has none. The table joint is that of the driven joint.
+    effect : str
+        What a law gains with it, for names of laws.
+    tensions : ByTensions, optional
+        How tensions at the ends of a tendon tell it.
+    motors : ByMotors, optional
+        How motors tell it.
     """
 
-    role: Role
-    scale: Scale = Scale.START
-    low: float = 0.0
-    high: float = 1e3
-    step: float = 0.7
-    nudge: float = 0.0
-    size: float = 0.0
-    alike: float = 1.0
-    whole: Number | None = None
-    static: StaticParameter | None = None
-    may_vanish: bool = False
+    key: str = ""
+    effect: str = ""
+    tensions: ByTensions | None = None
+    motors: ByMotors | None = None
 
 
 _MU: dict[str, Any] = {"role": Role.CORE, "high": 20.0, "step": 0.2}
@@ -84,273 +58,391 @@ _BIAS: dict[str, Any] = {
     "advice": "not separable from load-independent friction and the other cell's offset; read both cells with a slack "
     "tendon",
 }
+_POSITIVE: dict[str, Any] = {"scale": Scale.START, "high": 30.0}
+_STOP: dict[str, Any] = {"role": Role.STOP, "step": 0.05, "floor": 1e-3}
+
 _NO_RELAXATION = "the holds show no relaxation beyond the noise; use larger steps before longer holds"
+_HELD_PUSH = "add a push against a stop that is held for some relaxation times"
+_PUSH = "push slowly against a stop until a tendon is slack, and on as far again"
+ANGLE_OR_PUSH = f"log the angle of the joint (joint_rad), or {_PUSH}"
+"""Measurement that tells the lost motion of a loop."""
+
+_STROKES = "add strokes over the whole range, both ways"
+_REVERSALS = "add small reversals in free motion"
 
 
-_READINGS = {str(reading): reading for reading in Reading}
-
-
-class Parameter(Entry[OfTendon], ReprEnum):
+class Parameter(Entry[Spec], ReprEnum):
     """The list; values are names of estimates, in the order of the report."""
 
-    MU_PULL = (
+    MU = (
         "mu_dynamic",
-        OfTendon(**_MU, floor=0.0005, key="friction.mu_dynamic", static=StaticParameter.PULL),
+        Spec(
+            key="friction.mu_dynamic",
+            tensions=ByTensions(**_MU, floor=0.0005, static=StaticParameter.PULL),
+            motors=ByMotors(
+                role=Role.CORE,
+                shared="mu",
+                **_POSITIVE,
+                prior_apart=0.7,
+                floor=0.008,
+                advice=_PUSH,
+                advice_apart="strokes of this tendon's joints over their range, both ways",
+            ),
+        ),
     )
     MU_RELEASE = (
         "mu_dynamic_release",
-        OfTendon(**_MU, floor=0.0008, key="friction.mu_dynamic_release", static=StaticParameter.RELEASE),
+        Spec(
+            key="friction.mu_dynamic_release",
+            tensions=ByTensions(**_MU, floor=0.0008, static=StaticParameter.RELEASE),
+        ),
     )
     # mu_static/mu_dynamic - 1 in both directions
     STATIC_EXCESS = (
         "static_excess",
-        OfTendon(
-            role=Role.SPEED,
-            scale=Scale.ABSOLUTE,
-            high=3.0,
-            step=0.1,
-            nudge=0.02,
-            size=0.2,
-            may_vanish=True,
+        Spec(
             effect="Stribeck effect",
+            tensions=ByTensions(
+                role=Role.SPEED, scale=Scale.ABSOLUTE, high=3.0, step=0.1, nudge=0.02, size=0.2, may_vanish=True
+            ),
         ),
     )
     STRIBECK_VELOCITY = (
         "stribeck_velocity_m_per_s",
-        OfTendon(
-            role=Role.KEPT,
-            high=20.0,
-            whole=Number.STRIBECK_VELOCITY,
+        Spec(
             key="friction.stribeck_velocity_m_per_s",
+            tensions=ByTensions(role=Role.KEPT, high=20.0, number=ChainNumber.STRIBECK_VELOCITY),
         ),
     )
     VISCOUS = (
         "viscous_N_s_per_m",
-        OfTendon(
-            role=Role.SPEED,
-            scale=Scale.ABSOLUTE,
-            high=1e6,
-            step=1.0,
-            whole=Number.VISCOUS,
+        Spec(
             key="friction.viscous_N_s_per_m",
-            may_vanish=True,
             effect="viscous friction",
-            advice="add faster strokes (10 times)",
+            tensions=ByTensions(
+                role=Role.SPEED,
+                scale=Scale.ABSOLUTE,
+                high=1e6,
+                step=1.0,
+                number=ChainNumber.VISCOUS,
+                may_vanish=True,
+                advice="add faster strokes (10 times)",
+            ),
         ),
     )
     BRISTLE = (
         "soft_bristle_stiffness_N_per_m",
-        OfTendon(
-            role=Role.CORE,
-            floor=0.0025,
-            alike=3.0,
-            whole=Number.BRISTLE_STIFFNESS,
+        Spec(
             key="friction.soft_bristle_stiffness_N_per_m",
-            static=StaticParameter.BRISTLE,
-            advice="add small reversals that do not reach gross sliding",
+            tensions=ByTensions(
+                role=Role.CORE,
+                floor=0.0025,
+                alike=3.0,
+                number=ChainNumber.BRISTLE_STIFFNESS,
+                static=StaticParameter.BRISTLE,
+                advice="add small reversals that do not reach gross sliding",
+            ),
+            motors=ByMotors(
+                role=Role.CORE,
+                shared="bristle_stiffness",
+                apart=False,
+                scale=Scale.START,
+                high=8.0,
+                step=0.7,
+                prior=1.0,
+                floor=0.03,
+                of_force=True,
+                advice=_REVERSALS,
+            ),
         ),
     )
     ADHESION = (
         "adhesion_N",
-        OfTendon(
-            role=Role.CONSTANT,
-            scale=Scale.TENSION,
-            high=20.0,
-            step=0.05,
-            nudge=0.05,
-            size=0.05,
-            floor=TUNED.adhesion_floor,
-            whole=Number.ADHESION,
+        Spec(
             key="friction.adhesion_N",
-            static=StaticParameter.ADHESION,
-            may_vanish=True,
             effect="load-independent friction",
-            advice="add strokes at low tension",
+            tensions=ByTensions(
+                role=Role.CONSTANT,
+                scale=Scale.TENSION,
+                high=20.0,
+                step=0.05,
+                nudge=0.05,
+                size=0.05,
+                floor=TUNED.adhesion_floor,
+                number=ChainNumber.ADHESION,
+                static=StaticParameter.ADHESION,
+                may_vanish=True,
+                advice="add strokes at low tension",
+            ),
+            motors=ByMotors(
+                role=Role.EXTRA,
+                low=0.0,
+                step=1.0,
+                of_force=True,
+                advice="push until a tendon is slack at another pre-tension too",
+            ),
         ),
     )
     LOAD_EXPONENT = (
         "load_exponent",
-        OfTendon(
-            role=Role.LOAD,
-            scale=Scale.ABSOLUTE,
-            low=1e-4,
-            high=LARGEST_EXPONENT,
-            step=0.1,
-            nudge=0.1,
-            size=0.1,
-            whole=Number.LOAD_EXPONENT,
+        Spec(
             key="friction.load_exponent",
-            may_vanish=True,
             effect="load exponent",
-            advice="add strokes over a wider range of tensions",
+            tensions=ByTensions(
+                role=Role.LOAD,
+                scale=Scale.ABSOLUTE,
+                low=1e-4,
+                high=LARGEST_EXPONENT,
+                step=0.1,
+                nudge=0.1,
+                size=0.1,
+                number=ChainNumber.LOAD_EXPONENT,
+                may_vanish=True,
+                advice="add strokes over a wider range of tensions",
+            ),
         ),
     )
     STIFFNESS = (
         "stiffness_N_per_m",
-        OfTendon(
-            role=Role.TENDON,
-            step=0.2,
-            floor=0.0005,
-            whole=Number.STIFFNESS,
+        Spec(
             key="tendon.stiffness_N_per_m",
-            advice="the elongation does not follow the tension; check the positions' units, sign and zero drift",
+            tensions=ByTensions(
+                role=Role.TENDON,
+                step=0.2,
+                floor=0.0005,
+                number=ChainNumber.STIFFNESS,
+                advice="the elongation does not follow the tension; check the positions' units, sign and zero drift",
+            ),
+            motors=ByMotors(
+                role=Role.CORE,
+                shared="stiffness",
+                **_POSITIVE,
+                prior_apart=0.7,
+                floor=0.006,
+                of_force=True,
+                advice=_PUSH,
+                advice_apart="the same motion at a higher level of tension, and the angles of the joints "
+                "(joint_NAME_rad)",
+            ),
         ),
     )
     RELAXING = (
         "relaxing_stiffness_N_per_m",
-        OfTendon(
-            role=Role.TENDON,
-            floor=0.001,
-            whole=Number.RELAXING_STIFFNESS,
+        Spec(
             key="tendon.relaxing_stiffness_N_per_m",
-            advice=_NO_RELAXATION,
+            tensions=ByTensions(
+                role=Role.TENDON, floor=0.001, number=ChainNumber.RELAXING_STIFFNESS, advice=_NO_RELAXATION
+            ),
+        ),
+    )
+    RELAXING_SHARE = (
+        "relaxing_share",
+        Spec(
+            effect="stress relaxation of the tendons",
+            motors=ByMotors(role=Role.EXTRA, low=0.0, high=20.0, step=0.2, floor=0.02, advice=_HELD_PUSH),
         ),
     )
     RELAXATION_TIME = (
         "relaxation_time_s",
-        OfTendon(
-            role=Role.TENDON,
-            floor=0.0025,
-            whole=Number.RELAXATION_TIME,
+        Spec(
             key="tendon.relaxation_time_s",
-            advice=_NO_RELAXATION,
+            tensions=ByTensions(
+                role=Role.TENDON, floor=0.0025, number=ChainNumber.RELAXATION_TIME, advice=_NO_RELAXATION
+            ),
+            motors=ByMotors(role=Role.PARTNER, **_POSITIVE, step=0.5, prior=1.5, floor=0.05, advice=_HELD_PUSH),
+        ),
+    )
+    STIFFENING = (
+        "stiffening",
+        Spec(
+            key="tendon.stiffening",
+            effect="stiffness that grows with the tension",
+            motors=ByMotors(
+                role=Role.EXTRA,
+                low=1e-3,
+                high=0.95,
+                step=0.1,
+                floor=0.01,
+                advice="the same motion at a higher level of tension",
+            ),
+        ),
+    )
+    SECOND_SIDE = (
+        "second_side_softer",
+        Spec(
+            effect="a softer second tendon, as behind a spring",
+            motors=ByMotors(role=Role.EXTRA, **_POSITIVE, start=1.0, step=0.3),
         ),
     )
     DAMPING = (
         "damping_N_s_per_m",
-        OfTendon(
-            role=Role.KEPT,
-            whole=Number.DAMPING,
+        Spec(
             key="tendon.damping_N_s_per_m",
-            advice="it acts on fast changes only; add excitation above 20 Hz",
+            tensions=ByTensions(
+                role=Role.KEPT,
+                number=ChainNumber.DAMPING,
+                advice="it acts on fast changes only; add excitation above 20 Hz",
+            ),
         ),
     )
-    INPUT_GAIN = "input_gain", OfTendon(role=Role.CELL)
-    OUTPUT_GAIN = "output_gain", OfTendon(role=Role.CELL)
-    INPUT_BIAS = "input_offset_N", OfTendon(**_BIAS, static=StaticParameter.INPUT_BIAS, effect="input offset")
-    OUTPUT_BIAS = "output_offset_N", OfTendon(**_BIAS, static=StaticParameter.OUTPUT_BIAS, effect="output offset")
+    TENSION = (
+        "pretension_N",
+        Spec(
+            key="drive.pretension_N",
+            motors=ByMotors(
+                role=Role.CORE, **_POSITIVE, floor=0.008, of_force=True, advice=_PUSH, advice_apart=_STROKES
+            ),
+        ),
+    )
+    COULOMB = (
+        "coulomb_N_m",
+        Spec(
+            key="drive.coulomb_N_m",
+            motors=ByMotors(
+                role=Role.CORE,
+                low=0.0,
+                step=0.02,
+                floor=0.04,
+                of_force=True,
+                advice=_REVERSALS,
+                advice_apart="small reversals of this motor",
+            ),
+        ),
+    )
+    GEAR_SLIP = (
+        "gear_slip_rad",
+        Spec(
+            motors=ByMotors(
+                role=Role.CORE,
+                scale=Scale.START,
+                start=GEAR_SLIP_RAD,
+                high=5.0,
+                step=0.5,
+                prior=0.7,
+                floor=0.3,
+                advice="it has little effect: not needed",
+            ),
+        ),
+    )
+    EFFICIENCY = (
+        "gear_efficiency",
+        Spec(
+            key="drive.gear_efficiency",
+            effect="efficiency of the gear",
+            motors=ByMotors(role=Role.EXTRA, low=0.3, high=1.0, step=0.05, start=1.0, floor=0.005),
+        ),
+    )
+    BACKLASH = (
+        "backlash_rad",
+        Spec(
+            key="drive.backlash_rad",
+            effect="backlash of the gear",
+            motors=ByMotors(role=Role.EXTRA, low=0.0, step=5e-3),
+        ),
+    )
+    OFFSET = (
+        "torque_offset_N_m",
+        Spec(effect="offset of the torque", motors=ByMotors(role=Role.EXTRA, step=0.01, of_force=True)),
+    )
+    GRAVITY = (
+        "gravity_N_m",
+        Spec(
+            key="joint.gravity_N_m",
+            motors=ByMotors(
+                role=Role.CORE, step=0.02, floor=0.012, floor_of_friction=0.008, of_force=True, advice=_STROKES
+            ),
+        ),
+    )
+    JOINT_STIFFNESS = (
+        "joint_stiffness_N_m_per_rad",
+        Spec(
+            key="joint.stiffness_N_m_per_rad",
+            motors=ByMotors(role=Role.CORE, low=0.0, step=0.02, floor=0.008, of_force=True, advice=_STROKES),
+        ),
+    )
+    JOINT_COULOMB = (
+        "joint_coulomb_N_m",
+        Spec(
+            key="joint.coulomb_N_m",
+            effect="dry friction of the joint",
+            motors=ByMotors(role=Role.EXTRA, low=0.0, step=0.01, of_force=True, cornered=True),
+        ),
+    )
+    STOP_HIGH = "stop_high_rad", Spec(key="joint.stop_high_rad", motors=ByMotors(**_STOP))
+    STOP_LOW = "stop_low_rad", Spec(key="joint.stop_low_rad", motors=ByMotors(**_STOP))
+    STOP_STIFFNESS = (
+        "stop_stiffness_N_m_per_rad",
+        Spec(
+            key="joint.stop_stiffness_N_m_per_rad",
+            motors=ByMotors(
+                role=Role.STOP,
+                scale=Scale.START,
+                high=4.0,
+                step=0.7,
+                prior=0.5,
+                floor=0.5,
+                of_force=True,
+                advice="it gives way less than the tendons: not needed",
+            ),
+        ),
+    )
+    TENSION_AT_START = "start", Spec(motors=ByMotors(role=Role.START, **_POSITIVE))
+    INPUT_GAIN = "input_gain", Spec(tensions=ByTensions(role=Role.CELL, number=Reading.INPUT_GAIN))
+    OUTPUT_GAIN = "output_gain", Spec(tensions=ByTensions(role=Role.CELL, number=Reading.OUTPUT_GAIN))
+    INPUT_BIAS = (
+        "input_offset_N",
+        Spec(
+            effect="input offset",
+            tensions=ByTensions(**_BIAS, number=Reading.INPUT, static=StaticParameter.INPUT_BIAS),
+        ),
+    )
+    OUTPUT_BIAS = (
+        "output_offset_N",
+        Spec(
+            effect="output offset",
+            tensions=ByTensions(**_BIAS, number=Reading.OUTPUT, static=StaticParameter.OUTPUT_BIAS),
+        ),
+    )
 
     @property
-    def signed(self) -> bool:
-        """The number may be negative."""
-        return self.spec.low < 0
+    def tensions(self) -> ByTensions:
+        """How tensions tell it; LookupError where they do not."""
+        if self.spec.tensions is None:
+            raise LookupError(f"tensions at the ends of a tendon do not tell {self}")
+        return self.spec.tensions
 
     @property
-    def number(self) -> Number | Reading | None:
-        """Number of the tendon or of the measurement that it is; None for one that several follow from."""
-        return self.spec.whole or _READINGS.get(str(self))
+    def motors(self) -> ByMotors:
+        """How motors tell it; LookupError where they do not."""
+        if self.spec.motors is None:
+            raise LookupError(f"motors do not tell {self}")
+        return self.spec.motors
 
-    def unknown(self, start: float, span_N: float) -> Unknown:
-        """Bounds and step of its search, the output tension's range being `span_N`."""
-        step = max(start, self.spec.step) if self.spec.scale is Scale.ABSOLUTE else None
-        return self.spec.unknown(self, start, step, span_N)
-
-    def size(self, value: float, mean_N: float) -> float:
-        """Scale of its standard error, the mean output tension being `mean_N`."""
-        return (self.spec.size * (mean_N if self.spec.scale is Scale.TENSION else 1.0)) or abs(value)
-
-    def floor(self, value: float, mean_N: float) -> float:
-        """Standard error of the method itself."""
-        return self.spec.floor * (mean_N if self.spec.scale is Scale.TENSION else abs(value))
-
-    def of(self, scenario: Scenario) -> float | None:
-        """The scenario's value; None where it has none."""
+    def of(self, mechanism: System) -> float:
+        """The mechanism's value, of its first tendon; a start where it has none."""
+        first = mechanism.tendons[0]
+        if self is Parameter.RELAXING_SHARE:
+            return first.tendon.relaxing_stiffness_N_per_m / first.tendon.stiffness_N_per_m
         table, _, key = self.spec.key.partition(".")
         if not key:
-            return None
-        friction = scenario.transmission.friction
-        return (
-            friction.release_dynamic
-            if self is MU_RELEASE
-            else float(getattr(getattr(scenario.transmission, table), key) or 0.0)
-        )
+            return self.motors.start
+        holder = mechanism.joints[0] if table == "joint" else getattr(first, table, None) or getattr(mechanism, table)
+        value = getattr(holder, key)
+        return self.motors.start if value is None else float(value)
 
 
-PARAMETERS = tuple(Parameter)
-MU_PULL, MU_RELEASE, STATIC_EXCESS = Parameter.MU_PULL, Parameter.MU_RELEASE, Parameter.STATIC_EXCESS
+BY_TENSIONS = tuple(p for p in Parameter if p.spec.tensions is not None)
+MU, MU_RELEASE, STATIC_EXCESS = Parameter.MU, Parameter.MU_RELEASE, Parameter.STATIC_EXCESS
 CORE, TENDON, CONSTANTS, SPEED_TERMS, CELL_GAINS = (
-    tuple(p for p in PARAMETERS if p.spec.role is role)
+    tuple(p for p in BY_TENSIONS if p.tensions.role is role)
     for role in (Role.CORE, Role.TENDON, Role.CONSTANT, Role.SPEED, Role.CELL)
 )
-BIASES = tuple(p for p in PARAMETERS if p.signed)
+BIASES = tuple(p for p in BY_TENSIONS if p.tensions.signed)
 
-Values = Mapping[Parameter, float]
-
-
-def _direction(parameter: Parameter, values: Values) -> Numbers:
-    """Sensitivity of the tendon's numbers, and of the cells' readings, to a parameter."""
-    excess = 1 + values[STATIC_EXCESS]
-    if parameter is MU_PULL:
-        return {Number.MU_DYNAMIC_PULL: 1.0, Number.MU_STATIC_PULL: excess}
-    if parameter is MU_RELEASE:
-        return {Number.MU_DYNAMIC_RELEASE: 1.0, Number.MU_STATIC_RELEASE: excess}
-    if parameter is STATIC_EXCESS:
-        return {Number.MU_STATIC_PULL: values[MU_PULL], Number.MU_STATIC_RELEASE: values[MU_RELEASE]}
-    return {} if parameter.number is None else {parameter.number: 1.0}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ParametricChain(ChainModel):
-    """The chain over the parameters of identification.
-
-    Parameters
-    ----------
-    symmetric : bool
-        `MU_PULL` counts for both directions.
-    keep_pace : callable
-        Called before each simulation.
-    """
-
-    symmetric: bool = False
-    keep_pace: Callable[[], None] = UNHURRIED.keep
-
-    def values(self) -> dict[Parameter, float]:
-        """The scenario's own values of all parameters."""
-        own = self.numbers()
-        mu = own[Number.MU_DYNAMIC_PULL]
-        return {
-            **{p: own[p.number] for p in PARAMETERS if p.number is not None},
-            MU_PULL: mu,
-            MU_RELEASE: own[Number.MU_DYNAMIC_RELEASE],
-            STATIC_EXCESS: own[Number.MU_STATIC_PULL] / mu - 1 if mu > 0 else 0.0,
-        }
-
-    def numbers_of(self, values: Values) -> dict[str, float]:
-        """Numbers of the tendon and the cells' readings at given values, all of them."""
-        values = self.tied(values)
-        direct: dict[str, float] = {p.number: values[p] for p in PARAMETERS if p.number is not None}
-        mus = {k: by * values[p] for p in (MU_PULL, MU_RELEASE) for k, by in _direction(p, values).items()}
-        return {**direct, **mus}
-
-    def tied(self, values: Values) -> dict[Parameter, float]:
-        """All values, where one coefficient counts for both directions."""
-        return {**values, **({MU_RELEASE: values[MU_PULL]} if self.symmetric else {})}
-
-    def predict(self, values: Values, drive: Drive, over: Sequence[Parameter] = ()) -> ChainResponse:
-        """Simulate a drive at all values, with derivatives over some; SolveError if that fails."""
-        self.keep_pace()
-        values = self.tied(values)
-        directions = [_direction(p, values) for p in over]
-        if self.symmetric:
-            both = {**_direction(MU_PULL, values), **_direction(MU_RELEASE, values)}
-            directions = [both if p is MU_PULL else d for p, d in zip(over, directions, strict=True)]
-        return self.respond(self.numbers_of(values), drive, directions)
-
-
-def put_into(transmission: Transmission, model: ParametricChain, values: Values) -> Transmission:
-    """The transmission with all values of a fitted chain: they were fitted together and belong together."""
-    numbers, tables = model.numbers_of(values), dict[str, dict[str, float]]()
-    for parameter in PARAMETERS:
-        table, _, key = parameter.spec.key.partition(".")
-        if key and parameter.spec.whole is not None:
-            tables.setdefault(table, {})[key] = numbers[parameter.spec.whole]
-    del tables["friction"]["load_exponent"]
-    tables["friction"] |= {
-        "mu_dynamic": numbers[Number.MU_DYNAMIC_PULL],
-        "mu_static": numbers[Number.MU_STATIC_PULL],
-        "mu_dynamic_release": numbers[Number.MU_DYNAMIC_RELEASE],
-        "mu_static_release": numbers[Number.MU_STATIC_RELEASE],
-    }
-    loaded = replace(transmission, friction=model.loaded(numbers[Number.LOAD_EXPONENT]))
-    changed: dict[str, Any] = {table: replace(getattr(loaded, table), **keys) for table, keys in tables.items()}
-    return replace(transmission, **changed)
+BY_MOTORS = tuple(p for p in Parameter if p.spec.motors is not None and p.motors.role is not Role.START)
+OF_TENDONS = (Parameter.STIFFENING, Parameter.RELAXING_SHARE, Parameter.ADHESION)
+"""Effects that all tendons of several motors are tried with."""
+EXTRAS = tuple(p for p in BY_MOTORS if p.motors.role is Role.EXTRA and p is not Parameter.STIFFENING)
+"""Effects of a loop, whose tendons have one level of tension."""
+PARTNERS = {Parameter.RELAXING_SHARE: (Parameter.RELAXATION_TIME,)}
+"""Numbers that mean something beside another one only."""

@@ -353,7 +353,7 @@ def _start(study: Study) -> dict[Parameter, float]:
     values = study.stage.fit.values
     pull, release = exponent_lines(study.scenario.transmission, mean_pose(study.records))
     return {
-        D.MU_PULL: max(pull.mu(values[P.PULL]), 1e-4),
+        D.MU: max(pull.mu(values[P.PULL]), 1e-4),
         D.MU_RELEASE: max(release.mu(values[P.RELEASE]), 1e-4),
         D.ADHESION: values[P.ADHESION],
     }

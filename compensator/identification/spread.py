@@ -10,7 +10,7 @@ from tendonff.compensator.compensators.uncertain import ASSUMED, TWO_SIDED
 from tendonff.compensator.identification.answer.estimate import Estimate
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.measured import Array
-from tendonff.compensator.identification.parameters import MU_PULL, MU_RELEASE, PARAMETERS, Parameter
+from tendonff.compensator.identification.parameters import BY_TENSIONS, MU, MU_RELEASE, Parameter
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.models.parameters.numbers import number_of
 from tendonff.models.parameters.transmission import Transmission
@@ -19,7 +19,7 @@ from tendonff.models.parameters.uncertainty import Correlation, OtherLaw, Spread
 LEAST = 1e-4
 """Least half-width that is written: no rig is known better."""
 
-_FACTORS = {"mu": MU_PULL, "stiffness": Parameter.STIFFNESS, "bristle_stiffness": Parameter.BRISTLE}
+_FACTORS = {"mu": MU, "stiffness": Parameter.STIFFNESS, "bristle_stiffness": Parameter.BRISTLE}
 """Keys of [robust] that an identified value supersedes."""
 
 _OF_FRICTION = tuple(
@@ -50,20 +50,20 @@ def with_spread(
     found = {
         e.name: (e, Parameter(e.name).spec.key)
         for e in estimates
-        if e.name in PARAMETERS and Parameter(e.name).spec.key and e.fitted and e.interval is not None
+        if e.name in BY_TENSIONS and Parameter(e.name).spec.key and e.fitted and e.interval is not None
     }
     spreads, done = list[Spread](), set[str]()
-    if MU_PULL in found and MU_RELEASE in found and _go_together(names, matrix):
-        keys = tuple(found[name][1] for name in (MU_PULL, MU_RELEASE))
-        widths = [w for name in (MU_PULL, MU_RELEASE) if (w := _half_width(found[name][0])) is not None]
+    if MU in found and MU_RELEASE in found and _go_together(names, matrix):
+        keys = tuple(found[name][1] for name in (MU, MU_RELEASE))
+        widths = [w for name in (MU, MU_RELEASE) if (w := _half_width(found[name][0])) is not None]
         if len(widths) == len(keys):
             spreads.append(Spread(keys=keys, half_width=max(widths)))
-            done |= {MU_PULL, MU_RELEASE}
+            done |= {MU, MU_RELEASE}
     for name, (estimate, key) in found.items():
         if name not in done and estimate.interval is not None:
             width = _half_width(estimate)
             low, high = max(estimate.interval[0], 0.0), estimate.interval[1]
-            if not Parameter(name).spec.may_vanish and high > 0:
+            if not Parameter(name).tensions.may_vanish and high > 0:
                 low = max(low, estimate.value**2 / high)  # as many times less as it may be more
             if width is not None:
                 spreads.append(Spread(keys=(key,), half_width=width))
@@ -99,7 +99,7 @@ def _correlation(
 
     `errors` are the standard errors by key, in those of the normal distribution that has the interval.
     """
-    place = {Parameter(name).spec.key: k for k, name in enumerate(names) if name in PARAMETERS}
+    place = {Parameter(name).spec.key: k for k, name in enumerate(names) if name in BY_TENSIONS}
     kept = [spread for spread in spreads if spread.keys[0] in place and spread.half_width is not None]
     if len(kept) < 2:
         return None
@@ -116,9 +116,7 @@ def _of_kept_friction(scenario: Scenario, taken: set[str], covered: set[str]) ->
     Identified keys are `taken`; `covered` are those too that the scenario gives an interval.
     """
     friction, width = scenario.transmission.friction, scenario.robust.mu or ASSUMED.mu
-    keys = [Parameter(name).spec.key for name in (MU_PULL, MU_RELEASE)][
-        : 1 if friction.mu_dynamic_release is None else 2
-    ]
+    keys = [Parameter(name).spec.key for name in (MU, MU_RELEASE)][: 1 if friction.mu_dynamic_release is None else 2]
     alone = taken & set(keys) or (covered & set(keys) and not scenario.robust.mu)
     if not alone:
         return [], width
@@ -142,6 +140,6 @@ def _half_width(estimate: Estimate) -> float | None:
 
 
 def _go_together(names: Sequence[str], matrix: Array) -> bool:
-    if MU_RELEASE not in names or MU_PULL not in names:
+    if MU_RELEASE not in names or MU not in names:
         return True  # one coefficient for both
-    return bool(matrix[list(names).index(MU_PULL), list(names).index(MU_RELEASE)] > TUNED.twins)
+    return bool(matrix[list(names).index(MU), list(names).index(MU_RELEASE)] > TUNED.twins)

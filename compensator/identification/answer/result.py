@@ -15,9 +15,9 @@ from tendonff.compensator.identification.fitting.sliding import SectionFriction,
 from tendonff.compensator.identification.fitting.uncertainty import ByFile
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.motors.first_look import FirstLook
-from tendonff.compensator.identification.motors.parameters import ANGLE_OR_PUSH
 from tendonff.compensator.identification.motors.sensor import SensorFit
 from tendonff.compensator.identification.motors.torque import TorqueFit
+from tendonff.compensator.identification.parameters import ANGLE_OR_PUSH
 from tendonff.compensator.reporting.results import Result
 from tendonff.compensator.scenario.driven.finger import FingerScenario
 from tendonff.compensator.scenario.driven.joint import JointScenario

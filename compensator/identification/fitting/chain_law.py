@@ -50,7 +50,10 @@ def fit_free(
 ) -> Solution:
     """Fit the free parameters of a task in at most so many evaluations; `span_N` is the output tension's range."""
     return solve(
-        task.evaluate, [name.unknown(start[name], span_N) for name in task.free], most=most, tolerance=tolerance
+        task.evaluate,
+        [name.tensions.begun(name, start[name], span_N) for name in task.free],
+        most=most,
+        tolerance=tolerance,
     )
 
 
@@ -111,10 +114,10 @@ class _Search:
     def _nudged(self, at: Mapping[Parameter, float], extra: Parameter) -> dict[Parameter, float]:
         """A start that has something of a further effect, the friction at the mean tension being the same."""
         if extra is not D.ADHESION:
-            return {**at, extra: at[extra] + extra.spec.nudge}
-        more = float(np.clip(self.start.get(extra, 0.0), extra.spec.nudge * self.mean_N, 0.1 * self.mean_N))
+            return {**at, extra: at[extra] + extra.tensions.nudge}
+        more = float(np.clip(self.start.get(extra, 0.0), extra.tensions.nudge * self.mean_N, 0.1 * self.mean_N))
         share = (self.mean_N + at[extra]) / (self.mean_N + at[extra] + more)
-        mus = {name: share * at[name] for name in (D.MU_PULL, D.MU_RELEASE)}
+        mus = {name: share * at[name] for name in (D.MU, D.MU_RELEASE)}
         return {**at, extra: at[extra] + more, **mus}
 
     def gain(self, found: ChainCandidate) -> float:
@@ -213,16 +216,16 @@ def _add_constants(search: _Search, offered: Sequence[Parameter]) -> None:
 
 def _try_load_exponent(search: _Search, scenario: Mapping[Parameter, float]) -> bool:
     """Friction that falls with the load in the place of adhesion and offsets, as which it is read otherwise."""
-    best, spec = search.best, D.LOAD_EXPONENT.spec
+    best, exponent = search.best, D.LOAD_EXPONENT
     constants = [n for n in CONSTANTS if n in best.task.free]
     if D.LOAD_EXPONENT in best.task.free or not constants:
         return False
     known = {**best.values, **{n: scenario[n] for n in constants}}
     # The friction at the mean tension stays the same.
     more = (search.mean_N + best.values[D.ADHESION]) / (search.mean_N + known[D.ADHESION])
-    start = {**known, **{n: more * known[n] for n in (D.MU_PULL, D.MU_RELEASE)}, D.LOAD_EXPONENT: spec.nudge}
+    start = {**known, **{n: more * known[n] for n in (D.MU, D.MU_RELEASE)}, exponent: exponent.tensions.nudge}
     free = (*(n for n in best.task.free if n not in constants), D.LOAD_EXPONENT)
-    name, task = f"{best.name.partition(',')[0]}, {spec.effect}", replace(best.task, free=free, fixed=start)
+    name, task = f"{best.name.partition(',')[0]}, {exponent.spec.effect}", replace(best.task, free=free, fixed=start)
     if search.is_worse(task, start, TUNED.slightly):
         return False
     found = search.attempt(task, start, name)

@@ -14,6 +14,7 @@ from tendonff.compensator.identification.fitting.chain_law import (
 )
 from tendonff.compensator.identification.fitting.errors import Prediction
 from tendonff.compensator.identification.fitting.noisy_input import residuals_of
+from tendonff.compensator.identification.fitting.parametric_chain import ParametricChain, put_into
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece, fit_pieces, spans_of
 from tendonff.compensator.identification.fitting.second_look import look_again
 from tendonff.compensator.identification.fitting.uncertainty import (
@@ -32,15 +33,7 @@ from tendonff.compensator.identification.measured.cleaning import Record, mean_p
 from tendonff.compensator.identification.measured.gains import EXACT_GAINS, Gains
 from tendonff.compensator.identification.measured.smoothing import low_pass_piece
 from tendonff.compensator.identification.pace import UNHURRIED, Pace
-from tendonff.compensator.identification.parameters import (
-    CONSTANTS,
-    CORE,
-    SPEED_TERMS,
-    TENDON,
-    Parameter,
-    ParametricChain,
-    put_into,
-)
+from tendonff.compensator.identification.parameters import BY_TENSIONS, CONSTANTS, CORE, SPEED_TERMS, TENDON, Parameter
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.models.capstan import Branch, CapstanLaw
 from tendonff.models.fidelity import Level
@@ -163,7 +156,7 @@ def fit_coarse(
         {
             **known,
             D.BRISTLE: factor * known[D.BRISTLE],
-            D.MU_PULL: share * known[D.MU_PULL],
+            D.MU: share * known[D.MU],
             D.MU_RELEASE: share * known[D.MU_RELEASE],
         }
         for factor in (TUNED.bristle_starts if several else (1.0,))
@@ -211,7 +204,7 @@ def fit_dynamic(
         """The task on few masses at a solution, residuals with slopes over all values, and their names."""
         model = replace(search.model, symmetric=task.model.symmetric)
         quick = replace(task, model=model, pieces=search.pieces, fixed=task.complete(solution.values))
-        every = (*task.free, *(n for n in D if n not in task.free and n is not D.LOAD_EXPONENT))
+        every = (*task.free, *(n for n in BY_TENSIONS if n not in task.free and n is not D.LOAD_EXPONENT))
         return quick, slopes_over_all(quick, every), every
 
     def with_granted(task: ChainResiduals, solution: Solution) -> Solution:

@@ -175,6 +175,6 @@ def _doubted(fit: StaticFit, others: Sequence[StaticFit]) -> StaticFit:
         if P(free) in moved:
             slopes = residuals.slopes[:, place]
             by_rows = np.sum((slopes * residuals.values) ** 2) / max(float(np.sum(slopes**4)), 1e-300)
-            doubt[place] = by_rows + moved[P(free)] + (Parameter.MU_RELEASE.spec.floor * fit.values[P(free)]) ** 2
+            doubt[place] = by_rows + moved[P(free)] + (Parameter.MU_RELEASE.tensions.floor * fit.values[P(free)]) ** 2
     factors = np.sqrt(1 + doubt / np.maximum(np.diag(solution.covariance), 1e-300))
     return replace(fit, solution=replace(solution, covariance=solution.covariance * np.outer(factors, factors)))

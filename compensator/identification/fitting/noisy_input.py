@@ -15,10 +15,11 @@ from itertools import groupby
 import numpy as np
 
 from tendonff.compensator.identification.constants import TUNED
+from tendonff.compensator.identification.fitting.parametric_chain import ParametricChain
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals, FitPiece
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.smoothing import low_pass_piece
-from tendonff.compensator.identification.parameters import Parameter, ParametricChain
+from tendonff.compensator.identification.parameters import Parameter
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fits.chain import Drive, InputWindow, input_windows
@@ -186,8 +187,8 @@ def _least(solution: Solution, *, signed: bool) -> Array:
     """Largest steps downwards."""
     values = np.array(list(solution.values.values()))
     free = [D(n) for n in solution.values]
-    least = np.where([p.spec.may_vanish for p in free], -values, (TUNED.least_step_share - 1) * values)
-    least[[p.signed or (signed and p.spec.may_vanish) for p in free]] = -np.inf
+    least = np.where([p.tensions.may_vanish for p in free], -values, (TUNED.least_step_share - 1) * values)
+    least[[p.tensions.signed or (signed and p.tensions.may_vanish) for p in free]] = -np.inf
     return least
 
 

@@ -18,10 +18,11 @@ from tendonff.compensator.identification.fitting.judging import (
     folds_of,
     values_without,
 )
+from tendonff.compensator.identification.fitting.parametric_chain import ParametricChain
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.measured.cleaning import SHORT_GAP_STEPS, Piece, Record
 from tendonff.compensator.identification.measured.smoothing import low_pass_piece
-from tendonff.compensator.identification.parameters import Parameter, ParametricChain
+from tendonff.compensator.identification.parameters import Parameter
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fits.chain import ChainResponse, Drive

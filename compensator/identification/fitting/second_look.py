@@ -23,7 +23,7 @@ from tendonff.compensator.identification.fitting.noisy_input import (
     with_input_estimated,
 )
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals
-from tendonff.compensator.identification.parameters import PARAMETERS, SPEED_TERMS, Parameter
+from tendonff.compensator.identification.parameters import BY_TENSIONS, SPEED_TERMS, Parameter
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.models.parameters.transmission import LARGEST_EXPONENT
 from tendonff.ocp.errors import SolveError
@@ -173,7 +173,7 @@ def _with_other_dependence(chosen: ChainResiduals, found: Solution) -> _Fitted |
     else:
         share = 1 - value
         more = mean_N * value / share
-    mus: dict[str, float] = {mu: share * found.values[mu] for mu in (D.MU_PULL, D.MU_RELEASE) if mu in free}
+    mus: dict[str, float] = {mu: share * found.values[mu] for mu in (D.MU, D.MU_RELEASE) if mu in free}
     values: dict[str, float] = {**found.values, **mus, other: more}
     kept = tuple(other if each is name else each for each in chosen.free)
     rival = replace(chosen, free=kept, fixed={**chosen.fixed, name: own[name], other: more})
@@ -237,12 +237,12 @@ def _without(solution: Solution, name: Parameter, by: float | None = None) -> So
 
 def _is_symmetric(solution: Solution) -> bool:
     """Whether a single coefficient holds for both directions: their difference is small, and known to be."""
-    pull, release = (list(solution.values).index(name) for name in (D.MU_PULL, D.MU_RELEASE))
+    pull, release = (list(solution.values).index(name) for name in (D.MU, D.MU_RELEASE))
     covariance = solution.covariance
     variance = covariance[pull, pull] + covariance[release, release] - 2 * covariance[pull, release]
-    apart = abs(solution.values[D.MU_PULL] - solution.values[D.MU_RELEASE])
+    apart = abs(solution.values[D.MU] - solution.values[D.MU_RELEASE])
     deviation = float(np.sqrt(max(variance, 0.0)))
-    return bool(apart < TUNED.sure * deviation < TUNED.sure * TUNED.symmetric_share * solution.values[D.MU_PULL])
+    return bool(apart < TUNED.sure * deviation < TUNED.sure * TUNED.symmetric_share * solution.values[D.MU])
 
 
 def _renamed(law: ChosenLaw, task: ChainResiduals, solution: Solution) -> ChosenLaw:
@@ -250,7 +250,7 @@ def _renamed(law: ChosenLaw, task: ChainResiduals, solution: Solution) -> Chosen
     if set(task.free) == set(law.task.free) and task.model.symmetric == law.task.model.symmetric:
         return law
     name = "symmetric with presliding" if task.model.symmetric else "asymmetric with presliding"
-    name += "".join(f", {extra.spec.effect}" for extra in PARAMETERS if extra.spec.effect and extra in task.free)
+    name += "".join(f", {extra.spec.effect}" for extra in BY_TENSIONS if extra.spec.effect and extra in task.free)
     judge = law.judge and replace(law.judge, model=replace(law.judge.model, symmetric=task.model.symmetric))
     quick = replace(law.task, model=replace(law.task.model, symmetric=task.model.symmetric), free=task.free)
     values = task.complete(solution.values)

@@ -23,7 +23,7 @@ D = Parameter
 ALTERNATIVES = (D.ADHESION, D.STATIC_EXCESS, D.OUTPUT_BIAS)
 """Each may be missing in the law although it acts; they are averaged over by what the data say of them."""
 
-WATCHED = (D.MU_PULL, D.MU_RELEASE, D.ADHESION, D.BRISTLE, D.STIFFNESS)
+WATCHED = (D.MU, D.MU_RELEASE, D.ADHESION, D.BRISTLE, D.STIFFNESS)
 """Values whose differences between files are reported."""
 
 
@@ -74,7 +74,7 @@ def doubt_of_other_laws(
         columns = [*free, column]
         step, size = _newton(slopes, columns)
         covariance, _ = block_covariance(replace(slopes, slopes=slopes.slopes[:, columns]), robust=True)
-        feasible = extra is None or extra.signed or step[-1] + task.fixed[extra] > 0
+        feasible = extra is None or extra.tensions.signed or step[-1] + task.fixed[extra] > 0
         if not (feasible and np.isfinite(covariance).all()):
             continue
         support = independent / 2 * float(np.log(own_size / size)) - 1
@@ -157,13 +157,13 @@ def with_taken_for_granted(
 
 def with_common_errors(solution: Solution) -> Solution:
     """Widen what is wrong alike in all blocks, whose scatter hides it."""
-    factors = np.array([D(n).spec.alike for n in solution.values])
+    factors = np.array([D(n).tensions.alike for n in solution.values])
     return replace(solution, covariance=solution.covariance * np.outer(factors, factors))
 
 
 def with_floors(solution: Solution, mean_N: float) -> Solution:
     """Add what the method itself does not resolve, the mean output tension being `mean_N`."""
-    errors = [D(n).floor(v, mean_N) for n, v in solution.values.items()]
+    errors = [D(n).tensions.floor_of(v, mean_N) for n, v in solution.values.items()]
     return replace(solution, covariance=solution.covariance + np.diag(np.square(errors)))
 
 

@@ -9,13 +9,13 @@ from scipy.stats import t as student
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.motors.law import MechanismLaw, covariance_of
-from tendonff.compensator.identification.motors.parameters import PARTNERS, Quantity
+from tendonff.compensator.identification.parameters import PARTNERS, Parameter
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fits.least_squares import Solution
 
-N = Quantity
+N = Parameter
 
-ALTERNATIVES = {N.ADHESION: 0.3, N.RELAXING: 0.3}
+ALTERNATIVES = {N.ADHESION: 0.3, N.RELAXING_SHARE: 0.3}
 """Effects that a slope at zero does not show, since other numbers have taken their place: where a search of its own
 starts, in pre-tensions and as a share of the stiffness.
 """
@@ -45,7 +45,7 @@ class Alternative:
 
     Attributes
     ----------
-    effect : Quantity
+    effect : Parameter
     values : mapping
     covariance : ndarray, shape (k, k)
         Of these values, in their order.

@@ -9,13 +9,14 @@ from tendonff.compensator.identification.answer.estimate import Estimate, is_kno
 from tendonff.compensator.identification.constants import TUNED, with_torque_constant
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.motors.law import MechanismLaw
-from tendonff.compensator.identification.motors.parameters import ANGLE_OR_PUSH, Number, Quantity, System, Values
+from tendonff.compensator.identification.motors.numbers import Number, Values
+from tendonff.compensator.identification.parameters import ANGLE_OR_PUSH, Parameter, System
 from tendonff.models.joint.closed_form import GrossSliding, data_sheet
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.models.parameters.numbers import number_of
 from tendonff.ocp.fits.least_squares import Solution
 
-N = Quantity
+N = Parameter
 
 DERIVED = ("mu_theta", "tension_over_stiffness_m", "lost_motion_rad", "drive_torque_N_m", "motor_friction_N_m")
 """Numbers that follow: a, T/k, half the lost motion of the joint, 2 a T at the motor, and all friction
@@ -44,27 +45,27 @@ class Found:
     solution : Solution
     covariance : ndarray, shape (k, k)
         Of the solution's values, with the floor of the method.
-    tried : tuple of (Quantity, float, bool), optional
+    tried : tuple of (Parameter, float, bool), optional
         Effects beside the core: gain of log-likelihood, and whether it was taken up.
     kept_because : str, optional
         Why mu theta is the scenario's; empty where it was free.
     not_identifiable : tuple of str, optional
         Numbers that were free, so that the others are right, but of which the moves tell nothing: they stay the
         scenario's.
-    alternatives : tuple of Quantity, optional
+    alternatives : tuple of Parameter, optional
         Effects that explain the logs about as well and widen an interval: the covariance reaches those values too.
-    lacking : tuple of Quantity, optional
+    lacking : tuple of Parameter, optional
         Effects that would explain the logs better, and are not fitted: the covariance reaches the values with them.
     """
 
     law: MechanismLaw
     solution: Solution
     covariance: Array
-    tried: tuple[tuple[Quantity, float, bool], ...] = ()
+    tried: tuple[tuple[Parameter, float, bool], ...] = ()
     kept_because: str = ""
     not_identifiable: tuple[str, ...] = ()
-    alternatives: tuple[Quantity, ...] = ()
-    lacking: tuple[Quantity, ...] = ()
+    alternatives: tuple[Parameter, ...] = ()
+    lacking: tuple[Parameter, ...] = ()
 
     @property
     def pushed(self) -> bool:
@@ -139,13 +140,13 @@ def correlation_of(found: Found) -> Array:
 
 def _advice(number: Number) -> str:
     """Measurement that tells a number of which the moves tell nothing."""
-    return number.advice if number.quantity is N.GEAR_SLIP else ANGLE_OR_PUSH
+    return number.advice if number.parameter is N.GEAR_SLIP else ANGLE_OR_PUSH
 
 
 def _own(system: System, number: Number) -> float | None:
     """The scenario's value; None where it has none."""
-    if number.name == number.quantity:
-        return number.quantity.of(system) if number.spec.key else None
+    if number.name == number.parameter:
+        return number.parameter.of(system) if number.parameter.spec.key else None
     return number_of(system, number.name)
 
 
@@ -153,7 +154,7 @@ def _free(system: System, number: Number, value: float, found: Found, *, describ
     error, own = found.error(number.name), _own(system, number)
     at_bound = number.name in found.solution.at_bound
     identifiable = described and not at_bound and is_known(error, number.size(value))
-    by_stop = bool(found.kept_because) and number.quantity in (*_BY_A_STOP, N.BRISTLE, N.COULOMB)
+    by_stop = bool(found.kept_because) and number.parameter in (*_BY_A_STOP, N.BRISTLE, N.COULOMB)
     why = "fit of the whole mechanism"
     if by_stop:
         why = f"belongs to the scenario's mu_dynamic: {found.kept_because}; {number.advice}"
@@ -162,9 +163,9 @@ def _free(system: System, number: Number, value: float, found: Found, *, describ
     elif not identifiable:
         size = f"{error:.2g} {unit_of(number.name)}".removesuffix(" -")
         why = f"its standard error is {size}; {number.advice or 'longer files'}"
-    elif number.spec.of_force and found.by_torque:
+    elif number.search.of_force and found.by_torque:
         why += ", as measured by the motor: its interval counts 10 % for the torque constant"
-    whole, half = _reached(value, error, found, of_force=number.spec.of_force)
+    whole, half = _reached(value, error, found, of_force=number.search.of_force)
     known = identifiable and not by_stop
     kept = found.apart and not known and own is not None
     return Estimate(
@@ -172,7 +173,7 @@ def _free(system: System, number: Number, value: float, found: Found, *, describ
         value=own if kept and own is not None else value,
         standard_error=whole if np.isfinite(error) else None,
         interval=(value - half, value + half) if known else None,
-        interval_as_measured=_interval(value, error, found) if known and number.spec.of_force else None,
+        interval_as_measured=_interval(value, error, found) if known and number.search.of_force else None,
         identifiable=known,
         why=why,
         scenario=own,
@@ -181,7 +182,7 @@ def _free(system: System, number: Number, value: float, found: Found, *, describ
 
 
 def _kept(system: System, number: Number, why: str) -> Estimate:
-    own = number.quantity.of(system)
+    own = number.parameter.of(system)
     return Estimate(name=number.name, value=own, why=why, scenario=own)
 
 
@@ -227,7 +228,7 @@ def _derived(found: Found, *, described: bool) -> list[Estimate]:
         identifiable = described and not alone and certain and error < TUNED.identifiable_share * abs(middle[k])
         why = "follows from the fit"
         if alone:
-            why = f"{found.kept_because}; {N.MU.spec.advice}"
+            why = f"{found.kept_because}; {N.MU.motors.advice}"
         elif not identifiable:
             why = "follows from numbers that are not identifiable"
         value = float(middle[k])

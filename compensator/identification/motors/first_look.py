@@ -13,7 +13,7 @@ import numpy as np
 
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.motors.log import MotorsLog
-from tendonff.compensator.identification.motors.parameters import Quantity
+from tendonff.compensator.identification.parameters import Parameter
 from tendonff.models.joint.closed_form import GrossSliding
 from tendonff.models.joint.parameters import Mechanism
 
@@ -79,9 +79,9 @@ class FirstLook:
     exponent: float | None
     tension_over_stiffness_m: float | None
 
-    def start(self, mechanism: Mechanism, start_rad: float) -> dict[Quantity, float]:
+    def start(self, mechanism: Mechanism, start_rad: float) -> dict[Parameter, float]:
         """Values from which a fit may start; what the look does not tell is the mechanism's."""
-        n, drive = Quantity, mechanism.drive
+        n, drive = Parameter, mechanism.drive
         law = GrossSliding.of(mechanism, start_rad)
         own = law.tendons[0].signed_exponent(1 if law.tendons[0].arm_m > 0 else -1)
         exponent = min(max(self.exponent or own, 0.1), 2.5)

@@ -7,7 +7,8 @@ from typing import Any
 from tendonff.compensator.compensators.motors.joint import assumed
 from tendonff.compensator.compensators.motors.task import ASSUMED_SPREAD
 from tendonff.compensator.identification.answer.estimate import Estimate
-from tendonff.compensator.identification.motors.parameters import Quantity, key_in
+from tendonff.compensator.identification.motors.numbers import key_in
+from tendonff.compensator.identification.parameters import Parameter
 from tendonff.compensator.scenario.base import with_base
 from tendonff.compensator.scenario.driven.common import part_keys
 from tendonff.compensator.scenario.driven.finger import FingerScenario
@@ -19,10 +20,10 @@ from tendonff.models.joint.parameters.finger import Finger
 from tendonff.models.parameters.numbers import FACTORS, keys_of
 
 _PARTS = ("path", "tendon", "friction")
-WITH_SPREAD = (Quantity.MU, Quantity.TENSION, Quantity.STIFFNESS, Quantity.GRAVITY)
+WITH_SPREAD = (Parameter.MU, Parameter.TENSION, Parameter.STIFFNESS, Parameter.GRAVITY)
 """Numbers whose intervals a design is judged with."""
-_BOTH = (Quantity.TENSION, Quantity.STIFFNESS)
-_FACTORS = {Quantity.MU: "mu", Quantity.STIFFNESS: "stiffness"}
+_BOTH = (Parameter.TENSION, Parameter.STIFFNESS)
+_FACTORS = {Parameter.MU: "mu", Parameter.STIFFNESS: "stiffness"}
 """Keys of [robust] that stand for a number where the tendons differ in it."""
 
 
@@ -82,7 +83,7 @@ def _widest(finger: Finger, known: Mapping[str, Estimate], stated: Mapping[str, 
     def widest(key: str) -> float:
         return max(width(f"tendons.{tendon.name}.{key}") for tendon in finger.tendons)
 
-    keys = Quantity.MU.spec.key, Quantity.STIFFNESS.spec.key
+    keys = Parameter.MU.spec.key, Parameter.STIFFNESS.spec.key
     factors = _FACTORS.values()
     spread = {k: v for k, v in stated.get("spread", {}).items() if k not in factors and not k.endswith(keys)}
     for motor in finger.motors:
@@ -90,7 +91,7 @@ def _widest(finger: Finger, known: Mapping[str, Estimate], stated: Mapping[str, 
             key = f"motors.{motor.name}.drive.pretension_N"
             spread[key] = width(key)
     found = {k: v for k, v in stated.items() if k != "spread"}
-    found |= {"mu": widest(Quantity.MU.spec.key), "stiffness": widest(Quantity.STIFFNESS.spec.key)}
+    found |= {"mu": widest(Parameter.MU.spec.key), "stiffness": widest(Parameter.STIFFNESS.spec.key)}
     return {**found, "spread": spread} if spread else found
 
 
@@ -117,7 +118,7 @@ def _robust(mechanism: Mechanism, estimates: Sequence[Estimate], stated: Mapping
     robust = {key: value for key, value in stated.items() if key != "spread"}
     spread = dict(stated.get("spread", {}))
 
-    def place(number: Quantity, half_width: float) -> None:
+    def place(number: Parameter, half_width: float) -> None:
         key = key_in(mechanism, number)
         if key in known:
             spread[key] = half_width
@@ -130,14 +131,14 @@ def _robust(mechanism: Mechanism, estimates: Sequence[Estimate], stated: Mapping
         robust.pop(_FACTORS.get(number, ""), None)
         place(number, half_width)
     covered = {key.strip() for name in spread for key in name.split(",")} | {k for k in FACTORS if robust.get(k)}
-    widths = {Quantity.MU: loose.mu, Quantity.STIFFNESS: loose.stiffness}
+    widths = {Parameter.MU: loose.mu, Parameter.STIFFNESS: loose.stiffness}
     if loose.spread:
-        widths[Quantity.TENSION] = ASSUMED_SPREAD
+        widths[Parameter.TENSION] = ASSUMED_SPREAD
     kept = [n for n in widths if not {key_in(mechanism, n), _FACTORS.get(n, "")} & covered]
     fitted = [n for n in kept if (one := by_name.get(n)) is not None and one.fitted]
     together = ", ".join(key_in(mechanism, n) for n in _BOTH)
-    if Quantity.MU not in fitted and set(_BOTH) <= set(fitted) and key_in(mechanism, Quantity.STIFFNESS) in known:
-        spread[together] = widths[Quantity.TENSION]
+    if Parameter.MU not in fitted and set(_BOTH) <= set(fitted) and key_in(mechanism, Parameter.STIFFNESS) in known:
+        spread[together] = widths[Parameter.TENSION]
         kept = [n for n in kept if n not in _BOTH]
     for number in kept:
         place(number, widths[number])

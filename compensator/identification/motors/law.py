@@ -7,15 +7,8 @@ import numpy as np
 
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.motors.log import MotorsLog
-from tendonff.compensator.identification.motors.parameters import (
-    Number,
-    Quantity,
-    System,
-    Values,
-    numbers_of,
-    put_into,
-    start_key,
-)
+from tendonff.compensator.identification.motors.numbers import Number, Values, numbers_of, put_into, start_key
+from tendonff.compensator.identification.parameters import Parameter, System
 from tendonff.models.cached import cached_property
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters import Mechanism
@@ -64,7 +57,7 @@ and keeps one error of the friction for as long.
 EFFECT_SHARE = 0.1
 """An effect that a law of several motors lacks is tried with this share of the stiffness, or of the tensions."""
 
-Q = Quantity
+Q = Parameter
 
 
 @dataclass(frozen=True, kw_only=True)  # without slots: the numbers are kept in the instance
@@ -143,11 +136,11 @@ class MechanismLaw:
 
     def _moved(self, mechanism: System, values: Values, name: str, value: float) -> System:
         """The mechanism of values with one of them changed."""
-        quantity, found = self.numbers[name].quantity, {**self.fixed, **values}
-        if quantity is Q.SECOND_SIDE or name == quantity.spec.shared:  # which are relative to the first mechanism
+        parameter, found = self.numbers[name].parameter, {**self.fixed, **values}
+        if parameter is Q.SECOND_SIDE or name == parameter.motors.shared:  # which are relative to the first mechanism
             return self.at({**values, name: value})
-        together = (Q.RELAXING, Q.RELAXATION_TIME)
-        beside: dict[str, float] = {n: found[n] for n in together if n in found} if quantity in together else {}
+        together = (Q.RELAXING_SHARE, Q.RELAXATION_TIME)
+        beside: dict[str, float] = {n: found[n] for n in together if n in found} if parameter in together else {}
         moved: System = put_into(mechanism, {**beside, name: value})  # type: ignore[type-var]
         return moved
 
@@ -237,7 +230,7 @@ class MechanismLaw:
         slopes.append(np.array(own).reshape(-1, len(over)))
         found, by_values = np.concatenate(residuals), np.concatenate(slopes)
         for k, name in enumerate(over):
-            if self.numbers[name].spec.cornered and values[name] <= 0:
+            if self.numbers[name].search.cornered and values[name] <= 0:
                 by_values[:, k] = self._differences(values, [name]).slopes[:, 0]
         return Residuals(values=found, slopes=by_values, blocks=self._blocks(len(found)))
 
@@ -271,12 +264,12 @@ class MechanismLaw:
     def _unknown(self, name: str, start: float) -> Unknown:
         """Bounds and step of a number's search; a stop that was touched stands between start and end of the motors."""
         number, mechanism = self.numbers[name], self.mechanism
-        if number.quantity not in (Q.STOP_LOW, Q.STOP_HIGH) or not isinstance(mechanism, Mechanism):
+        if number.parameter not in (Q.STOP_LOW, Q.STOP_HIGH) or not isinstance(mechanism, Mechanism):
             return number.unknown(start)
         reach = list(reach_rad(mechanism, self.logs))
         margin = STOP_MARGIN * (reach[1] - reach[0])
         begun = [float(log.run.start_rad[0]) for log in self.logs]
-        if number.quantity is Q.STOP_LOW:
+        if number.parameter is Q.STOP_LOW:
             reach[1] = max(min(begun), reach[0] + 2 * margin)
         else:
             reach[0] = min(max(begun), reach[1] - 2 * margin)
@@ -377,7 +370,7 @@ class Promise:
     shift: Array
 
 
-def promises(law: MechanismLaw, solution: Solution, tried: Sequence[Quantity]) -> dict[Quantity, Promise]:
+def promises(law: MechanismLaw, solution: Solution, tried: Sequence[Parameter]) -> dict[Parameter, Promise]:
     """Gain that each of these numbers promises, which the solution does not have.
 
     Of several motors a change that is not small is simulated: others have taken the place of a small one.
@@ -394,19 +387,19 @@ def promises(law: MechanismLaw, solution: Solution, tried: Sequence[Quantity]) -
     promised = {}
     for k, number in enumerate(extras):
         left, steps = stepped(found, [*range(len(own)), len(own) + k])
-        spec, step = number.spec, float(steps[-1])
-        low = spec.low if not spec.logarithmic else 0.0
-        feasible = low <= start[number] + step <= spec.high
+        search, step = number.motors, float(steps[-1])
+        low = search.low if not search.logarithmic else 0.0
+        feasible = low <= start[number] + step <= search.high
         gain = blocks / 2 * float(np.log(before / left)) if feasible else 0.0
         promised[number] = Promise(gain=gain, shift=steps[:-1])
     return promised
 
 
-def _tried(law: MechanismLaw, solution: Solution, quantity: Quantity) -> float:
+def _tried(law: MechanismLaw, solution: Solution, parameter: Parameter) -> float:
     """A change of the effect that is not small: a share of the stiffness, or of the tensions."""
-    if quantity is not Q.ADHESION:
+    if parameter is not Q.ADHESION:
         return EFFECT_SHARE
-    tensions = [v for k, v in solution.values.items() if law.numbers[k].quantity in (Q.TENSION, Q.TENSION_AT_START)]
+    tensions = [v for k, v in solution.values.items() if law.numbers[k].parameter in (Q.TENSION, Q.TENSION_AT_START)]
     return EFFECT_SHARE * (float(np.mean(tensions)) if tensions else 10.0)
 
 
@@ -429,5 +422,5 @@ def covariance_of(law: MechanismLaw, solution: Solution) -> Array:
     covariance, _ = block_covariance(residuals, robust=True)
     covariance = widened(covariance, residuals, law.kinds(len(residuals.values)))
     friction = law.joint_friction_N_m()
-    floor = [np.hypot(n.floor(solution.values[n.name]), n.spec.floor_of_friction * friction) for n in numbers]
+    floor = [np.hypot(n.floor(solution.values[n.name]), n.search.floor_of_friction * friction) for n in numbers]
     return np.asarray(covariance + np.diag(np.square(floor)))

@@ -29,7 +29,7 @@ from tendonff.compensator.identification.motors.log import (
     read_several,
 )
 from tendonff.compensator.identification.motors.loop_routine import MotorRoutine, is_loop, suggest_routine
-from tendonff.compensator.identification.motors.parameters import ANGLE_OR_PUSH, Values, put_into, require_loop
+from tendonff.compensator.identification.motors.numbers import Values, put_into, require_loop
 from tendonff.compensator.identification.motors.routine import MotorsRoutine, suggest_motors
 from tendonff.compensator.identification.motors.search import (
     FIRST_OF_SEVERAL,
@@ -40,6 +40,7 @@ from tendonff.compensator.identification.motors.search import (
 )
 from tendonff.compensator.identification.motors.sensor import SensorFit, fit_sensor
 from tendonff.compensator.identification.motors.torque import TorqueFit, fit_torque
+from tendonff.compensator.identification.parameters import ANGLE_OR_PUSH
 from tendonff.compensator.scenario.driven.finger import FingerScenario, SampledFinger
 from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenario.driven.observer_table import ObserverTable
@@ -348,7 +349,7 @@ def warnings_of(found: Found, *, described: bool = True, observed: bool = False)
     for alternative in found.alternatives:
         yield (
             f"{alternative.spec.effect} would explain the log about as well: the intervals reach its values too; "
-            f"{alternative.spec.advice}"
+            f"{alternative.motors.advice}"
         )
     for effect in found.lacking:
         yield (

@@ -26,13 +26,15 @@ from tendonff.compensator.identification.motors.law import (
     reach_rad,
 )
 from tendonff.compensator.identification.motors.log import MotorsLog
-from tendonff.compensator.identification.motors.parameters import EXTRAS, OF_TENDONS, PARTNERS, Quantity, Role, told_N
+from tendonff.compensator.identification.motors.numbers import told_N
+from tendonff.compensator.identification.parameters import EXTRAS, OF_TENDONS, PARTNERS, Parameter
+from tendonff.compensator.identification.searches import Role
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.models.joint.parameters.finger import Finger
 from tendonff.ocp.errors import SolveError
 from tendonff.ocp.fits.least_squares import Solution, after_a_step
 
-N = Quantity
+N = Parameter
 
 LEAST_TENSION_N = 0.1
 HELD_OUT_S = 2.0
@@ -65,7 +67,7 @@ def fit_several(finger: Finger, logs: Sequence[MotorsLog], say: Callable[[str], 
     """All numbers of a mechanism whose motors each feel their own."""
     coarse = MechanismLaw(mechanism=that_may_stiffen(finger, logs), logs=logs)
     say("whole mechanism")
-    start = {n.name: n.start for n in coarse.numbers.values() if n.spec.role in (Role.CORE, Role.START)}
+    start = {n.name: n.start for n in coarse.numbers.values() if n.search.role in (Role.CORE, Role.START)}
     solution = coarse.fit(start, most=FIRST_OF_SEVERAL)
     say("finer mechanism")
     law = replace(coarse, segments=FINE_MASSES, refinement=FINE_PARTS)
@@ -128,7 +130,7 @@ def _in_turn(log: MotorsLog, even: int) -> Mask:
 
 def with_stops(
     mechanism: Mechanism, looks: Sequence[FirstLook], start_rad: float
-) -> tuple[Mechanism, tuple[Quantity, ...]]:
+) -> tuple[Mechanism, tuple[Parameter, ...]]:
     """The mechanism with those stops alone that were touched, and the numbers of these."""
     ways = {push.way for found in looks for push in found.pushes}
     joint, stops = mechanism.joint, {"stop_low_rad": -1, "stop_high_rad": 1}
@@ -145,7 +147,7 @@ def with_stops(
     return replace(mechanism, joints=(joint,)), (*numbers, N.STOP_STIFFNESS) if numbers else ()
 
 
-def with_own_stops(mechanism: Mechanism, logs: Sequence[MotorsLog]) -> tuple[Mechanism, tuple[Quantity, ...]]:
+def with_own_stops(mechanism: Mechanism, logs: Sequence[MotorsLog]) -> tuple[Mechanism, tuple[Parameter, ...]]:
     """The mechanism with the stops of the scenario that its motor reaches, and the numbers of these."""
     joint, (low, high) = mechanism.joint, reach_rad(mechanism, logs)
     places = {
@@ -162,7 +164,7 @@ def fit_loop(
     mechanism: Mechanism,
     logs: Sequence[MotorsLog],
     looks: Sequence[FirstLook],
-    touched: tuple[Quantity, ...],
+    touched: tuple[Parameter, ...],
     say: Callable[[str], None],
 ) -> Found:
     """The law that explains the logs best."""
@@ -172,7 +174,7 @@ def fit_loop(
     kept, note = dict[str, float](), ""
     if not touched:
         kept, note = {N.MU: N.MU.of(mechanism)}, "no push against a stop in these files"
-    not_identifiable: tuple[Quantity, ...] = ()
+    not_identifiable: tuple[Parameter, ...] = ()
     if not touched and not any(log.encoders.any() for log in logs):
         not_identifiable = _BY_REVERSALS
         note = "neither a push against a stop nor the angle of the joint in these files"
@@ -196,7 +198,7 @@ def fit_loop(
         note = "the pushes end before a tendon is slack"
         law = replace(law, fixed={N.MU: N.MU.of(mechanism)}, as_read=False)
         law, solution, tried = _searched(law, _from_starts(law, free, looks), some, say)
-    alternatives: dict[Quantity, Alternative] = {}
+    alternatives: dict[Parameter, Alternative] = {}
     if touched and N.MU not in law.fixed:
         solution, tried, alternatives = with_alternatives(law, solution, tried, say)
     say("finer mechanism")
@@ -220,7 +222,7 @@ def fit_loop(
 _Search = tuple[MechanismLaw, Solution, Tried]
 
 
-def _searched(law: MechanismLaw, solution: Solution, some: Sequence[Quantity], say: Callable[[str], None]) -> _Search:
+def _searched(law: MechanismLaw, solution: Solution, some: Sequence[Parameter], say: Callable[[str], None]) -> _Search:
     """The law of a smooth motor or of one that moves in counts, with the effects that the data support."""
     law, solution = in_counts(law, solution)
     solution, tried = _with_extras(law, solution, some, say)
@@ -245,7 +247,7 @@ def in_counts(law: MechanismLaw, solution: Solution) -> tuple[MechanismLaw, Solu
     return (counted, tried) if tried.cost < solution.cost else (law, solution)
 
 
-def _from_starts(law: MechanismLaw, free: Sequence[Quantity], looks: Sequence[FirstLook]) -> Solution:
+def _from_starts(law: MechanismLaw, free: Sequence[Parameter], looks: Sequence[FirstLook]) -> Solution:
     """The best fit from the scenario's own values and from those of the first look."""
     mechanism, start_rad = law.mechanism, float(law.logs[0].run.start_rad[0])
     own: dict[str, float] = {n: n.of(mechanism) for n in free if n not in law.fixed}
@@ -279,10 +281,10 @@ def _astray(law: MechanismLaw, solution: Solution, looks: Sequence[FirstLook]) -
 
 
 def _with_extras(
-    law: MechanismLaw, solution: Solution, some: Sequence[Quantity], say: Callable[[str], None]
+    law: MechanismLaw, solution: Solution, some: Sequence[Parameter], say: Callable[[str], None]
 ) -> tuple[Solution, Tried]:
     """Take up effects one by one as long as the data support another."""
-    tried: dict[Quantity, tuple[float, bool]] = {}
+    tried: dict[Parameter, tuple[float, bool]] = {}
     for _ in range(MOST_EXTRAS):
         extras = [n for n in some if n not in solution.values]
         if not extras:
@@ -295,7 +297,7 @@ def _with_extras(
             break
         say(f"with {best.spec.effect}")
         start = law.fixed.get(best, best.of(law.mechanism))
-        nudged = start - best.spec.step / 2 if start >= best.spec.high else start + best.spec.step / 10
+        nudged = start - best.motors.step / 2 if start >= best.motors.high else start + best.motors.step / 10
         partners: dict[str, float] = {n: n.of(law.mechanism) for n in PARTNERS.get(best, ())}
         more = law.fit({**solution.values, best: nudged, **partners}, most=STEPS)
         if blocks / 2 * np.log(solution.cost / more.cost) < TUNED.worth_a_constant:

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from tendonff.compensator.identification.measured import Array
-from tendonff.compensator.identification.motors.parameters import Quantity
+from tendonff.compensator.identification.parameters import Parameter
 from tendonff.compensator.studies.watch.windows import WATCHED, WINDOW_S, Window
 
-N = Quantity
+N = Parameter
 BASE_S = 300.0
 """Time of use, of the first file at most, whose values all later ones are compared with."""
 
@@ -43,7 +43,7 @@ class Drift:
 
     Parameters
     ----------
-    number : Quantity
+    number : Parameter
     change : float
         Relative change, signed.
     label : str
@@ -52,7 +52,7 @@ class Drift:
         Usual cause, and what to do.
     """
 
-    number: Quantity
+    number: Parameter
     change: float
     label: str
     cause: str

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from tendonff.compensator.files.text import as_argument
 from tendonff.compensator.files.writing import atomic_directory, write_csv
 from tendonff.compensator.identification.answer.estimate import unit_of
-from tendonff.compensator.identification.motors.parameters import Quantity
+from tendonff.compensator.identification.parameters import Parameter
 from tendonff.compensator.reporting.colours import BLUE, GREY, INK, ORANGE, VERMILION
 from tendonff.compensator.reporting.page import (
     FileNote,
@@ -156,7 +156,7 @@ _NOT_IDENTIFIED = (
 def _states_mu(scenario: JointScenario) -> bool:
     """Whether the scenario states an interval of friction, as identification writes it."""
     keys = {key for spread in scenario.robust.spread for key in spread.keys}
-    return scenario.robust.mu > 0 or any(key.endswith(Quantity.MU.spec.key) for key in keys)
+    return scenario.robust.mu > 0 or any(key.endswith(Parameter.MU.spec.key) for key in keys)
 
 
 def _late(course: Course) -> float:

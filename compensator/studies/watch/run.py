@@ -8,7 +8,7 @@ from threadpoolctl import threadpool_limits
 
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.motors.log import answered_logs, read_logs
-from tendonff.compensator.identification.motors.parameters import require_loop
+from tendonff.compensator.identification.motors.numbers import require_loop
 from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.studies.watch.chart import courses_of

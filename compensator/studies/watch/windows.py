@@ -8,12 +8,12 @@ import numpy as np
 from tendonff.compensator.identification.measured import Array
 from tendonff.compensator.identification.motors.law import MechanismLaw, covariance_of
 from tendonff.compensator.identification.motors.log import MotorsLog
-from tendonff.compensator.identification.motors.parameters import Quantity
+from tendonff.compensator.identification.parameters import Parameter
 from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.ocp.errors import SolveError
 
-N = Quantity
+N = Parameter
 WINDOW_S, LEAST_S = 30.0, 8.0
 """Length of a window, and the shortest rest of a file that is one."""
 
@@ -48,7 +48,7 @@ class Window:
 
     name: str
     used_s: float
-    values: Mapping[Quantity, float]
+    values: Mapping[Parameter, float]
     covariance: Array
     percent: float = 0.0
     why: str = ""

@@ -7,7 +7,7 @@ import pytest
 from tendonff.compensator.identification.fitting.uncertainty import ByFile, between_files
 from tendonff.compensator.identification.parameters import Parameter
 
-VALUES = {**dict.fromkeys(Parameter, 1.0), Parameter.MU_PULL: 0.2}
+VALUES = {**dict.fromkeys(Parameter, 1.0), Parameter.MU: 0.2}
 
 
 def said_of(mus):

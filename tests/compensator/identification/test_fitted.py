@@ -11,12 +11,13 @@ from tendonff.compensator.identification.answer.messages import moved_inside
 from tendonff.compensator.identification.answer.records import Channel
 from tendonff.compensator.identification.fitting.dynamic import ChainLaw
 from tendonff.compensator.identification.fitting.errors import FileError
+from tendonff.compensator.identification.fitting.parametric_chain import ParametricChain
 from tendonff.compensator.identification.fitting.static import respond
 from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.identification.measured.cleaning import clean
 from tendonff.compensator.identification.measured.reading import read_measurement
 from tendonff.compensator.identification.measured.smoothing import low_pass_piece
-from tendonff.compensator.identification.parameters import Parameter, ParametricChain
+from tendonff.compensator.identification.parameters import Parameter
 from tendonff.compensator.scenario.measurement import Explain
 from tendonff.compensator.scenario.sampled.sampling import sample_reference
 from tendonff.compensator.scenarios import load_scenario

@@ -16,12 +16,13 @@ from tendonff.compensator.identification.fitting.noisy_input import (
     with_implied_input,
     with_input_estimated,
 )
+from tendonff.compensator.identification.fitting.parametric_chain import ParametricChain
 from tendonff.compensator.identification.fitting.residuals import ChainResiduals, fit_pieces, spans_of
 from tendonff.compensator.identification.fitting.second_look import look_again
 from tendonff.compensator.identification.fitting.uncertainty import doubt_of_other_laws, slopes_over_all
 from tendonff.compensator.identification.measured.cleaning import clean
 from tendonff.compensator.identification.measured.reading import read_measurement
-from tendonff.compensator.identification.parameters import CORE, ParametricChain
+from tendonff.compensator.identification.parameters import BY_TENSIONS, CORE
 from tendonff.compensator.identification.parameters import Parameter as D
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.errors import ParameterError
@@ -112,7 +113,7 @@ def test_noise_that_could_not_be_taken_out_is_said_with_its_cause(nominal, tmp_p
 def test_values_that_explain_less_once_the_noise_is_taken_out_are_not_taken(nominal, tmp_path, monkeypatch):
     """A term may be dropped that the data need: the other values then went 13 % off, and the error from 0.1 to 10 %."""
     task, plain, joint = fitted(nominal, tmp_path, 0, 0.006)
-    off = plain.values | {D.MU_PULL: 1.13 * plain.values[D.MU_PULL]}
+    off = plain.values | {D.MU: 1.13 * plain.values[D.MU]}
     worse = replace(plain, values=off, residuals=residuals_of(task, off))
     for other, taken in ((joint, True), (worse, False)):
         again = second_look.SecondLook(law="another law", task=task, solution=other)
@@ -192,7 +193,7 @@ def test_friction_that_falls_with_the_load_is_told_from_adhesion_by_the_misfit(n
 
 def test_a_path_that_cannot_be_split_for_the_doubt_about_it_is_no_silence(nominal, tmp_path, monkeypatch):
     task, plain, _ = fitted(nominal, tmp_path, 0, 0.0)
-    every = (*task.free, *(name for name in D if name not in task.free and name is not D.LOAD_EXPONENT))
+    every = (*task.free, *(name for name in BY_TENSIONS if name not in task.free and name is not D.LOAD_EXPONENT))
     slopes = slopes_over_all(replace(task, fixed=task.complete(plain.values)), every)
     monkeypatch.setattr(uncertainty, "Section", failing(ParameterError("no such section")))
     with pytest.raises(ParameterError, match="no such section"):

@@ -9,11 +9,11 @@ import pytest
 from synthetic import Faults, write_synthetic
 
 from tendonff.compensator.files.reading import InputError
+from tendonff.compensator.identification.fitting.parametric_chain import ParametricChain
 from tendonff.compensator.identification.fitting.residuals import fit_pieces
 from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.identification.measured.cleaning import clean
 from tendonff.compensator.identification.measured.reading import read_measurement
-from tendonff.compensator.identification.parameters import ParametricChain
 from tendonff.compensator.scenario.sampled.joint_motion import moved
 from tendonff.compensator.scenario.scenario import Scenario
 from tendonff.compensator.scenarios import load_scenario

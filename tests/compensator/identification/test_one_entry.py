@@ -14,7 +14,7 @@ import pytest
 from synthetic import Faults, write_synthetic
 
 from tendonff.compensator.files.writing import write_csv
-from tendonff.compensator.identification.motors import parameters as of_motors
+from tendonff.compensator.identification import parameters
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.capstan import CapstanLaw
 from tests.compensator.identification.motors import own_log
@@ -37,29 +37,28 @@ tf.identify(tf.load_scenario(scenario), [log], **OPTIONS).write(out)
 
 DAMPING = """    JOINT_DAMPING = (
         "joint_damping_N_m_s_per_rad",
-        OfMotors(
-            role=Role.EXTRA,
+        Spec(
             key="joint.damping_N_m_s_per_rad",
-            low=0.0,
-            step=0.01,
-            of_force=True,
             effect="viscous friction of the joint",
+            motors=ByMotors(role=Role.EXTRA, low=0.0, step=0.01, of_force=True),
         ),
     )
 """
 
 INERTIA = """    MASS = (
         "mass_kg",
-        OfTendon(
-            role=Role.SPEED,
-            scale=Scale.ABSOLUTE,
-            step=0.1,
-            nudge=0.05,
-            size=0.1,
-            whole=Number.MASS,
+        Spec(
             key="tendon.mass_kg",
-            may_vanish=True,
             effect="inertia of the tendon",
+            tensions=ByTensions(
+                role=Role.SPEED,
+                scale=Scale.ABSOLUTE,
+                step=0.1,
+                nudge=0.05,
+                size=0.1,
+                number=ChainNumber.MASS,
+                may_vanish=True,
+            ),
         ),
     )
 """
@@ -105,7 +104,7 @@ def test_viscous_friction_of_a_joint_is_found_by_one_entry(tmp_path):
     true = own_log.other()
     true = replace(true, joints=(replace(true.joint, damping_N_m_s_per_rad=0.02),))
     (tmp_path / "hand.toml").write_text(hand().text, encoding="utf-8")
-    place = of_motors.__name__, "    ADHESION = (\n"
+    place = parameters.__name__, "    ADHESION = (\n"
     answer, report, found = fitted(*place, DAMPING, tmp_path / "hand.toml", own_log.write(tmp_path, true))
     assert answer["law"] == "loop with presliding, viscous friction of the joint"
     assert "viscous friction of the joint" in report
@@ -122,8 +121,9 @@ def test_inertia_of_a_tendon_is_found_by_one_entry(tmp_path, examples):
     force = 45 + 25 * np.sin(2 * np.pi * 0.5 * time) + 10 * np.sin(2 * np.pi * 3.1 * time) * np.minimum(time, 1)
     log = tmp_path / "log.csv"
     write_synthetic(log, heavy, time, force, Faults(noise=0.002), step_s=4e-3)
-    name = "tendonff.compensator.identification.parameters"
-    answer, report, found = fitted(name, "    INPUT_GAIN = ", INERTIA, Path(examples / "finger.toml"), log)
+    answer, report, found = fitted(
+        parameters.__name__, "    INPUT_GAIN = ", INERTIA, Path(examples / "finger.toml"), log
+    )
     assert "inertia of the tendon" in answer["law"]
     assert "inertia of the tendon" in report
     assert found.transmission.tendon.mass_kg == pytest.approx(2.0, rel=0.2)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from tendonff.compensator.identification.parameters import Parameter, ParametricChain
+from tendonff.compensator.identification.fitting.parametric_chain import ParametricChain
+from tendonff.compensator.identification.parameters import BY_TENSIONS, Parameter
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.models.fidelity import Level
 from tendonff.ocp.fits.chain import Drive
@@ -23,7 +24,7 @@ def drive(step=1e-3):
     return Drive(input_N=40 + 15 * np.sin(4 * time) - 5 * time, step_s=step, first_output_N=36.0)
 
 
-@pytest.mark.parametrize("name", [n for n in D if n not in SLOPE_BY_SHIFT])
+@pytest.mark.parametrize("name", [n for n in BY_TENSIONS if n not in SLOPE_BY_SHIFT])
 def test_slopes_are_the_derivatives_of_output_and_elongation(model, name):
     values = {**model.values(), D.STATIC_EXCESS: 0.1, D.ADHESION: 1.0, D.MU_RELEASE: 0.17}
     if name is D.LOAD_EXPONENT:
@@ -54,4 +55,4 @@ def test_a_symmetric_model_has_one_coefficient(model):
 
     one = replace(model, symmetric=True)
     values = {**one.values(), D.MU_RELEASE: 0.9}
-    assert one.numbers_of(values)["mu_dynamic_release"] == values[D.MU_PULL]
+    assert one.numbers_of(values)["mu_dynamic_release"] == values[D.MU]

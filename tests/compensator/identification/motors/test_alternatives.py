@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tendonff.compensator.identification.motors.alternatives import with_alternatives
-from tendonff.compensator.identification.motors.parameters import Quantity as N
+from tendonff.compensator.identification.parameters import Parameter as N
 from tendonff.ocp.fits.least_squares import Residuals, Solution
 
 BLOCKS = 40

@@ -9,8 +9,9 @@ from tendonff.compensator.cli import run
 from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.identification.motors.log import read_several
-from tendonff.compensator.identification.motors.parameters import Quantity, numbers_of
+from tendonff.compensator.identification.motors.numbers import numbers_of
 from tendonff.compensator.identification.motors.run import mechanism_of
+from tendonff.compensator.identification.parameters import Parameter
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenarios import load_scenario
 from tests.bent_instrument import TEXT, BentInstrument
@@ -133,6 +134,6 @@ def test_a_loop_is_fitted_at_one_bend(logs, tmp_path):
 
 
 def test_the_spring_of_a_joint_is_one_more_number_and_of_a_joint_without_one_none(logs, examples):
-    spring = f"joints.wrist.{Quantity.JOINT_STIFFNESS.spec.key.partition('.')[2]}"
+    spring = f"joints.wrist.{Parameter.JOINT_STIFFNESS.spec.key.partition('.')[2]}"
     assert spring in numbers_of(mechanism_of(load_scenario(logs[0]))[0], [])
     assert spring not in numbers_of(mechanism_of(load_scenario(examples / "instrument_pair.toml"))[0], [])

@@ -20,9 +20,10 @@ from tendonff.compensator.identification.motors.fitted import fitted_text
 from tendonff.compensator.identification.motors.law import MechanismLaw, covariance_of, widened
 from tendonff.compensator.identification.motors.log import read_logs
 from tendonff.compensator.identification.motors.loop_routine import suggest_routine
-from tendonff.compensator.identification.motors.parameters import Quantity, put_into
+from tendonff.compensator.identification.motors.numbers import put_into
 from tendonff.compensator.identification.motors.run import warnings_of
 from tendonff.compensator.identification.motors.search import in_counts
+from tendonff.compensator.identification.parameters import Parameter
 from tendonff.compensator.scenario.driven.joint import parse_joint_scenario
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenarios import parse_any
@@ -92,7 +93,7 @@ def test_a_tight_fit_of_free_strokes_alone_is_not_believed(tmp_path, monkeypatch
 
 def test_a_value_at_a_bound_of_its_search_is_not_identifiable(tmp_path, monkeypatch):
     asked = scenario(stop=False)
-    monkeypatch.setattr(MechanismLaw, "fit", partialmethod(_far_off, at_bound=(Quantity.GRAVITY,)))
+    monkeypatch.setattr(MechanismLaw, "fit", partialmethod(_far_off, at_bound=(Parameter.GRAVITY,)))
     monkeypatch.setattr(MechanismLaw, "evaluate", lambda _law, _values, over: _rows(len(over)))
     found = identify(asked, [own_log.write(tmp_path, asked.mechanism, asked)])
     assert not found.estimate("gravity_N_m").identifiable
@@ -108,7 +109,7 @@ def _rows(count):
 
 
 def _far_off(law, start, at_bound=(), **_):
-    factors = {Quantity.STIFFNESS: 1.5, Quantity.GRAVITY: 1.01}
+    factors = {Parameter.STIFFNESS: 1.5, Parameter.GRAVITY: 1.01}
     values = {n: n.of(law.mechanism) * factors.get(n, 1.0) for n in start}
     minimum = Minimum(values=values, residuals=_rows(len(start)), cost=1.0, at_bound=at_bound)
     return minimum.with_covariance()
@@ -146,7 +147,7 @@ def test_a_weight_is_known_no_better_than_the_friction_it_is_seen_beside(tmp_pat
     law = MechanismLaw(mechanism=asked.mechanism, logs=[log], fixed={})
     friction = derived(asked.mechanism, 0.0)[4]  # arm and drum are alike
     assert law.joint_friction_N_m() == pytest.approx(friction, rel=0.03)
-    gravity = Quantity.GRAVITY
+    gravity = Parameter.GRAVITY
     minimum = _far_off(law, [gravity])
     variance = covariance_of(law, minimum)[0, 0]
     assert np.sqrt(variance) > 0.007 * friction
@@ -195,9 +196,9 @@ def test_a_motor_that_moves_in_counts_is_told_from_one_that_is_read_in_counts(tm
     for moves in (True, False):
         [log] = read_logs(asked, [own_log.write(tmp_path, true, asked, encoder=True, moves_in_counts=moves)], HOW)
         assert log.run.in_counts
-        law = MechanismLaw(mechanism=true, logs=[log], fixed={Quantity.MU: Quantity.MU.of(true)})
-        free = (Quantity.TENSION, Quantity.STIFFNESS, Quantity.COULOMB)
-        start = {Quantity.TENSION: 4.4, Quantity.STIFFNESS: 19500.0, Quantity.COULOMB: 0.005}
+        law = MechanismLaw(mechanism=true, logs=[log], fixed={Parameter.MU: Parameter.MU.of(true)})
+        free = (Parameter.TENSION, Parameter.STIFFNESS, Parameter.COULOMB)
+        start = {Parameter.TENSION: 4.4, Parameter.STIFFNESS: 19500.0, Parameter.COULOMB: 0.005}
         solution = law.fit({n: start[n] for n in free}, most=4)
         laws[moves], solution = in_counts(law, solution)
         lost = derived(put_into(true, solution.values), 0.0)[2]
@@ -213,7 +214,7 @@ def test_a_shallow_push_starts_from_a_stop_that_was_reached(tmp_path):
     [log] = read_logs(scenario(), [own_log.write(tmp_path, true, dip_rad=0.12)], Measurement())
     found = look(log, known)
     assert [push.way for push in found.pushes] == [1, -1]
-    assert -0.12 <= found.start(known, 0.0)[Quantity.STOP_LOW] <= -0.03
+    assert -0.12 <= found.start(known, 0.0)[Parameter.STOP_LOW] <= -0.03
 
 
 def of_tendons(mechanism, **parts):
@@ -234,8 +235,8 @@ ADHESIVE = {"friction": {"adhesion_N": 3.0}}
 @pytest.mark.parametrize(
     ("parts", "alternative", "value", "wrong"),
     [
-        (ADHESIVE, Quantity.ADHESION, 3.0, (0.32, 12.7, 16000.0, 0.0365)),
-        (RELAXING, Quantity.RELAXING, 0.42, (0.153, 19.4, 20500.0, 0.054)),
+        (ADHESIVE, Parameter.ADHESION, 3.0, (0.32, 12.7, 16000.0, 0.0365)),
+        (RELAXING, Parameter.RELAXING_SHARE, 0.42, (0.153, 19.4, 20500.0, 0.054)),
     ],
 )
 def test_an_effect_whose_place_others_have_taken_is_found_by_a_search_of_its_own(
@@ -244,7 +245,7 @@ def test_an_effect_whose_place_others_have_taken_is_found_by_a_search_of_its_own
     """Friction came out 32 % high, or 37 % low, with intervals of 2 and 12 %."""
     true = of_tendons(own_log.other(), **parts)
     [log] = read_logs(scenario(), [own_log.write(tmp_path, true)], HOW)
-    n = Quantity
+    n = Parameter
     start = dict(zip((n.MU, n.TENSION, n.STIFFNESS, n.COULOMB), wrong, strict=True))
     stop = true.joint.stop_high_rad, true.joint.stop_stiffness_N_m_per_rad
     start |= {n.GEAR_SLIP: 5e-3, n.GRAVITY: 0.018, n.STOP_HIGH: stop[0], n.STOP_STIFFNESS: stop[1], n.BRISTLE: 7.5e4}
@@ -265,7 +266,7 @@ class Balanced:
         self.costs = costs
 
     def fit(self, start, *, most, tolerance=1e-3):
-        effects = frozenset(n for n in start if n in (Quantity.ADHESION, Quantity.RELAXING))
+        effects = frozenset(n for n in start if n in (Parameter.ADHESION, Parameter.RELAXING_SHARE))
         minimum = Minimum(values=dict(start), residuals=_rows(len(start)), cost=self.costs[effects], at_bound=())
         return minimum.with_covariance()
 
@@ -274,14 +275,14 @@ class Balanced:
 def test_an_effect_that_only_stood_in_for_another_is_left_out_again(monkeypatch, both, kept):
     """Adhesion is worth it before relaxation is found, and mostly not after: the tension ratio came out 22 % low."""
     monkeypatch.setattr(alternatives, "covariance_of", lambda _law, solution: solution.covariance)
-    n = Quantity
-    law = Balanced(dict(zip(map(frozenset, ([], [n.ADHESION], [n.RELAXING])), (1.2, 1.1, 1.0), strict=True)))
-    law.costs[frozenset([n.ADHESION, n.RELAXING])] = both
+    n = Parameter
+    law = Balanced(dict(zip(map(frozenset, ([], [n.ADHESION], [n.RELAXING_SHARE])), (1.2, 1.1, 1.0), strict=True)))
+    law.costs[frozenset([n.ADHESION, n.RELAXING_SHARE])] = both
     start = law.fit({n.MU: 0.2, n.TENSION: 10.0, n.STIFFNESS: 2e4, n.ADHESION: 1.0}, most=1)
     solution, tried, left = with_alternatives(law, start, ((n.ADHESION, 8.0, True),), lambda _: None)
     taken = {number: taken for number, _, taken in tried}
     assert (n.ADHESION in solution.values) is taken[n.ADHESION] is kept
-    assert n.RELAXING in solution.values
+    assert n.RELAXING_SHARE in solution.values
     assert set(left) == (set() if kept else {n.ADHESION})
 
 
@@ -300,7 +301,7 @@ def test_intervals_hold_where_tendons_relax_or_rub_without_load(tmp_path, parts,
 
 def found_of(law, covariance):
     """A fitted law at the mechanism's own values."""
-    names = (Quantity.MU, Quantity.TENSION, Quantity.STIFFNESS, Quantity.GRAVITY)
+    names = (Parameter.MU, Parameter.TENSION, Parameter.STIFFNESS, Parameter.GRAVITY)
     minimum = Minimum(values={n: n.of(law.mechanism) for n in names}, residuals=_rows(4), cost=1.0, at_bound=())
     solution = minimum.with_covariance()
     scaled = np.diag([(covariance * v) ** 2 for v in solution.values.values()])
@@ -329,15 +330,15 @@ def test_an_interval_holds_that_of_a_law_that_explains_the_log_as_well(tmp_path)
     [log] = read_logs(asked, [own_log.write(tmp_path, asked.mechanism, asked)], HOW)
     found = found_of(MechanismLaw(mechanism=asked.mechanism, logs=[log], fixed={}), 0.01)
     values = found.solution.values
-    shifted = {**values, Quantity.MU: 0.8 * values[Quantity.MU], Quantity.ADHESION: 1.0}
+    shifted = {**values, Parameter.MU: 0.8 * values[Parameter.MU], Parameter.ADHESION: 1.0}
     for error, shares in ((2.0, [np.hypot(0.2, 0.01 * found.reach), *3 * [0.01 * found.reach]]), (0.1, None)):
         scaled = np.diag([*((0.03 * v) ** 2 for v in values.values()), error**2])
-        other = Alternative(effect=Quantity.ADHESION, values=shifted, covariance=scaled)
+        other = Alternative(effect=Parameter.ADHESION, values=shifted, covariance=scaled)
         wide = spanned(found.solution, found.covariance, [other], found.solution)
         half = found.reach * np.sqrt(np.diag(wide)) / list(values.values())
         own = [0.2 + 0.03 * found.reach, *3 * [0.03 * found.reach]]  # where the effect acts: to the end of its interval
         assert half == pytest.approx(shares or own)
-    told = " ".join(warnings_of(replace(found, alternatives=(Quantity.ADHESION,))))
+    told = " ".join(warnings_of(replace(found, alternatives=(Parameter.ADHESION,))))
     assert "load-independent friction would explain the log about as well" in told
 
 

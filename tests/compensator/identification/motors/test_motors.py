@@ -17,12 +17,14 @@ from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.identification.motors.fitted import fitted_text
 from tendonff.compensator.identification.motors.law import MechanismLaw, promises
 from tendonff.compensator.identification.motors.log import read_logs, read_several
-from tendonff.compensator.identification.motors.parameters import OF_TENDONS, Quantity, Role, numbers_of
+from tendonff.compensator.identification.motors.numbers import numbers_of
 from tendonff.compensator.identification.motors.run import (
     mechanism_of,
     suggest_motor_routine,
 )
 from tendonff.compensator.identification.motors.search import that_may_stiffen
+from tendonff.compensator.identification.parameters import OF_TENDONS, Parameter
+from tendonff.compensator.identification.searches import Role
 from tendonff.compensator.scenario.measurement import Measurement
 from tendonff.compensator.scenarios import load_scenario, parse_any
 from tendonff.compensator.studies.design.motors.run import design_motors
@@ -204,7 +206,7 @@ def test_what_a_log_does_not_identify_has_the_width_that_a_design_assumes(exampl
     """One number that is identified says nothing of the others: a design would take them as known."""
     asked = load_scenario(examples / example)
     finger, _ = mechanism_of(asked)
-    numbers = [n for n in numbers_of(finger, []).values() if n.spec.role is Role.CORE]
+    numbers = [n for n in numbers_of(finger, []).values() if n.search.role is Role.CORE]
     kept = [Estimate(name=n.name, value=n.start, why="too little excitation") for n in numbers]
     first = f"tendons.{finger.tendons[0].name}.friction.mu_dynamic"
     one = [replace(e, interval=(0.99 * e.value, 1.01 * e.value)) if e.name == first else e for e in kept]
@@ -218,7 +220,7 @@ def test_what_a_log_does_not_identify_has_the_width_that_a_design_assumes(exampl
 
 @pytest.mark.parametrize(
     ("effect", "value"),
-    [(Quantity.RELAXING, 0.3), (Quantity.ADHESION, 8.0)],
+    [(Parameter.RELAXING_SHARE, 0.3), (Parameter.ADHESION, 8.0)],
 )
 def test_an_effect_of_the_tendons_that_the_law_lacks_is_named_and_widens_the_intervals(pair, effect, value):
     """A log of the mechanism itself with that effect; without it nothing is named."""
@@ -228,7 +230,7 @@ def test_an_effect_of_the_tendons_that_the_law_lacks_is_named_and_widens_the_int
     log = log.part(slice(0, len(log.torque_N_m) // 3), 0.0)
     law = MechanismLaw(mechanism=that_may_stiffen(finger, [log]), logs=[log], segments=4)
     own = {
-        n.name: 5.0 if n.of_start else n.start for n in law.numbers.values() if n.spec.role in (Role.CORE, Role.START)
+        n.name: 5.0 if n.of_start else n.start for n in law.numbers.values() if n.search.role in (Role.CORE, Role.START)
     }
     noise = 1e-4 * np.random.default_rng(1).standard_normal(log.torque_N_m.shape)
 

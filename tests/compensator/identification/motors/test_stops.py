@@ -9,7 +9,7 @@ from tendonff.compensator.identification.motors.estimates import derived
 from tendonff.compensator.identification.motors.first_look import look
 from tendonff.compensator.identification.motors.law import MechanismLaw
 from tendonff.compensator.identification.motors.log import read_logs
-from tendonff.compensator.identification.motors.parameters import Quantity
+from tendonff.compensator.identification.parameters import Parameter
 from tendonff.compensator.scenario.driven.joint import JointScenario, parse_joint_scenario
 from tendonff.compensator.scenario.measurement import Measurement
 from tests.compensator.identification.motors import own_log
@@ -32,9 +32,9 @@ def test_a_joint_starts_within_the_stops_that_are_looked_for(tmp_path):
     [log] = read_logs(asked, [own_log.write(tmp_path, asked.mechanism, dip_rad=0.3)], Measurement())
     joint = replace(asked.mechanism.joint, stop_low_rad=-0.2)
     law = MechanismLaw(mechanism=replace(asked.mechanism, joints=(joint,)), logs=[log])
-    for stop, beyond in ((Quantity.STOP_LOW, 0.01), (Quantity.STOP_HIGH, -0.01)):
+    for stop, beyond in ((Parameter.STOP_LOW, 0.01), (Parameter.STOP_HIGH, -0.01)):
         [unknown] = law.unknowns({stop: beyond})
-        low, high = (unknown.low, 0.0) if stop is Quantity.STOP_LOW else (0.0, unknown.high)
+        low, high = (unknown.low, 0.0) if stop is Parameter.STOP_LOW else (0.0, unknown.high)
         assert (unknown.low, unknown.high) == (low, high)
         assert low < unknown.start < high
 

@@ -12,7 +12,7 @@ from tendonff.compensator.files.reading import InputError
 from tendonff.compensator.files.writing import write_csv, write_text
 from tendonff.compensator.identification.motors.fitted import fitted_text
 from tendonff.compensator.identification.motors.loop_routine import suggest_routine
-from tendonff.compensator.identification.motors.parameters import Quantity
+from tendonff.compensator.identification.parameters import Parameter
 from tendonff.compensator.scenario.driven.joint import JointScenario
 from tendonff.compensator.scenarios import load_scenario
 from tendonff.compensator.studies.experiment.run import experiment
@@ -24,7 +24,7 @@ from tendonff.models.errors import ParameterError
 from tests.hand_in_use import ROW_S, HandInUse, known
 from tests.hidden_loop import hidden, scenario
 
-N = Quantity
+N = Parameter
 WEAK = np.array([[1.0, -0.96, 0.0], [-0.96, 1.0, 0.0], [0.0, 0.0, 0.2]]) * 0.15**2
 """Free strokes: friction and pre-tension by their product alone."""
 
