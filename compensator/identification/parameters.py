@@ -406,14 +406,14 @@ class Parameter(Entry[Spec], ReprEnum):
 
     @property
     def tensions(self) -> ByTensions:
-        """How tensions tell it; LookupError where they do not."""
+        """Search by tensions; LookupError where they do not tell it."""
         if self.spec.tensions is None:
             raise LookupError(f"tensions at the ends of a tendon do not tell {self}")
         return self.spec.tensions
 
     @property
     def motors(self) -> ByMotors:
-        """How motors tell it; LookupError where they do not."""
+        """Search by motors; LookupError where they do not tell it."""
         if self.spec.motors is None:
             raise LookupError(f"motors do not tell {self}")
         return self.spec.motors

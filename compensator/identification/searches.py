@@ -1,4 +1,4 @@
-"""How a number is searched for: bounds, size and advice, by the tensions at a tendon's ends or by motors.
+"""Searches for a number: bounds, size and advice, by the tensions at a tendon's ends or by motors.
 
 Its unit stands at the end of its name.
 """

@@ -96,12 +96,12 @@ def _without_stand_in(
         except SolveError:
             continue
     best = min(fewer, key=lambda n: fewer[n].cost, default=None)
-    if best is None or (gain := _gain(fewer[best], solution)) >= TUNED.worth_a_constant:
+    if best is None or (gain := gain_of(fewer[best], solution)) >= TUNED.worth_a_constant:
         return None
     return fewer[best], {**gained, best: (gain, False)}
 
 
-def _started(law: MechanismLaw, values: Mapping[str, float], number: N) -> dict[str, float]:
+def started(law: MechanismLaw, values: Mapping[str, float], number: N) -> dict[str, float]:
     """Values from which an effect is searched for."""
     share = ALTERNATIVES[number]
     if number is N.ADHESION:
@@ -120,11 +120,11 @@ def _with_more(
         say(f"with {number.spec.effect}")
         try:
             found[number] = law.fit(
-                _started(law, solution.values, number), most=STEPS, tolerance=2 * WORTH_A_STEP / blocks
+                started(law, solution.values, number), most=STEPS, tolerance=2 * WORTH_A_STEP / blocks
             )
         except SolveError:
             continue
-        known[number] = (_gain(solution, found[number]), False)
+        known[number] = (gain_of(solution, found[number]), False)
     best = min(found, key=lambda n: found[n].cost, default=None)
     if best is not None and known[best][0] >= AS_GOOD:
         known[best] = (known[best][0], True)
@@ -137,7 +137,7 @@ def _with_more(
     return solution, known, as_good
 
 
-def _gain(fewer: Solution, more: Solution) -> float:
+def gain_of(fewer: Solution, more: Solution) -> float:
     """Log-likelihood that a law is better by than another."""
     return len(np.unique(fewer.residuals.blocks)) / 2 * float(np.log(fewer.cost / more.cost))
 

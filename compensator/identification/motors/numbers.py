@@ -48,7 +48,7 @@ class Number:
 
     @property
     def search(self) -> ByMotors:
-        """How motors tell it."""
+        """Search for its parameter."""
         return self.parameter.motors
 
     def unknown(self, start: float) -> Unknown:

@@ -8,11 +8,14 @@ import numpy as np
 from tendonff.compensator.identification.constants import TUNED
 from tendonff.compensator.identification.measured import Array, Mask
 from tendonff.compensator.identification.motors.alternatives import (
+    ALTERNATIVES,
     STEPS,
     WIDER,
     Alternative,
     Tried,
+    gain_of,
     spanned,
+    started,
     with_alternatives,
 )
 from tendonff.compensator.identification.motors.estimates import Found
@@ -189,11 +192,8 @@ def fit_loop(
         solution = law.fit(solution.values, most=STEPS)
     some = (N.OFFSET,) if not_identifiable else EXTRAS
     law, solution, tried = _searched(law, solution, some, say)
-    if touched and _astray(law, solution, looks):  # other laws bend a push as well
-        steep = [replace(found, exponent=STEEP_EXPONENT) for found in looks]
-        smooth = replace(law, as_read=False)
-        again = _searched(smooth, _from_starts(smooth, free, steep), some, say)
-        law, solution, tried = min((law, solution, tried), again, key=lambda search: search[1].cost)
+    if touched and _astray(law, solution):  # other laws bend a push as well
+        law, solution, tried = _searched_again((law, solution, tried), free, looks, some, say)
     if touched and not _slack(law, solution):
         note = "the pushes end before a tendon is slack"
         law = replace(law, fixed={N.MU: N.MU.of(mechanism)}, as_read=False)
@@ -223,10 +223,39 @@ _Search = tuple[MechanismLaw, Solution, Tried]
 
 
 def _searched(law: MechanismLaw, solution: Solution, some: Sequence[Parameter], say: Callable[[str], None]) -> _Search:
-    """The law of a smooth motor or of one that moves in counts, with the effects that the data support."""
-    law, solution = in_counts(law, solution)
-    solution, tried = _with_extras(law, solution, some, say)
-    return law, solution, tried
+    """The law of a smooth motor or of one that moves in counts, with the effects that the data support.
+
+    Counts take the place of an effect that is still missing, so they are compared once both laws have theirs.
+    """
+    counted = in_counts(law, solution)
+    begun = [(law, solution)] if counted[0] is law else [(law, solution), counted]
+    return min(((each, *_with_extras(each, one, some, say)) for each, one in begun), key=lambda search: search[1].cost)
+
+
+def _searched_again(
+    before: _Search,
+    free: Sequence[Parameter],
+    looks: Sequence[FirstLook],
+    some: Sequence[Parameter],
+    say: Callable[[str], None],
+) -> _Search:
+    """The best of a search and of those from a steep start, then with effects that others have taken the place of."""
+    smooth, steep = replace(before[0], as_read=False), [replace(found, exponent=STEEP_EXPONENT) for found in looks]
+    again = _searched(smooth, _from_starts(smooth, free, steep), some, say)
+    best = min(before, again, key=lambda search: search[1].cost)
+    for effect in ALTERNATIVES:
+        law, solution, _ = best
+        if effect in solution.values or not _astray(law, solution):
+            continue
+        say(f"with {effect.spec.effect}")
+        try:
+            begun = smooth.fit(started(smooth, _starts(smooth, free, steep)[-1], effect), most=2 * STEPS)
+        except SolveError:
+            continue
+        law, more, tried = _searched(smooth, begun, some, say)
+        if (gain := gain_of(solution, more)) >= TUNED.worth_a_constant:
+            best = law, more, (*tried, (effect, gain, True))
+    return best
 
 
 def in_counts(law: MechanismLaw, solution: Solution) -> tuple[MechanismLaw, Solution]:
@@ -249,15 +278,8 @@ def in_counts(law: MechanismLaw, solution: Solution) -> tuple[MechanismLaw, Solu
 
 def _from_starts(law: MechanismLaw, free: Sequence[Parameter], looks: Sequence[FirstLook]) -> Solution:
     """The best fit from the scenario's own values and from those of the first look."""
-    mechanism, start_rad = law.mechanism, float(law.logs[0].run.start_rad[0])
-    own: dict[str, float] = {n: n.of(mechanism) for n in free if n not in law.fixed}
-    if own[N.COULOMB] == 0 and looks:
-        own[N.COULOMB] = 0.1 * looks[0].drive_torque_N_m
-    starts = [own]
-    if looks and isinstance(mechanism, Mechanism):
-        starts.append({**own, **{n: v for n, v in looks[0].start(mechanism, start_rad).items() if n in own}})
     tried = []
-    for start in starts:
+    for start in _starts(law, free, looks):
         try:
             tried.append(law.fit(start, most=FIRST_STEPS))
         except SolveError as error:
@@ -268,16 +290,28 @@ def _from_starts(law: MechanismLaw, free: Sequence[Parameter], looks: Sequence[F
     return law.fit(best.values, begun=best.residuals, most=STEPS)
 
 
+def _starts(law: MechanismLaw, free: Sequence[Parameter], looks: Sequence[FirstLook]) -> list[dict[str, float]]:
+    """The scenario's own values, then those of the first look, if there is one."""
+    mechanism, start_rad = law.mechanism, float(law.logs[0].run.start_rad[0])
+    own: dict[str, float] = {n: n.of(mechanism) for n in free if n not in law.fixed}
+    if own[N.COULOMB] == 0 and looks:
+        own[N.COULOMB] = 0.1 * looks[0].drive_torque_N_m
+    starts = [own]
+    if looks and isinstance(mechanism, Mechanism):
+        starts.append({**own, **{n: v for n, v in looks[0].start(mechanism, start_rad).items() if n in own}})
+    return starts
+
+
 def _slack(law: MechanismLaw, solution: Solution) -> bool:
     return any(law.respond(log, solution.values).slack for log in law.logs)
 
 
-def _astray(law: MechanismLaw, solution: Solution, looks: Sequence[FirstLook]) -> bool:
-    """Whether pushes ended before a tendon was slack, or a search from an unknown mu theta leaves more than noise."""
+def _astray(law: MechanismLaw, solution: Solution) -> bool:
+    """Whether pushes ended before a tendon was slack, or a search leaves more than noise."""
     if not _slack(law, solution):
         return True
     noise = max(float((100 * log.noise_N_m / log.range_N_m).max()) for log in law.logs)
-    return all(found.exponent is None for found in looks) and law.percent(solution.values) > MORE_THAN_NOISE * noise
+    return law.percent(solution.values) > MORE_THAN_NOISE * noise
 
 
 def _with_extras(

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.identify_joint import measured, truth
+from benchmarks.identify_joint import measured, truth, with_effects
 from tendonff.compensator.identification.answer.result import AnyIdentification
 from tendonff.compensator.identification.identify import identify
 from tendonff.compensator.identification.motors.first_look import look
@@ -95,3 +95,13 @@ def test_a_design_from_the_file_tracks_on_the_plant(found, tmp_path, record_prop
     names = {path.name for path in (tmp_path / "fit").iterdir()}
     assert {"fitted.toml", "fit.json", "report.html", "suggested_motor.csv"} <= names
     assert tomllib.loads((tmp_path / "fit" / "fitted.toml").read_text("utf-8"))["run"]["level"] == "presliding"
+
+
+@pytest.mark.parametrize(("seed", "relaxing"), [pytest.param(304, 0.0, marks=pytest.mark.nightly), (332, 0.3)])
+def test_effects_that_others_stand_in_for_are_found_together(seed, relaxing, tmp_path):
+    """Counts of the motor took the place of an efficiency; friction of the gear, that of both: mu came out 95 % low."""
+    loop = with_effects(hidden(seed), relaxing, 0.0)
+    found = identify(scenario(), [write_log(loop, tmp_path / "log.csv", encoder=False, **COARSE)])
+    assert found.estimate("mu_theta").value == pytest.approx(truth(loop)["mu_theta"], rel=0.03)
+    assert "efficiency of the gear" in found.law
+    assert "counts" not in found.law
