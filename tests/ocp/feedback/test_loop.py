@@ -182,7 +182,7 @@ def test_errors_of_numbers_whose_doubt_is_not_stated_are_learned():
     assert np.abs(both).max() < 1.1 * np.abs(alone).max()
 
 
-@pytest.mark.parametrize("share", [0.5, 1.5])
+@pytest.mark.parametrize("share", [pytest.param(0.5, marks=pytest.mark.nightly), 1.5])
 def test_a_delay_that_is_wrong_by_half_is_learned(share):
     error, age_s = on_the_plant(scaled(RIG, mu=0.8), designed().laws[0], delay_s=share * DELAY_S)
     assert rms(error) < 0.2
