@@ -14,7 +14,15 @@ from tendonff.models.errors import ParameterError
 from tendonff.models.joint.parameters import Mechanism
 from tendonff.ocp.codegen.engine import Engine, resolve_engine
 from tendonff.ocp.errors import SolveError
-from tendonff.ocp.fits.least_squares import Blocks, Residuals, Solution, Unknown, block_covariance, solve
+from tendonff.ocp.fits.least_squares import (
+    Blocks,
+    Residuals,
+    Solution,
+    Unknown,
+    block_covariance,
+    gauss_newton_step,
+    solve,
+)
 from tendonff.ocp.fits.mechanism import (
     GEAR_SLIP_RAD,
     Change,
@@ -405,12 +413,10 @@ def _tried(law: MechanismLaw, solution: Solution, parameter: Parameter) -> float
 
 def stepped(found: Residuals, columns: list[int]) -> tuple[float, Array]:
     """Weighted squares after a Gauss-Newton step over some columns, and their steps."""
-    weight = 1 / (1 + found.values**2) ** 0.25
-    slopes = found.slopes[:, columns] * weight[:, None]
-    scale = np.maximum(np.sqrt((slopes**2).sum(axis=0)), 1e-300)
-    step = np.linalg.lstsq(slopes / scale, -found.values * weight, rcond=None)[0]
-    left = found.values * weight + (slopes / scale) @ step
-    return float(left @ left), np.asarray(step / scale)
+    slopes = found.slopes[:, columns]
+    step = gauss_newton_step(found.values, slopes)
+    left = (found.values + slopes @ step) / (1 + found.values**2) ** 0.25
+    return float(left @ left), step
 
 
 def covariance_of(law: MechanismLaw, solution: Solution) -> Array:

@@ -1,6 +1,6 @@
 """Search for the numbers of a mechanism: of a loop with the effects that logs ask for, of several motors at once."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -144,10 +144,7 @@ def with_stops(
         else None
         for name, way in stops.items()
     }
-    stiffness = (joint.stop_stiffness_N_m_per_rad or STOP_STIFFNESS_N_M_PER_RAD) if ways else 0.0
-    joint = replace(joint, **places, stop_stiffness_N_m_per_rad=stiffness)  # type: ignore[arg-type]
-    numbers = tuple(N(name) for name, way in stops.items() if way in ways)
-    return replace(mechanism, joints=(joint,)), (*numbers, N.STOP_STIFFNESS) if numbers else ()
+    return _stopped(mechanism, places)
 
 
 def with_own_stops(mechanism: Mechanism, logs: Sequence[MotorsLog]) -> tuple[Mechanism, tuple[Parameter, ...]]:
@@ -157,9 +154,14 @@ def with_own_stops(mechanism: Mechanism, logs: Sequence[MotorsLog]) -> tuple[Mec
         "stop_low_rad": None if joint.stop_low_rad is None or joint.stop_low_rad <= low else joint.stop_low_rad,
         "stop_high_rad": None if joint.stop_high_rad is None or joint.stop_high_rad >= high else joint.stop_high_rad,
     }
+    return _stopped(mechanism, places)
+
+
+def _stopped(mechanism: Mechanism, places: Mapping[str, float | None]) -> tuple[Mechanism, tuple[Parameter, ...]]:
+    """The mechanism with these stops alone, and their numbers."""
     numbers = tuple(N(name) for name, place in places.items() if place is not None)
-    stiffness = (joint.stop_stiffness_N_m_per_rad or STOP_STIFFNESS_N_M_PER_RAD) if numbers else 0.0
-    joint = replace(joint, **places, stop_stiffness_N_m_per_rad=stiffness)  # type: ignore[arg-type]
+    stiffness = (mechanism.joint.stop_stiffness_N_m_per_rad or STOP_STIFFNESS_N_M_PER_RAD) if numbers else 0.0
+    joint = replace(mechanism.joint, **places, stop_stiffness_N_m_per_rad=stiffness)  # type: ignore[arg-type]
     return replace(mechanism, joints=(joint,)), (*numbers, N.STOP_STIFFNESS) if numbers else ()
 
 
