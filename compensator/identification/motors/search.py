@@ -243,7 +243,7 @@ def _searched_again(
 ) -> _Search:
     """The best of a search and of those from a steep start, then with effects that others have taken the place of."""
     smooth, steep = replace(before[0], as_read=False), [replace(found, exponent=STEEP_EXPONENT) for found in looks]
-    again = _searched(smooth, _from_starts(smooth, free, steep), some, say)
+    again = smooth, *_with_extras(smooth, _from_starts(smooth, free, steep), some, say)
     best = min(before, again, key=lambda search: search[1].cost)
     for effect in ALTERNATIVES:
         law, solution, _ = best
@@ -254,10 +254,10 @@ def _searched_again(
             begun = smooth.fit(started(smooth, _starts(smooth, free, steep)[-1], effect), most=2 * STEPS)
         except SolveError:
             continue
-        law, more, tried = _searched(smooth, begun, some, say)
+        more, tried = _with_extras(smooth, begun, some, say)
         if (gain := gain_of(solution, more)) >= TUNED.worth_a_constant:
-            best = law, more, (*tried, (effect, gain, True))
-    return best
+            best = smooth, more, (*tried, (effect, gain, True))
+    return best if best is before else (*in_counts(*best[:2]), best[2])
 
 
 def in_counts(law: MechanismLaw, solution: Solution) -> tuple[MechanismLaw, Solution]:
