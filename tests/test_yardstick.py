@@ -27,7 +27,7 @@ def table():
 
 
 @pytest.mark.compiler
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_chain_passes_every_case_and_a_lower_level_all_but_those_of_the_physics_it_leaves_out(table):
     names, found = table
     assert [failures(found, CASES, name) for name in LEVELS] == [
@@ -40,7 +40,7 @@ def test_the_chain_passes_every_case_and_a_lower_level_all_but_those_of_the_phys
 
 
 @pytest.mark.compiler
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", ["MuJoCo frictionloss", "play over total angle"])
 def test_constant_friction_and_one_play_fail_five_cases_or_more(table, name):
     names, found = table

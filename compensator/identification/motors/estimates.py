@@ -260,7 +260,7 @@ def _scale(system: Mechanism, found: Found) -> Estimate:
     return Estimate(
         name=name,
         value=value,
-        standard_error=error,
+        standard_error=error if np.isfinite(error) else None,
         interval=_interval(value, error, found) if identifiable else None,
         identifiable=identifiable,
         why="measured gravity over the scenario's: torque constant over the true one, if gravity_N_m is right"

@@ -46,6 +46,11 @@ TORQUE_SHARE, JOINT_RAD = 0.008, 2e-3
 STEP, SLOPE_STEP = 5e-3, 1e-4
 """Differences in usual steps of a search: of simulations, and of what the mechanism of an exact slope is made of."""
 
+STEEPEST = 1e4
+"""Change of a residual over a usual step that no law has, eighty times the range: masses of a loose tendon fly
+free, and what they differ by may grow without end, but not what the motor feels of it.
+"""
+
 READ_STEPS = 5
 """Steps for each one else that resolve how a joint rings while its motor goes from count to count."""
 
@@ -237,9 +242,11 @@ class MechanismLaw:
         own = [[(n.name == k) / (values[n.name] * n.prior) for k in over] for n in known]
         slopes.append(np.array(own).reshape(-1, len(over)))
         found, by_values = np.concatenate(residuals), np.concatenate(slopes)
-        for k, name in enumerate(over):
-            if self.numbers[name].search.cornered and values[name] <= 0:
-                by_values[:, k] = self._differences(values, [name]).slopes[:, 0]
+        steps = [self.numbers[n].usual(values[n]) for n in over]
+        steep = (np.abs(by_values) * steps > STEEPEST).any(axis=0)
+        cornered = np.array([self.numbers[n].search.cornered and values[n] <= 0 for n in over], dtype=bool)
+        if poor := np.flatnonzero(steep | cornered).tolist():
+            by_values[:, poor] = self._differences(values, [over[k] for k in poor]).slopes
         return Residuals(values=found, slopes=by_values, blocks=self._blocks(len(found)))
 
     def _differences(self, values: Values, over: Sequence[str]) -> Residuals:

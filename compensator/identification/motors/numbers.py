@@ -55,9 +55,13 @@ class Number:
         """Bounds and step of its search."""
         return self.search.unknown(self.name, start, self.step)
 
+    def usual(self, value: float) -> float:
+        """Usual step of its search at a value, in its unit."""
+        return self.step * (value if self.search.logarithmic else 1.0)
+
     def around(self, value: float, share: float) -> tuple[float, float]:
         """Values on either side, within its bounds, so many steps away."""
-        by = share * self.step * (value if self.search.logarithmic else 1.0)
+        by = share * self.usual(value)
         if self.search.logarithmic:
             return value - by, value + by
         return max(value - by, self.search.low), min(value + by, self.search.high)

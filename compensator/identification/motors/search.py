@@ -52,8 +52,8 @@ _BY_REVERSALS = (N.MU, N.TENSION, N.STIFFNESS, N.BRISTLE, N.COULOMB, N.GEAR_SLIP
 STEEP_EXPONENT, MORE_THAN_NOISE = 1.1, 2.0
 """mu theta of a second search where the first one found no slack, or no kink and leaves so many times the noise."""
 
-HOPELESS = 1.1
-"""A law whose error, by its slopes, would be larger by this factor after one step is given up."""
+IN_COUNTS = 1.1
+"""Factor by which the law of a motor that moves in counts leaves less, by the slopes of one step and in the end."""
 
 MOST_EXTRAS = 3
 FIRST_STEPS, FINE_STEPS = 3, 3
@@ -261,7 +261,7 @@ def _searched_again(
 
 
 def in_counts(law: MechanismLaw, solution: Solution) -> tuple[MechanismLaw, Solution]:
-    """The same, or the law of a motor that goes from count to count, where that explains the logs better.
+    """The same, or the law of a motor that goes from count to count, where that explains the logs clearly better.
 
     Such a motor shakes a light joint, and its tendons give friction away wherever it is slow.
     """
@@ -270,12 +270,12 @@ def in_counts(law: MechanismLaw, solution: Solution) -> tuple[MechanismLaw, Solu
     counted = replace(law, as_read=True)
     try:
         begun = counted.evaluate(solution.values, list(solution.values))
-        if after_a_step(begun) > HOPELESS * solution.cost:
+        if IN_COUNTS * after_a_step(begun) > solution.cost:
             return law, solution
         tried = counted.fit(solution.values, begun=begun, most=STEPS)
     except SolveError:
         return law, solution
-    return (counted, tried) if tried.cost < solution.cost else (law, solution)
+    return (counted, tried) if IN_COUNTS * tried.cost < solution.cost else (law, solution)
 
 
 def _from_starts(law: MechanismLaw, free: Sequence[Parameter], looks: Sequence[FirstLook]) -> Solution:
