@@ -47,8 +47,8 @@ STEP, SLOPE_STEP = 5e-3, 1e-4
 """Differences in usual steps of a search: of simulations, and of what the mechanism of an exact slope is made of."""
 
 STEEPEST = 1e4
-"""Change of a residual over a usual step that no law has, eighty times the range: masses of a loose tendon fly
-free, and what they differ by may grow without end, but not what the motor feels of it.
+"""Change of a residual over a usual step that no law has, eighty times the range: masses of a loose tendon fly free,
+and what they differ by may grow without end, but not what the motor feels of it.
 """
 
 READ_STEPS = 5
@@ -243,7 +243,7 @@ class MechanismLaw:
         slopes.append(np.array(own).reshape(-1, len(over)))
         found, by_values = np.concatenate(residuals), np.concatenate(slopes)
         steps = [self.numbers[n].usual(values[n]) for n in over]
-        steep = (np.abs(by_values) * steps > STEEPEST).any(axis=0)
+        steep = ~(np.abs(by_values) * steps <= STEEPEST).all(axis=0)  # nor is one that is no number
         cornered = np.array([self.numbers[n].search.cornered and values[n] <= 0 for n in over], dtype=bool)
         if poor := np.flatnonzero(steep | cornered).tolist():
             by_values[:, poor] = self._differences(values, [over[k] for k in poor]).slopes

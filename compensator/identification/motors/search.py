@@ -50,7 +50,7 @@ _BY_REVERSALS = (N.MU, N.TENSION, N.STIFFNESS, N.BRISTLE, N.COULOMB, N.GEAR_SLIP
 """Numbers that only the slope of the torque at reversals separates, if neither a stop nor an encoder does."""
 
 STEEP_EXPONENT, MORE_THAN_NOISE = 1.1, 2.0
-"""mu theta of a second search where the first one found no slack, or no kink and leaves so many times the noise."""
+"""mu theta of a second search where the first one found no slack, or leaves so many times the noise."""
 
 IN_COUNTS = 1.1
 """Factor by which the law of a motor that moves in counts leaves less, by the slopes of one step and in the end."""
